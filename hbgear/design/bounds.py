@@ -15,8 +15,10 @@ def bounds_of(
 
     Parameters
     ----------
-    given : the bounds; None for the model's own value times both factors, within the range of the parameter.
-    what : asks for them, for errors.
+    given : sequence of float or None
+        The bounds; None for the model's own value times both factors, within the range of the parameter.
+    what : str
+        Asks for them, for errors.
 
     Raises
     ------

@@ -1,22 +1,21 @@
-"""The least change of a design that reaches a goal: no jump, or a peak below a limit.
+"""Least change of a design that reaches a goal: no jump, or a peak below a limit.
 
     min_a  sum_i (a_i / a_i0 - 1)^2     with  c(a) >= 0,   low <= a <= high
 
-    no jump:       c = +-(q - q*(a)) / q0 - margin   beyond the cusp q* where the folds of a jump meet, in a parameter q
+    no jump:       c = +-(q - q*(a)) / q0 - margin   beyond the cusp q* of the folds of a jump, in a parameter q
     peak below L:  c = 1 - A*(a) / L
 
-c is linearised, with the derivatives of cusps and peaks (`hbgear.analysis.parameter_sensitivity`), and the nearest
-point of the
-half-spaces that follow is taken, until it does not move any more. The result is held against a trace.
+c is linearized with the derivatives of cusps and peaks (`hbgear.analysis.parameter_sensitivity`). The nearest point of
+the resulting half-spaces is the next iterate, until it converges. A trace verifies the result.
 
 With a scatter s of parameters, c must be positive by k standard deviations, k (sum_i (dc/da_i s_i)^2)^(1/2). With a
-sample of deviations there is one c for each of them, the cusp or peak being solved for again, and all must be positive,
-or a share of them: of the worst of the others nothing is asked in that step. The result is traced with every deviation.
+sample of deviations there is one c for each of them, computed from its own cusp or peak. All of them, or a given share,
+must be positive; the worst ones beyond this share are ignored in the step. The result is traced with every deviation.
 
 References
 ----------
-Nocedal & Wright (2006), Numerical Optimization, ch. 18, https://doi.org/10.1007/978-0-387-40065-5.
-Lawson & Hanson (1995), Solving Least Squares Problems, ch. 23, https://doi.org/10.1137/1.9781611971217.
+Nocedal & Wright (2006), Numerical Optimization, ch. 18, https://doi.org/10.1007/978-0-387-40065-5. Lawson & Hanson
+(1995), Solving Least Squares Problems, ch. 23, https://doi.org/10.1137/1.9781611971217.
 """
 
 from __future__ import annotations
@@ -50,22 +49,28 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
-_MARGIN = 1e-3  # by how much c is positive in the end, so that the goal is reached and not only touched
+GOAL_MARGIN = 1e-3
+"""Smallest final value of c, so that the goal is reached in spite of the tolerance of the search."""
 
-_STEPS = 25
+MAX_STEPS = 25
+"""Largest number of steps of the search."""
 
-_WIDEST = (0.01, 11.0)  # times a value: bounds without others
+DEFAULT_BOUND_FACTORS = (0.01, 11.0)
+"""Default bounds of a parameter as multiples of its value."""
 
-_STILL = 2e-4  # relative change of the parameters at which the search ends
+STEP_TOLERANCE = 2e-4
+"""Relative change of the parameters at which the search has converged."""
 
-_SHARE = Range(above=0, high=1)
+SHARE_RANGE = Range(above=0, high=1)
+"""Range of the share of a sample that must reach the goal."""
 
-_LONGEST = 0.3  # relative change of a parameter in one step: derivatives do not hold farther
+MAX_RELATIVE_STEP = 0.3
+"""Largest relative change of a parameter in one step; the linearization is not valid for larger changes."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What a design is to reach: see `no_jumps` and `peak_below`.
+    """Goal of a design; `no_jumps` and `peak_below` create goals.
 
     Examples
     --------
@@ -84,12 +89,15 @@ class Goal:
 
 @checked_arguments()
 def no_jumps(margin: float = 0.0, parameter: str = "") -> Goal:
-    """The goal that slow sweeps of the frequency do not jump, and will not if a parameter changes by so much.
+    """Return the goal that slow sweeps of the frequency do not jump, with a margin in a parameter.
 
     Parameters
     ----------
-    margin : least distance to the critical value at which the jump appears, in shares of the design's own value.
-    parameter : in which the distance is measured; by default the first of those that may change that has such a value.
+    margin : float, default 0.0
+        Smallest distance to the critical value at which the jump appears, as a fraction of the value of the design.
+    parameter : str, default ""
+        Parameter in which the distance is measured. Default: the first one of those that may change and that has a
+        critical value.
 
     Raises
     ------
@@ -108,12 +116,12 @@ def no_jumps(margin: float = 0.0, parameter: str = "") -> Goal:
 
 @checked_arguments()
 def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Goal:
-    """The goal that the highest peak of an amplitude, as of `Branch.amplitude`, is at most a limit.
+    """Return the goal that the highest peak of an amplitude, a measure of `Branch.amplitude`, is at most a limit.
 
     Raises
     ------
     ValueError
-        If the limit is not positive, or there is no such measure.
+        If the limit is not positive or the measure is unknown.
 
     Examples
     --------
@@ -128,20 +136,29 @@ def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Go
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Redesign:
-    """The changed design.
+    """Changed design.
 
     Parameters
     ----------
-    model : with the new values.
-    values, changes : of the parameters by name, and relative to the old ones.
-    distance : root of the sum of squares of the changes.
-    reached : whether a trace confirms the goal.
-    short : how far the goal is missed, relative (of a jump: the change of a parameter that is still wanting, nan if no
-        change removes it); 0 if it is reached.
-    share : of the sample of tolerances that reaches the goal, each traced; nan without one.
-    curve : the response of the new model.
-    steps : how often cusps or peaks were computed.
-    status, message : why it ended.
+    model : Model
+        Model with the new values.
+    values, changes : dict of str to float
+        New values of the parameters and their relative changes, by name.
+    distance : float
+        Square root of the sum of the squared relative changes.
+    reached : bool
+        True if a trace verifies the goal.
+    short : float
+        Relative shortfall; 0 if the goal is reached. For a jump it is the missing change of the parameter, nan if no
+        change removes the jump.
+    share : float
+        Share of the tolerance sample that reaches the goal in a trace; nan without a sample.
+    curve : Branch
+        Response of the new model.
+    steps : int
+        Number of computations of cusps or peaks.
+    status, message : Status and str
+        Reason for the end of the search.
 
     Examples
     --------
@@ -164,8 +181,8 @@ class Redesign:
     message: str
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{name} = {value:.6g} ({self.changes[name]:+.2%})" for name, value in self.values.items())
-        return f"<Redesign: {told}; {'goal reached' if self.reached else 'goal not reached'}>"
+        text = ", ".join(f"{name} = {value:.6g} ({self.changes[name]:+.2%})" for name, value in self.values.items())
+        return f"<Redesign: {text}; {'goal reached' if self.reached else 'goal not reached'}>"
 
 
 @checked_arguments(
@@ -189,34 +206,45 @@ def redesign(
     harmonics: int = 16,
     progress: ProgressCallback | None = None,
 ) -> Redesign:
-    """The least relative change of some parameters with which a model reaches a goal, confirmed by a trace.
+    """Find the least relative change of some parameters with which a model reaches a goal, and verify it by a trace.
 
     Parameters
     ----------
-    model : the design that is to be changed; a `HarmonicBalance` brings its settings.
-    goal : `no_jumps` or `peak_below`.
-    over : parameters that may change, none of them zero; entries of tuples as ``e[0]``.
-    within : bounds of some of them; by default from 99 % less to ten times more, within their ranges.
-    scatter, sigmas : standard deviations of parameters, and how many of them the goal is to be reached by, to first
-        order.
-    tolerances, share : instead, a sample of deviations that are added to the values, such as
-        ``hb.design.latin_hypercube(20, zeta=("normal", 0, 0.002))``, and the share of it that is to reach the goal.
-    span : of Omega; the model's by default.
-    harmonics : used if a model is given.
-    progress : called with a `Progress` as work goes on, such as ``print``.
+    model : Model or HarmonicBalance
+        Design to change. A `HarmonicBalance` supplies its settings.
+    goal : Goal
+        Goal from `no_jumps` or `peak_below`.
+    over : sequence of str
+        Parameters that may change, all nonzero, also entries of tuples such as ``e[0]``.
+    within : mapping of str to tuple, optional
+        Bounds of some of these parameters. Default: from 1 % to 11 times the value, within the range of the parameter.
+    scatter, sigmas : mapping of str to float and float, optional
+        Standard deviations of parameters, and the number of standard deviations (default 2) by which the goal is
+        exceeded, to first order.
+    tolerances, share : Grid or Sample, and float, optional
+        Instead of ``scatter``, a sample of deviations that are added to the values, such as
+        ``hb.design.latin_hypercube(20, zeta=("normal", 0, 0.002))``, and the share of it (default 1) that must reach
+        the goal.
+    span : tuple[float, float] or None, optional
+        Span of Omega. Default: the span of the model.
+    harmonics : int, default 16
+        Harmonic truncation order if a model is given.
+    progress : ProgressCallback or None, optional
+        Function that is called with a `Progress`, such as ``print``.
 
     Returns
     -------
     Redesign
-        Where no values within the bounds reach the goal, the nearest ones found, with ``reached`` False and ``short``
-        telling how much is wanting. Ctrl-C ends it with the last values; ``status`` and ``message`` say so.
+        The changed design. If no values within the bounds reach the goal, it is the nearest one found, with
+        ``reached`` False and the shortfall in ``short``. Ctrl-C ends the search with the last values; ``status`` and
+        ``message`` report this.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If a parameter is zero, bounds do not hold the model's own value, or its curve has no peak within the span.
+        If a parameter is zero, bounds do not contain the value of the model, or its curve has no peak in the span.
 
     References
     ----------
@@ -240,7 +268,7 @@ def redesign(
     u = np.zeros(len(names))
     try:
         u = search.run(u, low, high)
-        ending.record_end(Status.REACHED_END, search.told)
+        ending.record_end(Status.REACHED_END, search.message)
     except KeyboardInterrupt as error:
         u = search.last
         ending.record_error(error, f"after {search.steps} steps")
@@ -250,7 +278,7 @@ def redesign(
 def _bounds(
     problem: HarmonicBalance, over: Sequence[str], within: Mapping[str, tuple[float, float]]
 ) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Names, own values, and bounds of the relative changes."""
+    """Return names, values of the design and bounds of the relative changes."""
     names = tuple(dict.fromkeys(over))
     if not names:
         raise ValueError("redesign: name at least one parameter that may change, such as over=['zeta']")
@@ -260,11 +288,13 @@ def _bounds(
             raise ValueError(f"redesign: {name} is not among the parameters that may change: {', '.join(names)}")
     values, low, high = problem.model.parameters | problem.model.entries, [], []
     for name in names:
-        own, ends = values.get(name, 0.0), bounds_of(problem, name, within.get(name), _WIDEST, "redesign")
+        own, ends = values.get(name, 0.0), bounds_of(problem, name, within.get(name), DEFAULT_BOUND_FACTORS, "redesign")
         if not own:
-            raise ValueError(f"redesign: {name} is 0 in the model, so its change has no measure; give it a value first")
+            raise ValueError(
+                f"redesign: {name} is 0 in the model, so a relative change is not defined; give it a nonzero value"
+            )
         if not ends[0] <= own <= ends[1]:
-            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must hold its value {own:g}")
+            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must contain its value {own:g}")
         sides = sorted(end / own - 1.0 for end in ends)
         low.append(sides[0])
         high.append(sides[1])
@@ -273,7 +303,7 @@ def _bounds(
 
 @dataclass(frozen=True)
 class _Spread:
-    """What scatters: standard deviations to first order, or a sample of deviations, and what is asked of it."""
+    """Scatter of parameters: standard deviations to first order, or a sample and the required share of it."""
 
     deviations: dict[str, float]
     sigmas: float
@@ -282,7 +312,7 @@ class _Spread:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters of the sample."""
+        """Names of the parameters of the sample."""
         return tuple(dict.fromkeys(name for row in self.sample for name in row))
 
 
@@ -291,7 +321,7 @@ def _spread(
     share: float,
 ) -> _Spread:  # fmt: skip
     checked("redesign", "sigmas", sigmas, NOT_NEGATIVE)
-    checked("redesign", "share", share, _SHARE)
+    checked("redesign", "share", share, SHARE_RANGE)
     if scatter and tolerances is not None:
         raise ValueError("redesign: give either scatter, for a reserve to first order, or tolerances, a sample")
     for name, deviation in scatter.items():
@@ -307,26 +337,29 @@ def _spread(
 
 @dataclass(frozen=True)
 class _Relocated:
-    """A cusp or peak with deviations of parameters: place and amplitude, with their derivatives by parameter."""
+    """Cusp or peak with deviations of parameters: value and amplitude with their derivatives by parameter."""
 
     deviations: dict[str, float]
-    place: float
+    value: float
     slopes: dict[str, float]
     amplitude: float
-    grown: dict[str, float]
+    amplitude_slopes: dict[str, float]
 
     def moved(self, deviations: Mapping[str, float]) -> _Relocated:
-        """That of other deviations, to first order."""
-        place, amplitude = (
-            value + sum(slopes.get(name, 0.0) * x for name, x in deviations.items())
-            for value, slopes in ((self.place, self.slopes), (self.amplitude, self.grown))
+        """Return the cusp or peak with other deviations, to first order."""
+        value, amplitude = (
+            base + sum(slopes.get(name, 0.0) * x for name, x in deviations.items())
+            for base, slopes in ((self.value, self.slopes), (self.amplitude, self.amplitude_slopes))
         )
-        return replace(self, deviations=dict(deviations), place=place, amplitude=amplitude)
+        return replace(self, deviations=dict(deviations), value=value, amplitude=amplitude)
 
 
 @dataclass(frozen=True)
 class _Cusp:
-    """A cusp in a parameter: +1 if the jump exists below it, else -1, and the relative changes of its design."""
+    """Cusp in a parameter.
+
+    ``side`` is +1 if the jump exists below it, else -1; ``start`` are the relative changes of its design.
+    """
 
     name: str
     side: float
@@ -334,31 +367,31 @@ class _Cusp:
     start: Array
 
 
-_One = tuple[float, dict[str, float]]  # c, and its derivatives by parameter
+_Constraint = tuple[float, dict[str, float]]  # c and its derivatives by parameter
 
 
 @dataclass(frozen=True)
 class _Slack:
-    """c (S,) of the design and of a sample about it, derivatives (S, A) in the relative changes, and the least c."""
+    """Values c (S,) of the design and a sample, derivatives (S, A) by the relative changes, and the required c."""
 
     c: Array
     slopes: Array
-    needed: float
+    required: float
 
     @property
-    def wanting(self) -> float:
-        """By how much the worst of them misses."""
-        return self.needed - float(self.c.min())
+    def shortfall(self) -> float:
+        """Difference between the required and the smallest c."""
+        return self.required - float(self.c.min())
 
     def kept(self, share: float) -> _Slack:
-        """The design, and this share of the sample: those that come nearest to the goal."""
+        """Return the design and a share of the sample, the ones closest to the goal."""
         count = math.ceil(share * (len(self.c) - 1) - 1e-9)
         best = np.append(0, 1 + np.argsort(-self.c[1:], kind="stable")[:count])
-        return _Slack(self.c[best], self.slopes[best], self.needed)
+        return _Slack(self.c[best], self.slopes[best], self.required)
 
 
 class _Search:
-    """Steps to the nearest point of the linearised goal."""
+    """Search with steps to the nearest point of the linearized goal."""
 
     def __init__(
         self, problem: HarmonicBalance, goal: Goal, names: tuple[str, ...], own: Array, span: tuple[float, float],
@@ -368,12 +401,12 @@ class _Search:
         self.spread, self.progress = spread, progress
         self.steps = 0
         self.last = np.zeros(len(names))
-        self.told = ""
+        self.message = ""
         self.slack = _Slack(np.array([math.nan]), np.zeros((1, len(names))), 0.0)
         self.cusp: _Cusp | None = None
 
     def values(self, u: Array, deviations: Mapping[str, float] | None = None) -> dict[str, float]:
-        """Values of the parameters at relative changes, with deviations of these and others."""
+        """Return the values of the parameters at relative changes, with added deviations."""
         out = {name: float(a * (1.0 + x)) for name, a, x in zip(self.names, self.own, u, strict=True)}
         start = self.problem.model.parameters | self.problem.model.entries
         for name, deviation in (deviations or {}).items():
@@ -381,7 +414,7 @@ class _Search:
         return out
 
     def balance(self, u: Array, deviations: Mapping[str, float] | None = None) -> HarmonicBalance:
-        """The problem of the model at relative changes, with deviations."""
+        """Return the problem of the model at relative changes, with added deviations."""
         old = self.problem
         return HarmonicBalance(
             old.model.replace(**self.values(u, deviations)), old.H, old.N, nu=old.nu, sampled=old.is_sampled,
@@ -389,59 +422,62 @@ class _Search:
         )  # fmt: skip
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
-        """Relative changes at which the goal is reached, or as near to it as the bounds allow."""
-        for _ in range(_STEPS):
+        """Return relative changes that reach the goal, or the nearest ones within the bounds."""
+        for _ in range(MAX_STEPS):
             self.last = u
             slack = self._slack(u)
             if slack is None:
-                self.told = "there is no jump to be removed" if not u.any() else "the jump vanished on the way"
+                self.message = "there is no jump to remove" if not u.any() else "the jump vanished during the search"
                 return u
             self.slack, self.steps = slack.kept(self.spread.share), self.steps + 1
             if self.progress is not None:
-                told = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
-                self.progress(Progress(math.nan, f"{told}: {-self.slack.wanting:+.3g}"))
-            if not u.any() and self.slack.wanting <= 0:
-                self.told = "the design reaches the goal as it is"
+                text = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
+                self.progress(Progress(math.nan, f"{text}: {-self.slack.shortfall:+.3g}"))
+            if not u.any() and self.slack.shortfall <= 0:
+                self.message = "the design reaches the goal without a change"
                 return u
-            new = _nearest(self.slack, u, low, high)
-            step = np.clip(new - u, -_LONGEST, _LONGEST)
-            if np.abs(step).max() < _STILL:
+            new = _least_change(self.slack, u, low, high)
+            step = np.clip(new - u, -MAX_RELATIVE_STEP, MAX_RELATIVE_STEP)
+            if np.abs(step).max() < STEP_TOLERANCE:
                 if self.cusp is None or not (self.cusp.start - u).any():
-                    self.told = f"{self.steps} steps"
+                    self.message = f"{self.steps} steps"
                     return new
-                self.cusp = None  # sought anew at the end: another one may be nearer by now
+                self.cusp = None  # repeat the search: another cusp may be nearer now
             u = u + step
-        self.told = f"the values still move after {_STEPS} steps"
+        self.message = f"no convergence after {MAX_STEPS} steps"
         return u
 
     def _slack(self, u: Array) -> _Slack | None:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ImplausibleInputWarning)  # of values on the way
+            warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
             return self._of_cusp(u) if self.goal.kind == "no jumps" else self._of_peak(u)
 
     def _of_cusp(self, u: Array) -> _Slack | None:
-        """Beyond the cusp in one of the parameters: that of the last step solved for again, or one that is sought."""
+        """Return the slack beyond the cusp in a parameter.
+
+        The cusp of the last step is relocated; if this fails, a cusp is searched.
+        """
         found = None
         if self.cusp is not None:
             with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
                 found = self._relocated(self.cusp.point, self.cusp.name, self.cusp.start, u)
         cusp = self.cusp
         if cusp is None or found is None:
-            self.cusp = cusp = self._sought(u)
+            self.cusp = cusp = self._find_cusp(u)
             if cusp is None:
                 return None
             found = self._relocated(cusp.point, cusp.name, u, u)
         name, own = cusp.name, (self.problem.model.parameters | self.problem.model.entries)[cusp.name]
         value, unit = self.values(u).get(name, own), cusp.side / abs(own)
 
-        def told(at: _Relocated) -> _One:
+        def constraint(at: _Relocated) -> _Constraint:
             rates = {name: unit, **{other: -unit * slope for other, slope in at.slopes.items()}}
-            return unit * (value + at.deviations.get(name, 0.0) - at.place), rates
+            return unit * (value + at.deviations.get(name, 0.0) - at.value), rates
 
-        return self._slack_of([told(at) for at in found])
+        return self._slack_of([constraint(at) for at in found])
 
-    def _sought(self, u: Array) -> _Cusp | None:
-        """The cusp in the first of the parameters that has one, or in that which is named."""
+    def _find_cusp(self, u: Array) -> _Cusp | None:
+        """Return the cusp in the named parameter, or in the first parameter that has one."""
         problem = self.balance(u)
         for name in [self.goal.parameter] if self.goal.parameter else self.names:
             with suppress(NoFoldError, NoConvergence):
@@ -450,7 +486,7 @@ class _Search:
         return None
 
     def _of_peak(self, u: Array) -> _Slack:
-        """Below the limit by a share of it."""
+        """Return the slack below the limit, relative to it."""
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
         tops = peaks(curve, goal.measure, goal.element, share=0.99, accuracy=None)
@@ -458,14 +494,15 @@ class _Search:
             raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
         top = max(tops, key=lambda point: point.amplitude(goal.measure, goal.element))
         return self._slack_of([
-            (1.0 - at.amplitude / goal.limit, {name: -slope / goal.limit for name, slope in at.grown.items()})
+            (1.0 - at.amplitude / goal.limit, {name: -rate / goal.limit for name, rate in at.amplitude_slopes.items()})
             for at in self._relocated(top, "Omega", u, u)
         ])  # fmt: skip
 
     def _relocated(self, point: SpecialPoint, parameter: str, start: Array, u: Array) -> list[_Relocated]:
-        """The point of the design at u, and of each of the sample; to first order where it is not found there.
+        """Return the special point of the design at u and of each deviation of the sample.
 
-        ``start`` are the relative changes of the design that the point is of.
+        ``start`` are the relative changes of the design of ``point``. A deviation for which the point is not found has
+        its first-order estimate.
         """
         every = (*self.names, *self.spread.deviations, *self.spread.names)
         names = [name for name in dict.fromkeys(every) if name != parameter]
@@ -489,33 +526,33 @@ class _Search:
         assert isinstance(layout, Layout)
         X, along = U[None, : layout.width], slopes.X[None, :, : layout.width]
         size = float(layout.measure(goal.measure, X[0], goal.element))
-        grown = measured_along(layout, goal.measure, goal.element, X, along)[0] if names else np.zeros(0)
+        rates = measured_along(layout, goal.measure, goal.element, X, along)[0] if names else np.zeros(0)
         return _Relocated(
             dict(deviations), float(U[-1]), dict(zip(names, slopes.p.tolist(), strict=True)), size,
-            dict(zip(names, grown.tolist(), strict=True)),
+            dict(zip(names, rates.tolist(), strict=True)),
         )  # fmt: skip
 
-    def _slack_of(self, found: Sequence[_One]) -> _Slack:
-        """With derivatives in the relative changes, and the reserve for the scatter."""
+    def _slack_of(self, found: Sequence[_Constraint]) -> _Slack:
+        """Return the slack with derivatives by the relative changes and the reserve for the scatter."""
         rates = found[0][1]
         reserve = self.spread.sigmas * math.sqrt(
             sum((rates[name] * s) ** 2 for name, s in self.spread.deviations.items())
         )
         slopes = np.array([[rates[name] for name in self.names] for _, rates in found]) * self.own
-        return _Slack(np.array([c for c, _ in found]), slopes, max(_MARGIN, self.goal.margin) + reserve)
+        return _Slack(np.array([c for c, _ in found]), slopes, max(GOAL_MARGIN, self.goal.margin) + reserve)
 
 
-def _nearest(slack: _Slack, u: Array, low: Array, high: Array) -> Array:
-    """The least change v with c + c' (v - u) >= needed of each, within the bounds.
+def _least_change(slack: _Slack, u: Array, low: Array, high: Array) -> Array:
+    """Return the least change v with c + c' (v - u) >= required for each c, within the bounds.
 
-    The problem of least distance of Lawson and Hanson, by least squares without negative numbers. Where no change
-    within the bounds suffices, that of the largest c of the worst of all.
+    This is the least distance problem of Lawson and Hanson, solved by nonnegative least squares. If no change within
+    the bounds suffices, the result maximizes the smallest c.
     """
     from scipy.optimize import lsq_linear
 
     n = len(u)
     G = np.concatenate([slack.slopes, np.eye(n), -np.eye(n)])
-    h = np.concatenate([slack.needed - slack.c + slack.slopes @ u, low, -high])
+    h = np.concatenate([slack.required - slack.c + slack.slopes @ u, low, -high])
     size = np.linalg.norm(G, axis=1)
     E = np.vstack([G.T, h]) / np.where(size, size, 1.0)
     y = lsq_linear(E, np.append(np.zeros(n), 1.0), (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
@@ -528,37 +565,38 @@ def _nearest(slack: _Slack, u: Array, low: Array, high: Array) -> Array:
 
 def _result(search: _Search, u: Array, ending: Termination) -> Redesign:
     spread = search.spread
-    curve, missed = _missed_by(search, u, {})
-    each = [_missed_by(search, u, deviations)[1] for deviations in spread.sample]
+    curve, missed = _traced_shortfall(search, u, {})
+    each = [_traced_shortfall(search, u, deviations)[1] for deviations in spread.sample]
     share = float(np.mean([miss == 0 for miss in each])) if each else math.nan
-    few = bool(each) and share < spread.share - 1e-9
+    too_few = bool(each) and share < spread.share - 1e-9
     short = missed
-    if few:
+    if too_few:
         short = max(missed, sorted(each)[math.ceil(spread.share * len(each) - 1e-9) - 1])
-    reached = curve.status.complete and not missed and not few
+    reached = curve.status.complete and not missed and not too_few
     if not reached and ending.error is None:
-        of = f" in {1 - share:.0%} of the sample" if few and not missed else ""
-        told = f"{search.told}; the goal is not reached: {_what_is_left(search, short)}{of}"
+        of = f" in {1 - share:.0%} of the sample" if too_few and not missed else ""
+        text = f"{search.message}; the goal is not reached: {_shortfall_text(search, short)}{of}"
         if math.isnan(short):
-            told = f"jumps are left, and no value of {', '.join(search.names)} was found at which one vanishes"
-        ending.record_end(ending.status, told)
+            text = f"jumps remain, and no value of {', '.join(search.names)} was found at which one vanishes"
+        ending.record_end(ending.status, text)
     return Redesign(
         curve.problem.model, search.values(u), dict(zip(search.names, u.tolist(), strict=True)),
         float(np.linalg.norm(u)), reached, short, share, curve, search.steps, ending.status, ending.message_with_advice,
     )  # fmt: skip
 
 
-def _what_is_left(search: _Search, short: float) -> str:
+def _shortfall_text(search: _Search, short: float) -> str:
+    """Return the shortfall as a text."""
     if search.goal.kind != "no jumps":
         return f"the highest peak is {short:.2%} above the limit"
     more = "" if search.cusp is None else f": {search.cusp.name} would have to change by {short:.2%} more"
-    return f"jumps are left{more}"
+    return f"jumps remain{more}"
 
 
-def _missed_by(search: _Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
-    """The curve with deviations of parameters, and by how much it misses the goal; 0 if it does not.
+def _traced_shortfall(search: _Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
+    """Trace the curve with deviations of parameters; return it and the shortfall, 0 if the goal is reached.
 
-    Of a cusp that is to be some way off also the curve that far towards it, which must not have jumps yet either.
+    For a goal with a margin, the curve at this distance toward the cusp must not have jumps either.
     """
     goal = search.goal
     with warnings.catch_warnings():
@@ -571,12 +609,12 @@ def _missed_by(search: _Search, u: Array, deviations: Mapping[str, float]) -> tu
         if not jumps and goal.margin and search.cusp is not None:
             name = search.cusp.name
             unit = search.cusp.side * abs((search.problem.model.parameters | search.problem.model.entries)[name])
-            nearer = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
-            jumps = _jumps(trace(search.balance(u, nearer), "Omega", search.span))
-    wanting = search.slack.wanting  # nan if there is no value at which they vanish
-    return curve, (wanting if math.isnan(wanting) else max(_MARGIN, wanting)) if jumps else 0.0
+            toward_cusp = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
+            jumps = _jumps(trace(search.balance(u, toward_cusp), "Omega", search.span))
+    shortfall = search.slack.shortfall  # nan if there is no value at which they vanish
+    return curve, (shortfall if math.isnan(shortfall) else max(GOAL_MARGIN, shortfall)) if jumps else 0.0
 
 
 def _jumps(curve: Branch) -> bool:
-    """Whether there are jumps, or folds that could be some."""
+    """Return whether there are jumps, or folds that could cause jumps."""
     return any(one.jumps() or any(point.kind == "LP" for point in one.special) for one in (curve, *curve.others))

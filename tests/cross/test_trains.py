@@ -235,7 +235,7 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
     ("make", "said"),
     [
         (lambda: hb.gears.Train([gear("a"), gear("b")], []), "at least one Mesh"),
-        (lambda: hb.gears.Train([gear("a"), gear("a")], [MESH]), "two wheels are called 'a'"),
+        (lambda: hb.gears.Train([gear("a"), gear("a")], [MESH]), "two wheels have the name 'a'"),
         (lambda: hb.gears.Train([gear("a"), gear("c")], [MESH]), "there is no wheel 'b'"),
         (lambda: hb.gears.Train([gear("a"), gear("b")], [MESH], [hb.gears.Shaft("a", "shaft", 1e5)]),
             "no wheel 'shaft'"),
@@ -257,12 +257,12 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Train([gear("a", internal=True), gear("b", internal=True)], [MESH]), "two rings"),
         (lambda: hb.gears.Train([gear("a", 30), gear("b", internal=True)], [MESH]), "does not fit into"),
         (lambda: hb.gears.Train([gear("a"), gear("b", x=0.06)],
-                          [hb.gears.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "leave one out"),
+                          [hb.gears.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "omit one"),
         (lambda: hb.gears.Train([gear("a"), gear("b")], MESH), "must be a list of Mesh"),
         (lambda: hb.gears.Wheel("a", 1e-3, teeth=20), "teeth and base_radius"),
         (lambda: hb.gears.Wheel("a", 1e-3, moves="plane"), "give its mass"),
         (lambda: hb.gears.Wheel("a", 1e-3, moves="up"), "must be one of torsion, plane, space"),
-        (lambda: hb.gears.Wheel("", 1e-3), "no name of a wheel"),
+        (lambda: hb.gears.Wheel("", 1e-3), "not the name of a wheel"),
         (lambda: hb.gears.Wheel("a", "3 mm"), "inertia"),
         (lambda: hb.gears.Shaft("a", "a"), "name two wheels"),
         (lambda: hb.gears.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
@@ -270,7 +270,7 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.mechanics.Series(1.0)), "keep one"),
         (lambda: hb.gears.Bearing("a", table=3.0), "MatrixTable"),
-        (lambda: hb.gears.Bearing("a", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "of x and y"),
+        (lambda: hb.gears.Bearing("a", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "for x and y"),
     ],
 )  # fmt: skip
 def test_bad_input(make, said):

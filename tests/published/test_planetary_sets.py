@@ -159,7 +159,7 @@ def test_turning_of_the_carrier():
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"planets": 3}, r"planet 2 cannot be put in at 120 degrees.* nearest place is 120.938"),
+        ({"planets": 3}, r"planet 2 cannot be assembled at 120 degrees.* nearest position is 120.938"),
         ({"planets": 8}, r"planets 45 degrees apart collide; .* need more than"),
         ({"spacing": (0.0, 90.0, 180.0, 200.0)}, "collide"),
         ({"spacing": (0.0, 90.0)}, "2 entries; need 4"),

@@ -54,12 +54,12 @@ def test_derivatives_of_what_is_predicted(largest):
     here = Prediction(problem, data, values, span)
     s = here.deviation
     J = here.jacobian(s)
-    far = here.distances_moved
-    kinds = [place.kind for place in here.places]
+    far = here.distance_jacobian
+    kinds = [reference.kind for reference in here.references]
     for i, (name, value) in enumerate(values.items()):
         h = 1e-6 * value
         up, down = (Prediction(problem, data, {**values, name: value + side * h}, span) for side in (1, -1))
-        same = np.array([a == b.kind == c.kind for a, b, c in zip(kinds, up.places, down.places, strict=True)])
+        same = np.array([a == b.kind == c.kind for a, b, c in zip(kinds, up.references, down.references, strict=True)])
         rates = (up.residuals(s) - down.residuals(s)) / (2 * h)
         keep = np.concatenate([same, same, [True] * len(jumps)])
         np.testing.assert_allclose(J[keep, i], rates[keep], rtol=1e-4, atol=1e-4 * np.abs(rates).max() + 1e-9 / value)
@@ -96,7 +96,7 @@ def test_parameters_that_cannot_be_told_apart(largest):
     found = hb.design.fit(
         TRUTH.replace(e_scale=1.1), data, {"e_scale": (0.5, 2), "e[0]": (0.02, 0.1)}, harmonics=8, starts=1
     )
-    assert any("e_scale, e[0] cannot be told apart by these data" in doubt for doubt in found.doubts)
+    assert any("e_scale, e[0] cannot be distinguished with these data" in doubt for doubt in found.doubts)
 
 
 def test_jumps_alone():
@@ -125,7 +125,7 @@ def test_data_in_the_wrong_unit(largest):
         hb.design.fit(
             TRUTH, hb.design.Measurements(Omega, 1e6 * amplitude, direction, measure="max"), ["zeta"], harmonics=8
         )
-    with pytest.raises(ValueError, match="they are hardly in Omega; give unit='mesh Hz' or 'pinion r/min'"):
+    with pytest.raises(ValueError, match="the unit Omega is probably wrong; give unit='mesh Hz' or 'pinion r/min'"):
         hb.design.fit(TRUTH, hb.design.Measurements(1e4 * Omega, amplitude, direction), ["zeta"], harmonics=8)
     with pytest.raises(ValueError, match="Duffing does not know its units; give frequencies as Omega"):
         hb.design.fit(

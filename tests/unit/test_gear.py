@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear.gears.drawing.backlash import converted
+from hbgear.gears.drawing.backlash import convert_backlash
 from hbgear.gears.drawing.geometry import inverse_involute, involute
 from hbgear.gears.drawing.tooth import Tooth
 
@@ -102,7 +102,7 @@ def test_backlash_in_all_measures():
         same = pair(beta=12, backlash=p.backlash_as(measure), backlash_measure=measure)
         assert same.half_backlash == pytest.approx(p.half_backlash, rel=1e-12)
     with pytest.raises(ValueError, match="circumferential, normal, action"):
-        converted(1e-4, "normal", "tangential", 0.35, 0.0)
+        convert_backlash(1e-4, "normal", "tangential", 0.35, 0.0)
 
 
 def test_mass_and_inertia_of_the_cylinder():
@@ -171,9 +171,9 @@ def test_outline_is_what_the_rack_leaves(fields):
         (lambda: pair(center_distance="97 mm"), "overlap by"),
         (lambda: pair(center_distance="80 mm"), "base circles touch"),
         (lambda: hb.GearPair(gear(25), gear(40, tip_diameter="128 mm")), "into the roots"),
-        (lambda: hb.GearPair(gear(18), gear(200, addendum=1.2)), "interference: .* meet the pinion"),
-        (lambda: hb.GearPair(gear(20), gear(24, internal=True, addendum=0.6)), "strike those of the ring"),
-        (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no room"),
+        (lambda: hb.GearPair(gear(18), gear(200, addendum=1.2)), "interference: .* touch the pinion"),
+        (lambda: hb.GearPair(gear(20), gear(24, internal=True, addendum=0.6)), "strike the tips of the ring"),
+        (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no space"),
         (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
         (lambda: pair().mesh("200 N"), "quantity in N m"),
         (lambda: pair().mesh(200.0, linearized="chord"), "'secant' or 'tangent'"),

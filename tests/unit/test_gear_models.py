@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.gears.mesh.mesh_excitation import lagging, transmission_error
+from hbgear.gears.mesh.mesh_excitation import lagged_series, transmission_error
 from hbgear.harmonic.frequency_units import scales
 from hbgear.harmonic.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
@@ -93,7 +93,7 @@ def test_ring_turns_the_same_way():
 
 
 def test_lags_of_amplitudes():
-    series = lagging((0.3, 0.1), (0.4, -1.0))
+    series = lagged_series((0.3, 0.1), (0.4, -1.0))
     np.testing.assert_allclose(series(TAU), 0.3 * np.cos(TAU - 0.4) + 0.1 * np.cos(2 * TAU + 1.0), atol=1e-15)
     late = transmission_error((0.2,), "sin", 2.0, (0.7,))
     np.testing.assert_allclose(late(TAU), 0.4 * np.sin(TAU - 0.7), atol=1e-15)

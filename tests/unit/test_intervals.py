@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hbgear.design.fitting.profile_likelihood import MOST, profile_interval
+from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
 
 A = np.array([[1.0, 0.4], [0.3, 2.0], [-0.5, 0.7]])
 
@@ -46,7 +46,7 @@ def test_the_slower_side_counts():
 
 def test_what_bounds_nothing_is_told_by_the_limit():
     errors, first = found(lambda a: np.array([max(a[0], 0.0), a[1]]))
-    assert errors[0] == pytest.approx(MOST * first[0])
+    assert errors[0] == pytest.approx(MAX_END_RATIO * first[0])
 
 
 def test_bounds_are_kept():

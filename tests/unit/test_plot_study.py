@@ -9,7 +9,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.design.studies.sweep_statistics import stable_parts, swept, swept_cases
+from hbgear.design.studies.sweep_statistics import stable_segments, sweep_response, sweep_responses
 
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]
@@ -55,7 +55,7 @@ def test_frequencies_where_none_is_stable_are_marked(linear):
 def test_both_stable_motions_count_and_the_unstable_one_does_not():
     Omega, height = np.array([1.0, 2.0, 3.0, 2.5, 1.5, 2.0, 4.0]), np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     stable = np.array([1, 1, 1, 0, 1, 1, 1.0])
-    parts = list(stable_parts(np.array([Omega, height, stable])))
+    parts = list(stable_segments(np.array([Omega, height, stable])))
     at = np.array([1.5, 2.0, 3.5])
     rows = [np.interp(at, *part, left=np.nan, right=np.nan) for part in parts]
     np.testing.assert_allclose(rows, [[1.5, 2.0, np.nan], [5.0, 6.0, 6.75]])
@@ -93,18 +93,19 @@ def folded():
 
 def test_a_sweep_stays_on_its_stable_part_and_lands_where_the_jump_does():
     Omega = np.array([1.0, 1.9, 2.1, 2.9, 3.1, 5.0])
-    up, jumped = swept(folded(), np.array([[3.0, 2.0, 4.0]]), Omega, 1)
+    up, jumped = sweep_response(folded(), np.array([[3.0, 2.0, 4.0]]), Omega, 1)
     np.testing.assert_allclose(up, [1.0, 1.45, 1.55, 1.95, 4.1, 6.0])
     np.testing.assert_array_equal(jumped, [0, 0, 0, 0, 1, 1])
-    down, jumped = swept(folded(), np.array([[2.0, 3.0, 1.5]]), Omega, -1)
+    down, jumped = sweep_response(folded(), np.array([[2.0, 3.0, 1.5]]), Omega, -1)
     np.testing.assert_allclose(down, [1.0, 1.45, 3.1, 3.9, 4.1, 6.0])
     np.testing.assert_array_equal(jumped, [1, 1, 0, 0, 0, 0])
-    np.testing.assert_allclose(swept(folded(), None, Omega, 1)[0], up)  # without the table of jumps: the only one there
+    # Without a table of jumps the response continues on the only other curve.
+    np.testing.assert_allclose(sweep_response(folded(), None, Omega, 1)[0], up)
 
 
 def test_where_a_part_ends_without_a_jump_there_is_no_motion_for_a_while():
     curve = np.array([[1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 3.0, 4.0, 5.0], [1, 1, 0, 1, 1]])
-    up, jumped = swept(curve, np.empty((0, 3)), np.array([1.5, 2.5, 3.5, 4.5]), 1)
+    up, jumped = sweep_response(curve, np.empty((0, 3)), np.array([1.5, 2.5, 3.5, 4.5]), 1)
     np.testing.assert_allclose(up, [1.5, np.nan, np.nan, 4.5])
     assert not jumped.any()
 
@@ -112,11 +113,11 @@ def test_where_a_part_ends_without_a_jump_there_is_no_motion_for_a_while():
 def test_every_percentile_across_a_fold_is_a_motion_of_some_case(hard):
     Omega = np.linspace(0.5, 2.0, 301)
     for direction in (1, -1):
-        each = swept_cases(hard, Omega, direction).amplitude
+        each = sweep_responses(hard, Omega, direction).amplitude
         for row in plot.percentiles(hard, Omega, direction):
             gap = np.nanmin(abs(each - row), axis=0)
             assert np.nanmax(gap) == 0.0
-    up, down = (swept_cases(hard, Omega, direction).amplitude for direction in (1, -1))
+    up, down = (sweep_responses(hard, Omega, direction).amplitude for direction in (1, -1))
     assert np.nanmax(up - down) > 0.3  # between the folds the two sweeps are on different motions
 
 
@@ -130,7 +131,7 @@ def test_envelope_of_cases_that_jump_says_so(hard):
         expected = [100 * there(x, jumps).sum() / len(hard) for x in line.get_xdata()]
         assert np.mean(np.abs(line.get_ydata() - expected) > 1.0) < 0.01  # but for a step of the grid at each jump
     Omega = np.linspace(0.5, 2.0, 301)
-    motions = np.concatenate([swept_cases(hard, Omega, direction).amplitude for direction in (1, -1)])
+    motions = np.concatenate([sweep_responses(hard, Omega, direction).amplitude for direction in (1, -1)])
     medians = [line for line in ax.lines if line.get_gid() == "median"]
     assert len(medians) >= 3
     for x, y in (line.get_data() for line in medians):  # lines that leap are broken, not drawn where no motion is

@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.least_change import _nearest, _Slack
+from hbgear.design.least_change import _least_change, _Slack
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
@@ -58,7 +58,7 @@ def test_a_goal_out_of_reach():
     assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
     cusp = hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
     assert found.short == pytest.approx((cusp - 0.08) / 0.05, abs=2e-3)
-    assert "the goal is not reached: jumps are left: zeta would have to change by" in found.message
+    assert "the goal is not reached: jumps remain: zeta would have to change by" in found.message
     found = hb.design.redesign(PAIR, hb.design.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.short > 1 and "above the limit" in found.message
 
@@ -67,7 +67,7 @@ def test_a_parameter_that_removes_no_jump():
     """eps_scale is a factor of amplitudes, and this pair has none."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["eps_scale"])
     assert not found.reached and math.isnan(found.short) and found.values == {"eps_scale": 1.0}
-    assert found.message.startswith("jumps are left, and no value of eps_scale was found at which one vanishes")
+    assert found.message.startswith("jumps remain, and no value of eps_scale was found at which one vanishes")
 
 
 def test_a_cusp_farther_away():
@@ -135,18 +135,18 @@ def test_the_nearest_point_of_several_half_planes():
     for _ in range(20):
         slack = _Slack(rng.normal(0, 0.1, 3), rng.normal(size=(3, 2)), 0.05)
         u = rng.uniform(-0.1, 0.1, 2)
-        found = _nearest(slack, u, low, high)
-        good = ((grid - u) @ slack.slopes.T + slack.c >= slack.needed).all(axis=-1)
+        found = _least_change(slack, u, low, high)
+        good = ((grid - u) @ slack.slopes.T + slack.c >= slack.required).all(axis=-1)
         if not good.any():
             assert (np.isclose(found, low) | np.isclose(found, high)).all()
             continue
-        assert ((found - u) @ slack.slopes.T + slack.c >= slack.needed - 1e-9).all()
+        assert ((found - u) @ slack.slopes.T + slack.c >= slack.required - 1e-9).all()
         assert np.linalg.norm(found) <= np.linalg.norm(grid, axis=-1)[good].min() + 1e-9
 
 
 def test_nothing_to_do():
     found = hb.design.redesign(hb.HarmonicBalance(hb.SpurPair(zeta=0.2), 5), hb.design.no_jumps(), ["zeta"])
-    assert found.reached and found.distance == 0 and "reaches the goal as it is" in found.message
+    assert found.reached and found.distance == 0 and "reaches the goal without a change" in found.message
     found = hb.design.redesign(PAIR, hb.design.peak_below(5.0), ["zeta"])
     assert found.reached and found.changes == {"zeta": 0.0}
 

@@ -45,5 +45,5 @@ def test_chances_and_quantiles(found):
 def test_what_is_no_statistics(found):
     with pytest.raises(ValueError, match="must be between 0 and 1"):
         hb.design.sweep_statistics(found, quantiles=(2.0,))
-    with pytest.raises(ValueError, match="Omega must be values that rise"):
+    with pytest.raises(ValueError, match="Omega must be a list of ascending values"):
         hb.design.sweep_statistics(found, np.array([1.0, 0.9]))

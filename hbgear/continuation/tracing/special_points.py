@@ -164,7 +164,8 @@ class SpecialPoints:
         """
         state = self.state
         for number, points in located.items() if state.setup.settings.stability else ():
-            ends = [one for one in sorted(points, key=lambda one: one.s) if one.event.kind in STABILITY_CHANGING_KINDS and one.located
+            ends = [one for one in sorted(points, key=lambda one: one.s)
+                    if one.event.kind in STABILITY_CHANGING_KINDS and one.located
                     and 0 < one.s < 1 and len(one.row.u) == len(state.scale)]  # fmt: skip
             solve = self.monitor.solve_on_segment
             samples = [(0.5 * (a.s + b.s), solve(state.segment(a.row, b.row), 0.5)) for a, b in pairwise(ends)]

@@ -1,12 +1,11 @@
-"""Parameters of a model from measured response curves.
+"""Parameters of a model from measured response curves, by bounded nonlinear least squares.
 
     min_a  sum_i ((A(X(Omega_i, a)) - d_i) / s_i)^2 + sum_j ((Omega_j(a) - w_j) / s_j)^2,   low <= a <= high
 
-over the motions that the sweeps are on (`hbgear.design.fitting.sweep_prediction`), Omega_j the frequencies of jumps,
-with the
-Jacobian J by implicit differentiation. The covariance of the estimate is (J^T J)^-1, times the mean square of the
-residuals where no deviations were given. Standard errors are those of the likelihood
-(`hbgear.design.fitting.profile_likelihood`).
+The sums run over the periodic motions of the sweeps (`hbgear.design.fitting.sweep_prediction`) and over the jump
+frequencies Omega_j. The Jacobian J follows from implicit differentiation. The covariance of the estimate is (J^T J)^-1,
+multiplied by the mean square of the residuals if no deviations were given. Standard errors follow from the profile
+likelihood (`hbgear.design.fitting.profile_likelihood`).
 
 References
 ----------
@@ -33,51 +32,75 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.design.bounds import bounds_of
 from hbgear.design.fitting.measurements import Measurements
-from hbgear.design.fitting.profile_likelihood import MOST, profile_interval
+from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
 from hbgear.design.fitting.sweep_prediction import NotTraced, Prediction
 from hbgear.harmonic.frequency_units import scales
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
-_APART = 30.0  # ratio of measured to computed amplitudes, or frequencies, from which the unit is doubted
+UNIT_ERROR_RATIO = 30.0
+"""Ratio of measured to computed amplitudes or frequencies above which the unit is considered wrong."""
 
-_WIDE = 4.0  # default bounds: the model's value divided and multiplied by this
+DEFAULT_BOUND_FACTOR = 4.0
+"""Default bounds are the value of the model divided and multiplied by this factor."""
 
-_ALIKE = 0.995  # correlation from which two parameters cannot be told apart
+HIGH_CORRELATION = 0.995
+"""Correlation above which a warning states that two parameters cannot be distinguished."""
 
-_NOTHING = 1e-3  # change of all residuals for a change of a parameter by its own size that is none
+MIN_EFFECT = 1e-3
+"""Norm of the change of all residuals, for a relative change of 1 of a parameter, below which it has no effect."""
 
-_GOOD = 4.0
-"""Mean square of the residuals, in assumed deviations, below which no other start is tried. In known ones it is 1 with
-a standard deviation of (2 / freedom)^(1/2); four of these more are not noise but another minimum, or another model."""
+ACCEPTED_MEAN_SQUARE = 4.0
+"""Mean square of the residuals, in assumed deviations, below which no further start is tried."""
 
-_NEAR = 25.0  # mean square of the residuals beyond which the curve is first brought near to the points
+NOISE_SIGMAS = 4.0
+"""Accepted excess of the mean square over 1, with given deviations, in its standard deviations (2 / freedom)^(1/2).
 
-_LOOKED_AT = 6  # random starts looked at for each that is followed
+A larger excess is not noise but another minimum or an unsuitable model."""
+
+POOR_MEAN_SQUARE = 25.0
+"""Mean square of the residuals above which the curve is first moved toward the points by their distances."""
+
+CANDIDATES_PER_START = 6
+"""Number of random candidates that are evaluated for each further start."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """The estimate and how well it is known.
+    """Estimated parameters and their uncertainty.
 
     Parameters
     ----------
-    model : with the estimated values.
-    names : (A,) of the parameters that were sought.
-    values, errors : estimates and standard errors by name; an error is nan where the data do not determine it.
-        It is that of the likelihood where that is larger than the one to first order: half the distance to the farther
-        of the two values at which the sum of squares, the other parameters readjusted, is 4 above its least.
-    covariance, correlation : (A, A) of the estimates, to first order.
-    data : what was measured.
-    curve : the response of the model.
-    predicted, residuals : (N,) amplitudes of the model, and their differences to the measured ones in deviations.
-    held_against : (N,) what each point was held against: "swept", "other", "end" or "unreached".
-    jumps : (J,) frequencies of the model's jumps, nan where it has none.
-    mean_square : of all residuals in deviations, over the degrees of freedom.
-    starts, evaluations : how many starts were followed, and how many curves were traced.
-    doubts : what is to be doubted, in words.
-    status, message : why it ended.
+    model : Model
+        Model with the estimated values.
+    names : tuple of str
+        Names of the A estimated parameters.
+    values, errors : dict of str to float
+        Estimates and standard errors by name. An error is nan if the data do not determine the parameter. It is the
+        larger one of the first-order error and the error of the profile likelihood. The latter is half the distance to
+        the farther one of the two values at which the sum of squares, minimized over the other parameters, exceeds its
+        minimum by 4.
+    covariance, correlation : ndarray, shape (A, A)
+        First-order covariance and correlation of the estimates.
+    data : Measurements
+        Measurements.
+    curve : Branch
+        Response of the model.
+    predicted, residuals : ndarray, shape (N,)
+        Amplitudes of the model and their differences from the measured ones, in deviations.
+    held_against : tuple of str
+        Kind of the motion with which each of the N points is compared: "swept", "other", "end" or "unreached".
+    jumps : ndarray, shape (J,)
+        Jump frequencies of the model; nan if the model does not have the jump.
+    mean_square : float
+        Sum of the squared residuals in deviations over the degrees of freedom.
+    starts, evaluations : int
+        Number of minimizations and number of traced curves.
+    doubts : tuple of str
+        Warnings about the data and the estimates.
+    status, message : Status and str
+        Reason for the end of the search.
 
     Examples
     --------
@@ -115,7 +138,7 @@ class Fit:
 
     @property
     def reached(self) -> Array:
-        """(N,) whether a stable motion of the curve is where the point was measured."""
+        """Boolean array, shape (N,): True where the curve has a stable motion at a measured point."""
         return np.array([kind in ("swept", "other") for kind in self.held_against], dtype=bool)
 
 
@@ -134,38 +157,46 @@ def fit(
     seed: int = 0,
     progress: ProgressCallback | None = None,
 ) -> Fit:
-    """Values of parameters with which the response of a model is nearest to a measured one.
+    """Estimate the parameter values for which the response of a model is closest to a measured one.
 
     Parameters
     ----------
-    model : its values are the first start; a `HarmonicBalance` brings its settings.
-    data : see `Measurements`.
-    free : names of the parameters that are sought, entries of tuples as ``e[0]``, with their bounds; without bounds
-        from a quarter of the model's value to four times it, within the range of the parameter.
-    harmonics : used if a model is given.
-    span : of Omega over which curves are traced; by default that of the data and a fifth more on both sides.
-    starts : how many starts are followed at most; others than the first are drawn at random within the bounds, and none
-        is if the first ends within the noise.
-    seed : of the random starts.
-    progress : called with a `Progress` as work goes on, such as ``print``.
+    model : Model or HarmonicBalance
+        Model whose values are the first start. A `HarmonicBalance` supplies its settings.
+    data : Measurements
+        Measured amplitudes and jumps.
+    free : mapping of str to tuple or None, or sequence of str
+        Names of the parameters to estimate, also entries of tuples such as ``e[0]``, with their bounds. Default bounds
+        are a quarter of the value of the model and four times this value, within the range of the parameter.
+    harmonics : int, default 16
+        Harmonic truncation order if a model is given.
+    span : tuple[float, float] or None, optional
+        Span of Omega over which curves are traced. Default: the span of the data extended by a fifth at both ends.
+    starts : int, default 3
+        Largest number of minimizations. Starts after the first one are drawn at random within the bounds; none is drawn
+        if the first one ends within the noise.
+    seed : int, default 0
+        Seed of the random starts.
+    progress : ProgressCallback or None, optional
+        Function that is called with a `Progress`, such as ``print``.
 
     Returns
     -------
     Fit
-        Ctrl-C ends it with the best values until then; ``status`` and ``message`` say so.
+        The estimate. Ctrl-C ends the search with the best values found; ``status`` and ``message`` report this.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If the bounds do not fit, there are more parameters than data, the data are in a unit that cannot be meant, or
-        the model has no response at any start.
+        If bounds are not valid, there are more parameters than data, the unit of the data is probably wrong, or the
+        model has no response at any start.
 
     Notes
     -----
-    A measured jump that the model does not have counts as one far away, and pulls nowhere; points beyond the end of the
-    part that their sweep is on pull at the jump there.
+    A measured jump that the model does not have adds a constant to the sum of squares. A point beyond the end of the
+    stable segment of its sweep attracts the jump at this end.
 
     References
     ----------
@@ -197,7 +228,7 @@ def fit(
         followed = search.run(own, low, high, starts, seed)
         assert search.best is not None
         estimate = _estimate(search.best, data, low, high)
-        estimate.reach = profile_interval(
+        estimate.profile_errors = profile_interval(
             search.best, search.at, estimate.x, estimate.covariance, estimate.unit, low, high
         )
         ending.record_end(Status.REACHED_END, f"{followed} of {starts} starts were followed")
@@ -214,17 +245,25 @@ def fit(
 def _bounds(
     problem: HarmonicBalance, free: Mapping[str, tuple[float, float] | None] | Sequence[str]
 ) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Names, lower and upper bounds and the model's values of the parameters that are sought."""
+    """Return names, lower and upper bounds and the values of the model for the parameters to estimate."""
     given = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     if not given:
         raise ValueError("fit: name at least one parameter, such as free=['zeta']")
-    ends = np.array([bounds_of(problem, name, bounds, (1 / _WIDE, _WIDE), "fit") for name, bounds in given.items()]).T
+    ends = np.array(
+        [
+            bounds_of(problem, name, bounds, (1 / DEFAULT_BOUND_FACTOR, DEFAULT_BOUND_FACTOR), "fit")
+            for name, bounds in given.items()
+        ]
+    ).T
     values = problem.model.parameters | problem.model.entries
     return tuple(given), ends[0], ends[1], np.clip([values[name] for name in given], ends[0], ends[1])
 
 
 def _span(model: Model, data: Measurements) -> tuple[float, float]:
-    """The span of Omega that holds all of the data; refuses frequencies in a unit that cannot be meant."""
+    """Return the span of Omega that contains all data.
+
+    A `ValueError` is raised if the unit of the frequencies is probably wrong.
+    """
     own = scales(model, {})
     if data.unit != "Omega" and data.unit not in own:
         raise ValueError(
@@ -234,21 +273,29 @@ def _span(model: Model, data: Measurements) -> tuple[float, float]:
     if data.length and model.scales is None:
         raise ValueError(
             f"the data are in {data.length}, and {type(model).__name__} does not know its unit of length; give "
-            "amplitudes in that of the model"
+            "amplitudes in the unit of the model"
         )
     every = np.concatenate([data.frequency, [jump[0] for jump in data.jumps]]) / own.get(data.unit, 1.0)
-    usual = float(np.mean(model.default_span))
-    off = float(np.median(every)) / usual
-    if not 1 / _APART < off < _APART:
+    typical = float(np.mean(model.default_span))
+    ratio = float(np.median(every)) / typical
+    if not 1 / UNIT_ERROR_RATIO < ratio < UNIT_ERROR_RATIO:
         raise ValueError(
-            f"the frequencies are at Omega = {np.median(every):.3g}, and those of the model near {usual:.3g}: they are "
-            f"hardly in {data.unit}; give unit='mesh Hz' or 'pinion r/min', or the right one"
+            f"the measured frequencies are near Omega = {np.median(every):.3g} and the frequencies of the model near "
+            f"{typical:.3g}: the unit {data.unit} is probably wrong; give unit='mesh Hz', 'pinion r/min' or 'Omega'"
         )
     return 1.2 * float(every.max()), float(every.min()) / 1.2
 
 
+def mean_square_limit(freedom: int, assumed: bool) -> float:
+    """Return the mean square of the residuals below which a fit is within the noise.
+
+    ``freedom`` is the number of degrees of freedom; ``assumed`` states that the deviations are assumed values.
+    """
+    return ACCEPTED_MEAN_SQUARE if assumed else 1.0 + NOISE_SIGMAS * math.sqrt(2.0 / freedom)
+
+
 class _Search:
-    """Least squares from several starts; the best prediction found is kept."""
+    """Nonlinear least squares from several starts; the best prediction is kept."""
 
     def __init__(
         self, problem: HarmonicBalance, data: Measurements, names: tuple[str, ...], span: tuple[float, float],
@@ -261,7 +308,7 @@ class _Search:
         self._known: LRUCache[Prediction | None] = LRUCache(3)
 
     def at(self, x: Array) -> Prediction | None:
-        """The prediction with these values; None where the model has no response."""
+        """Return the prediction with these values, or None if the model has no response."""
         return self._known.get(x.tobytes(), lambda: self._traced(x))
 
     def _traced(self, x: Array) -> Prediction | None:
@@ -269,7 +316,7 @@ class _Search:
         try:
             values = dict(zip(self.names, map(float, x), strict=True))
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ImplausibleInputWarning)  # of values on the way
+                warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
                 now = Prediction(self.problem, self.data, values, self.span)
         except (NotTraced, ValueError) as error:
             self.refused = str(error)
@@ -278,58 +325,58 @@ class _Search:
             self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
         return now
 
-    def judged(self, x: Array) -> Prediction | None:
-        """The same, which is kept if it is the best so far."""
+    def evaluate(self, x: Array) -> Prediction | None:
+        """Return the prediction with these values, and store it if it is the best so far."""
         now = self.at(x)
         if now is not None and (self.best is None or _cost(now) < _cost(self.best)):
             self.best = now
         return now
 
     def run(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> int:
-        """Follow starts until one ends within the noise; how many were.
+        """Minimize from several starts until a result is within the noise, and return the number of starts.
 
         Raises
         ------
         ValueError
-            If the model has no response at any start, or amplitudes are in a unit that cannot be meant.
+            If the model has no response at any start or the unit of the amplitudes is probably wrong.
         """
         freedom = max(1, len(self.data) + len(self.data.jumps) - len(own))
         for start in self._starts(own, low, high, starts, seed):
-            if self.judged(start) is None:
+            if self.evaluate(start) is None:
                 continue
             if not self.followed:
                 self._check_unit()
             self.followed += 1
-            self._follow(start, low, high)
+            self._minimize(start, low, high)
             assert self.best is not None
-            if _cost(self.best) / freedom < (_GOOD if self.data.assumed else 1.0 + 4.0 * math.sqrt(2.0 / freedom)):
+            if _cost(self.best) / freedom < mean_square_limit(freedom, self.data.assumed):
                 break
         if self.best is None:
-            raise ValueError(f"the model has no response to hold against the data: {self.refused}")
+            raise ValueError(f"the model has no response to compare with the data: {self.refused}")
         return self.followed
 
     def _starts(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
-        """The model's values, then the best of many random ones."""
+        """Yield the values of the model, then the best ones of several random candidates."""
         yield own
         if starts == 1:
             return
         from scipy.stats import qmc
 
-        drawn = qmc.LatinHypercube(len(own), seed=seed).random(_LOOKED_AT * (starts - 1))
+        drawn = qmc.LatinHypercube(len(own), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
         every = [low + u * (high - low) for u in drawn]
-        costs = [math.inf if (now := self.judged(x)) is None else _cost(now) for x in every]
+        costs = [math.inf if (now := self.evaluate(x)) is None else _cost(now) for x in every]
         for i in np.argsort(costs, kind="stable")[: starts - 1]:
             yield every[i]
 
-    def _follow(self, start: Array, low: Array, high: Array) -> None:
-        """Least squares from a start, first with little weight of points far off.
+    def _minimize(self, start: Array, low: Array, high: Array) -> None:
+        """Minimize the sum of squares from a start, first with a loss function that reduces the weight of outliers.
 
-        Deviations are those at the start, and then those at the first end.
+        The deviations are evaluated at the start and again at the end of the first minimization.
         """
         from scipy.optimize import least_squares
 
         worst = np.full(2 * len(self.data) + len(self.data.jumps), 1e3)
-        x = self._nearer(np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low)), low, high)
+        x = self._approach(np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low)), low, high)
         for final in (False, True):
             first = self.at(x)
             if first is None:
@@ -337,7 +384,7 @@ class _Search:
             s = first.deviation
 
             def residuals(x: Array, s: Array = s) -> Array:
-                now = self.judged(x)
+                now = self.evaluate(x)
                 return worst if now is None else now.residuals(s)
 
             def jacobian(x: Array, s: Array = s) -> Array:
@@ -345,23 +392,24 @@ class _Search:
                 if now is None:
                     return np.zeros((len(worst), len(x)))
                 J = now.jacobian(s)
-                felt: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > _NOTHING)
-                return felt  # rounding moves nothing
+                filtered: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
+                return filtered  # without parameters whose effect is rounding
 
-            found = least_squares(residuals, x, jacobian, (low, high), xtol=_ENOUGH[final], ftol=_SPENT[final],
-                                  loss="linear" if final else "soft_l1", f_scale=3.0,
+            found = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
+                                  ftol=COST_TOLERANCE[final], loss="linear" if final else "soft_l1", f_scale=3.0,
                                   x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)), max_nfev=30)  # fmt: skip
             x = found.x
 
-    def _nearer(self, start: Array, low: Array, high: Array) -> Array:
-        """A start whose curve is near to the points, if that of the given one is not.
+    def _approach(self, start: Array, low: Array, high: Array) -> Array:
+        """Return a start whose curve is close to the points, found from the given one if necessary.
 
-        Least squares of the distances in frequency and amplitude, which have no jumps; points far off count less.
+        The distances in frequency and amplitude are minimized, because they are continuous functions of the values.
+        Distant points have a reduced weight.
         """
         from scipy.optimize import least_squares
 
         first = self.at(start)
-        if first is None or _cost(first) / (len(self.data) + len(self.data.jumps)) < _NEAR:
+        if first is None or _cost(first) / (len(self.data) + len(self.data.jumps)) < POOR_MEAN_SQUARE:
             return start
         worst = np.full(len(self.data) + len(self.data.jumps), 100.0)
 
@@ -371,7 +419,7 @@ class _Search:
 
         def jacobian(x: Array) -> Array:
             now = self.at(x)
-            return np.zeros((len(worst), len(x))) if now is None else now.distances_moved
+            return np.zeros((len(worst), len(x))) if now is None else now.distance_jacobian
 
         found = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
                               x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
@@ -379,25 +427,28 @@ class _Search:
         return x
 
     def _check_unit(self) -> None:
-        """Refuse amplitudes that are orders of magnitude off."""
+        """Raise an error if measured and computed amplitudes differ by orders of magnitude."""
         assert self.best is not None
         known = np.isfinite(self.best.amplitudes)
         if not known.any():
             return
         ratio = float(np.median(self.data.amplitude[known] / self.best.amplitudes[known]))
-        if not 1 / _APART < ratio < _APART:
+        if not 1 / UNIT_ERROR_RATIO < ratio < UNIT_ERROR_RATIO:
             unit = self.data.length or "the model's unit of length"
             raise ValueError(
-                f"the measured amplitudes are {ratio:.2g} times those of the model: they are hardly in {unit}; give "
-                "the right one by length='um', say, or the measure they are of"
+                f"the measured amplitudes are {ratio:.2g} times those of the model: the unit is probably not {unit}; "
+                "give the unit, such as length='um', or the measure of the amplitudes"
             )
 
 
-_ENOUGH = {False: 1e-3, True: 1e-5}
-"""Relative change of the values at which a search ends, and the final one."""
+VALUE_TOLERANCE = {False: 1e-3, True: 1e-5}
+"""Relative change of the values at which the first (False) and the final (True) minimization stop."""
 
-_SPENT = {False: 1e-2, True: 3e-4}
-"""The same of the sum of squares: the final one ends a tenth of a standard error or so from the least of 50 numbers."""
+COST_TOLERANCE = {False: 1e-2, True: 3e-4}
+"""Relative change of the sum of squares at which the first (False) and the final (True) minimization stop.
+
+With 50 numbers the final one stops about a tenth of a standard error from the minimum.
+"""
 
 
 def _cost(now: Prediction) -> float:
@@ -407,13 +458,16 @@ def _cost(now: Prediction) -> float:
 
 @dataclass
 class _Estimate:
-    """Values and covariance to first order, mean square, what the sum rises by for one standard error, and `reach`."""
+    """Values, first-order covariance, mean square and profile errors.
+
+    ``unit`` is the increase of the sum of squares for one standard error.
+    """
 
     x: Array
     covariance: Array
     mean_square: float
     unit: float
-    reach: Array
+    profile_errors: Array
     doubts: list[str]
 
 
@@ -437,72 +491,72 @@ def _result(
     first = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(first, first)
-    errors = np.fmax(first, estimate.reach)
-    doubts = [*estimate.doubts, *_alike(names, correlation), *_of_data(best, estimate.mean_square)]
-    doubts += [*_loose(names, first, errors), *_at_bounds(names, x, low, high)]
+    errors = np.fmax(first, estimate.profile_errors)
+    doubts = [*estimate.doubts, *_correlated(names, correlation), *_data_warnings(best, estimate.mean_square)]
+    doubts += [*_one_sided(names, first, errors), *_at_bounds(names, x, low, high)]
     count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
         problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
         correlation, data, best.curve, best.amplitudes, best.residuals(best.deviation)[:count],
-        tuple(place.kind for place in best.places), best.jump_frequencies, estimate.mean_square, followed,
+        tuple(reference.kind for reference in best.references), best.jump_frequencies, estimate.mean_square, followed,
         search.evaluations, tuple(doubts), ending.status, ending.message_with_advice,
     )  # fmt: skip
 
 
-def _loose(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:
-    """Parameters that the data hardly bound to one side."""
+def _one_sided(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:
+    """Yield a warning for each parameter for which the sum of squares increases only slightly to one side."""
     for name, linear, error in zip(names, first, errors, strict=True):
-        if error > 0.99 * MOST * linear:
-            yield f"{name} may be farther off than its error says: the sum of squares hardly rises to one side"
+        if error > 0.99 * MAX_END_RATIO * linear:
+            yield f"{name} may have a larger error than stated: the sum of squares increases only slightly to one side"
 
 
 def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
-    """(J^T J)^-1, nan of what the data do not determine, and which that is in words."""
+    """Return (J^T J)^-1, nan where the data determine nothing, and warnings."""
     doubts = []
     size = np.linalg.norm(J, axis=0)
-    nothing = size <= _NOTHING
+    without_effect = size <= MIN_EFFECT
     out = np.full((len(names), len(names)), math.nan)
-    doubts += [f"{name} has no effect on the data" for name, none in zip(names, nothing, strict=True) if none]
-    felt = np.flatnonzero(~nothing)
-    if not felt.size:
+    doubts += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
+    effective = np.flatnonzero(~without_effect)
+    if not effective.size:
         return out, doubts
-    s, vt = np.linalg.svd(J[:, felt] / size[felt], full_matrices=False)[1:]
-    flat = s <= 1e-7 * s[0]
-    if flat.any():
-        together = felt[np.abs(vt[flat]).max(axis=0) > 0.1]
-        doubts.append(f"{', '.join(names[i] for i in together)} cannot be told apart by these data")
-    inverse = (vt[~flat].T / s[~flat] ** 2) @ vt[~flat]
-    lost = np.abs(vt[flat]).max(axis=0, initial=0.0) > 0.1
+    s, vt = np.linalg.svd(J[:, effective] / size[effective], full_matrices=False)[1:]
+    undetermined = s <= 1e-7 * s[0]
+    if undetermined.any():
+        combined = effective[np.abs(vt[undetermined]).max(axis=0) > 0.1]
+        doubts.append(f"{', '.join(names[i] for i in combined)} cannot be distinguished with these data")
+    inverse = (vt[~undetermined].T / s[~undetermined] ** 2) @ vt[~undetermined]
+    lost = np.abs(vt[undetermined]).max(axis=0, initial=0.0) > 0.1
     inverse[lost, :] = inverse[:, lost] = math.nan
-    out[np.ix_(felt, felt)] = inverse / np.outer(size[felt], size[felt])
+    out[np.ix_(effective, effective)] = inverse / np.outer(size[effective], size[effective])
     return out, doubts
 
 
-def _alike(names: tuple[str, ...], correlation: Array) -> Iterator[str]:
-    """Pairs that the data hardly tell apart."""
+def _correlated(names: tuple[str, ...], correlation: Array) -> Iterator[str]:
+    """Yield a warning for each pair of parameters with a high correlation."""
     for i, j in combinations(range(len(names)), 2):
-        if abs(correlation[i, j]) > _ALIKE:
-            yield f"{names[i]} and {names[j]} can hardly be told apart: their correlation is {correlation[i, j]:+.4f}"
+        if abs(correlation[i, j]) > HIGH_CORRELATION:
+            yield f"{names[i]} and {names[j]} can barely be distinguished: correlation {correlation[i, j]:+.4f}"
 
 
-def _of_data(best: Prediction, mean_square: float) -> Iterator[str]:
-    """Data that the curve does not reach, and a fit that is worse than the noise."""
-    kinds = [place.kind for place in best.places]
-    for kind, text in _KINDS.items():
+def _data_warnings(best: Prediction, mean_square: float) -> Iterator[str]:
+    """Yield warnings about points that the curve does not reach and about residuals above the noise."""
+    kinds = [reference.kind for reference in best.references]
+    for kind, text in KIND_TEXTS.items():
         if count := kinds.count(kind):
             yield f"{count} of {len(kinds)} points {text}"
     for (frequency, direction, _), found in zip(best.data.jumps, best.jump_frequencies.tolist(), strict=True):
         if math.isnan(found):
-            way = "rises" if direction > 0 else "falls"
-            yield f"the model has no jump like the one measured at {frequency:.6g} while the frequency {way}"
-    if not best.data.assumed and mean_square > _GOOD:
+            change = "rises" if direction > 0 else "falls"
+            yield f"the model has no jump like the one measured at {frequency:.6g} while the frequency {change}"
+    if not best.data.assumed and mean_square > ACCEPTED_MEAN_SQUARE:
         yield f"the residuals are {math.sqrt(mean_square):.2g} times the deviations of the data"
 
 
-_KINDS = {
-    "unreached": "are where no stable motion of the curve is",
-    "end": "lie beyond the end of the part of the curve that the sweep is on",
-    "other": "are on another motion than the model's sweep",
+KIND_TEXTS = {
+    "unreached": "are at frequencies without a stable motion of the curve",
+    "end": "are beyond the end of the stable segment of their sweep",
+    "other": "are on another motion than the sweep of the model",
 }
 
 

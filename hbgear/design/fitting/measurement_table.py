@@ -62,11 +62,14 @@ def read_measurements(
 
     Parameters
     ----------
-    path : of the file.
-    columns : what its columns are called: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``;
-        other columns are left out then. By default they have these names, or usual ones such as ``n`` and ``dte``.
-    settings : unit, length, measure, element and, without a column, direction of `Measurements`. ``unit`` and
-        ``scaled_norm`` hold for columns whose headings state no unit.
+    path : path-like
+        Of the file.
+    columns : mapping of str to str or None, optional
+        What its columns are called: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``; other
+        columns are left out then. By default they have these names, or usual ones such as ``n`` and ``dte``.
+    settings : object
+        Unit, length, measure, element and, without a column, direction of `Measurements`. ``unit`` and ``scaled_norm``
+        hold for columns whose headings state no unit.
 
     Raises
     ------

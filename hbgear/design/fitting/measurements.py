@@ -33,17 +33,26 @@ class Measurements:
 
     Parameters
     ----------
-    frequency : (N,) in ``unit``.
-    amplitude : (N,) of an element, by ``measure``; in the model's unit of length, or in ``scaled_norm`` if that is
+    frequency : array_like, shape (N,)
+        In ``unit``.
+    amplitude : array_like, shape (N,)
+        Of an element, by ``measure``; in the model's unit of length, or in ``scaled_norm`` if that is.
     given.
-    direction : (N,) or one number: +1 while the frequency rises, -1 while it falls.
-    deviation : (N,) or one number, standard deviations of the amplitudes; by default 1 % of each.
-    jumps : frequencies at which the sweeps jumped, as ``(frequency, direction)`` or with its standard deviation,
-        by default .1 %.
-    unit : one of "Omega", "mesh Hz", "pinion r/min".
-    length : unit of the amplitudes, such as "um"; "" for that of the model.
-    measure, element : as of `Branch.amplitude`.
-    assumed : whether no deviations were given.
+    direction : array_like, shape (N,), default 1
+        Or one number: +1 while the frequency rises, -1 while it falls.
+    deviation : array_like, shape (N,), optional
+        Or one number, standard deviations of the amplitudes; by default 1 % of each.
+    jumps : sequence of Any, optional
+        Frequencies at which the sweeps jumped, as ``(frequency, direction)`` or with its standard deviation, by default
+        .1 %.
+    unit : str, default "Omega"
+        One of "Omega", "mesh Hz", "pinion r/min".
+    length : str, default ""
+        Unit of the amplitudes, such as "um"; "" for that of the model.
+    measure, element : str, optional
+        As of `Branch.amplitude`.
+    assumed : bool, optional
+        Whether no deviations were given.
 
     Raises
     ------
@@ -118,7 +127,8 @@ class Measurements:
 
         Parameters
         ----------
-        known : units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
+        known : mapping of str to float
+            Units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
 
         Raises
         ------
@@ -134,8 +144,10 @@ class Measurements:
 
         Parameters
         ----------
-        known : units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
-        amplitude : unit of the amplitudes of its curves, such as "um"; "1" or "" if they are over its unit of length.
+        known : mapping of str to float
+            Units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
+        amplitude : str, default ""
+            Unit of the amplitudes of its curves, such as "um"; "1" or "" if they are over its unit of length.
 
         Raises
         ------

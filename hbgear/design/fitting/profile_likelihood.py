@@ -1,12 +1,12 @@
-"""How far measurements let each parameter go: standard errors of a likelihood, at the price of two curves for each.
+"""Standard errors of a profile likelihood, estimated from two additional curves for each parameter.
 
-    S(a) = sum_i r_i^2,    S_j(x) = min of S over the other parameters, a_j = x held,    S_j(x) <= S(a*) + 4
+    S(a) = sum_i r_i^2,    S_j(x) = min of S over the other parameters at a_j = x,    S_j(x) <= S(a*) + 4
 
-are the values of a_j within two standard errors of the estimate a*. If r is linear in a, S_j is a parabola, and the
-ends are a*_j -+ 2 s_j with s_j^2 = C_jj, the others at a* -+ 2 C_j / s_j. It is not beside folds, where amplitudes bend
-like the root of the distance and points leave the part of the curve they are on: there S rises far more to one side
-than to the other. So a curve is traced at both of these ends. With the rise q of S, the others readjusted by the linear
-model, the parabola through it ends at
+The inequality holds for values of a_j within two standard errors of the estimate a*. If r is linear in a, S_j is a
+parabola with the ends a*_j -+ 2 s_j, s_j^2 = C_jj, and the parameters there are a* -+ 2 C_j / s_j. Close to folds S_j
+is not a parabola: amplitudes change like the square root of the distance, and points leave the stable segment of their
+sweep. S then increases much more to one side than to the other. Therefore a curve is traced at both ends. With the
+increase q of S, minimized over the other parameters by the linear model, the parabola through this point has the ends
 
     a*_j -+ 2 s_j (4 / q)^1/2
 
@@ -29,48 +29,58 @@ from hbgear.common.arrays import Array
 from hbgear.design.fitting.sweep_prediction import Prediction
 
 SIGMAS = 2.0
-"""Standard errors from the estimate at which the sum of squares is looked at."""
+"""Distance from the estimate at which the sum of squares is evaluated, in standard errors."""
 
-MOST = 3.0
-"""An end is put at most so many times as far off as the linear model puts it."""
+MAX_END_RATIO = 3.0
+"""Largest ratio of the distance of an end to the distance in the linear model."""
 
-_LEAST = 0.1  # standard errors to a bound from which it is worth looking
+MIN_BOUND_DISTANCE = 0.1
+"""Smallest distance from the estimate to a bound, in standard errors, at which a curve is traced."""
 
 
 def profile_interval(
     best: Prediction, at: Callable[[Array], Prediction | None], x: Array, covariance: Array, unit: float, low: Array,
     high: Array,
 ) -> Array:  # fmt: skip
-    """Standard errors (A,) to the side to which the sum of squares rises more slowly; nan where nothing can be traced.
+    """Return standard errors (A,) for the side with the slower increase of the sum of squares.
+
+    An error is nan if no curve can be traced.
 
     Parameters
     ----------
-    best, x : the estimate (A,), and what the model says with it.
-    at : the same with other values; None where the model has no response.
-    covariance : (A, A) to first order, nan where there is none.
-    unit : what the sum of squares rises by for one standard error: 1, or its mean where no deviations are known.
-    low, high : (A,) bounds.
+    best : Prediction
+        Prediction with the estimate.
+    at : callable
+        Function that returns the prediction with other values, or None if the model has no response.
+    x : ndarray, shape (A,)
+        Estimate.
+    covariance : ndarray, shape (A, A)
+        First-order covariance; nan where it is not determined.
+    unit : float
+        Increase of the sum of squares for one standard error: 1, or the mean square if no deviations are given.
+    low, high : ndarray, shape (A,)
+        Bounds.
     """
     s = best.deviation
-    J, least = best.information(s), float(np.square(best.residuals(s)).sum())
+    J, minimum = best.information(s), float(np.square(best.residuals(s)).sum())
     out = np.full(len(x), math.nan)
     known = np.flatnonzero(np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0))
     for j in known:
         error = math.sqrt(covariance[j, j])
-        way = np.where(np.isfinite(covariance[:, j]), covariance[:, j], 0.0) / error
+        direction = np.where(np.isfinite(covariance[:, j]), covariance[:, j], 0.0) / error
         others = [k for k in known if k != j]
         for side in (-1, 1):
-            there = np.clip(x + side * SIGMAS * way, low, high)
-            t = abs(there[j] - x[j]) / error
-            now = at(there) if t > _LEAST else None
+            shifted = np.clip(x + side * SIGMAS * direction, low, high)
+            t = abs(shifted[j] - x[j]) / error
+            now = at(shifted) if t > MIN_BOUND_DISTANCE else None
             if now is not None:
-                rise = max(_least(now.residuals(s), J[:, others]) - least, unit * (t / MOST) ** 2)
+                rise = max(_minimized_sum(now.residuals(s), J[:, others]) - minimum, unit * (t / MAX_END_RATIO) ** 2)
                 out[j] = np.fmax(out[j], error * t * math.sqrt(unit / rise))
     return out
 
 
-def _least(r: Array, J: Array) -> float:
-    """The sum of squares after a step of Gauss and Newton."""
+def _minimized_sum(r: Array, J: Array) -> float:
+    """Return the sum of squares after one Gauss-Newton step."""
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     if J.size:
         r = r - J @ np.linalg.lstsq(J, r, rcond=1e-9)[0]

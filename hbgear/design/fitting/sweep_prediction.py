@@ -1,11 +1,12 @@
-"""What a model says of measured sweeps, with derivatives: the motion that the sweep is on at each measured frequency.
+"""Predicted amplitudes of measured sweeps and their derivatives: the periodic motion of the sweep at each frequency.
 
     d_i = A(X(Omega_i, a)),   dd_i/da = A_X (X_a + X_Omega dOmega_i/da),   Omega_i = f_i / s(a)
 
-Which of several motions a sweep is on is told by its jumps. Where the measured amplitude is far from that motion and
-close to another one, or to the end of the stable part that the sweep came from, that is taken instead: a sweep that
-jumped a little earlier or later than the model's says nothing of the motion it did not jump to. A point beyond the end
-of its part is held against that end, and the distance in frequency counts as well; so it pulls at the jump.
+The jumps of a sweep determine its motion where several stable motions exist. Another stable motion, or the end of the
+stable segment from which the sweep came, replaces it if the measured amplitude is far from the motion of the sweep and
+close to the other one. The reason is that a sweep that jumped slightly earlier or later than the sweep of the model
+contains no information about the motion that it left or did not reach. A point beyond the end of its segment is
+compared with this end, and the distance in frequency is a residual as well, so that the point attracts the jump.
 """
 
 from __future__ import annotations
@@ -27,25 +28,34 @@ from hbgear.continuation.results.stability import is_stable
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.fitting.measurements import Measurements
-from hbgear.design.studies.sweep_statistics import stable_parts, swept
+from hbgear.design.studies.sweep_statistics import stable_segments, sweep_response
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 SWEPT, OTHER, END, UNREACHED = "swept", "other", "end", "unreached"
-"""What a measured point is held against: the motion of the sweep, another stable one, the end of the part that the
-sweep came from, or nothing that is stable."""
+"""Kinds of the motion with which a measured point is compared.
 
-_FAR, _CLOSER = 5.0, 0.8  # deviations from which another motion is looked at, and the share of them it must lie within
+They are the motion of the sweep, another stable motion, the end of the stable segment of the sweep, or none."""
 
-_BEYOND = 0.15  # relative distance in frequency up to which the end of a part stands for a point beyond it
+SWITCH_DEVIATIONS = 5.0
+"""Distance of an amplitude from the motion of the sweep, in deviations, above which another motion is considered."""
 
-_OMEGA = 1e-3  # relative deviation of frequencies of points beyond the end of their part
+SWITCH_RATIO = 0.8
+"""Largest ratio of the distances to another motion and to the motion of the sweep for which the former is used."""
 
-_MISSING = 0.1  # relative distance of a jump that the model does not have
+MAX_END_DISTANCE = 0.15
+"""Largest relative distance in frequency between the end of a segment and a point that is compared with it."""
 
+FREQUENCY_DEVIATION = 1e-3
+"""Relative deviation of the frequencies of points beyond the end of their segment."""
 
-_PLACES = 6  # of the fraction of a row, so that what both sweeps pass is solved for once
+MISSING_JUMP_DISTANCE = 0.1
+"""Relative distance in frequency that is assumed for a jump that the model does not have."""
 
-_ROUGH = 0.03  # relative deviation of frequencies and amplitudes that are looked at from afar
+POSITION_DECIMALS = 6
+"""Decimals of positions on the curve, so that the motions that both sweeps pass are computed once."""
+
+COARSE_DEVIATION = 0.03
+"""Relative deviation of frequencies and amplitudes in the distances between points and curve."""
 
 
 class NotTraced(ValueError):
@@ -53,28 +63,35 @@ class NotTraced(ValueError):
 
 
 @dataclass(frozen=True)
-class Place:
-    """What a measured point is held against: kind, row of the curve (with its fraction), and the jump that ends it."""
+class Reference:
+    """Motion with which a measured point is compared.
+
+    ``position`` is the index of the point on the curve with its fraction; ``jump`` is the jump at the end of a segment.
+    """
 
     kind: str
-    row: float = math.nan
+    position: float = math.nan
     jump: Jump | None = None
 
 
 class Prediction:
-    """The response of a model with given values of some parameters, held against measurements.
+    """Response of a model with given values of some parameters, compared with measurements.
 
     Parameters
     ----------
-    problem : of the model.
-    data : the measurements.
-    values : of the parameters that are sought.
-    span : of the trace.
+    problem : HarmonicBalance
+        Problem of the model.
+    data : Measurements
+        The measurements.
+    values : mapping of str to float
+        Values of the parameters to estimate.
+    span : tuple[float, float]
+        Span of Omega of the trace.
 
     Raises
     ------
     NotTraced
-        If there is no curve over the span.
+        If no complete curve over the span can be traced.
     """
 
     def __init__(
@@ -87,19 +104,19 @@ class Prediction:
             self.units = units_at(self.problem, {**model.entries, **self.here}, self.names)
             self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None, cover=False)
         except (NoConvergence, ValueError) as error:
-            raise NotTraced(f"no response at {_told(values)}: {error}") from error
+            raise NotTraced(f"no response at {_values_text(values)}: {error}") from error
         if not len(self.curve) or self.curve.multipliers is None or not self.curve.status.complete:
-            raise NotTraced(f"no response at {_told(values)}: {self.curve.message}")
+            raise NotTraced(f"no response at {_values_text(values)}: {self.curve.message}")
 
-    # ---- frequencies and places
+    # ---- frequencies and positions
 
     @cached_property
     def Omega(self) -> Array:
-        """(N,) of the measured points."""
+        """Values of Omega (N,) of the measured points."""
         return np.asarray(self.data.frequency / self._unit(self.data.unit)[0])
 
     def _unit(self, name: str) -> tuple[float, Array]:
-        """The unit of frequencies or "m", in the model's, and its derivatives."""
+        """Return a unit of frequency, or `LENGTH`, in the unit of the model, and its derivatives."""
         own, moved = self.units
         if name not in own and name == "Omega":
             return 1.0, np.zeros(len(self.names))
@@ -107,40 +124,40 @@ class Prediction:
 
     @cached_property
     def length(self) -> tuple[float, Array]:
-        """The model's unit of length in that of the data, and its derivatives."""
+        """Unit of length of the model in the unit of the data, and its derivatives."""
         return self._unit(LENGTH) if self.data.length else (1.0, np.zeros(len(self.names)))
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
-        """Of slow sweeps of the curve."""
+        """Jumps of slow sweeps of the curve."""
         return tuple(jump for jump in self.curve.jumps() if jump.parameter == "Omega")
 
     @cached_property
-    def places(self) -> list[Place]:
-        """What each measured point is held against."""
+    def references(self) -> list[Reference]:
+        """Motion with which each measured point is compared."""
         curve, data = self.curve, self.data
         assert curve.multipliers is not None
-        sketch = np.array([curve.values, np.arange(len(curve)), is_stable(curve.multipliers)], dtype=float)
-        amplitude = self.sizes
-        parts = list(stable_parts(sketch))
-        rows = np.full(len(data), math.nan)
+        sampled = np.array([curve.values, np.arange(len(curve)), is_stable(curve.multipliers)], dtype=float)
+        amplitude = self.curve_amplitudes
+        segments = list(stable_segments(sampled))
+        positions = np.full(len(data), math.nan)
         for direction in (1, -1):
             mine = np.flatnonzero(data.directions == direction)
             order = mine[np.argsort(self.Omega[mine])]
-            if order.size and parts:
-                found = [self._leap(jump) for jump in self.jumps if jump.direction == direction]
-                leaps = np.array(found).reshape(-1, 3)
-                rows[order] = swept(sketch, leaps, self.Omega[order], direction)[0]
-        rows = np.round(rows, _PLACES)
-        return [self._place(i, float(rows[i]), parts, amplitude) for i in range(len(data))]
+            if order.size and segments:
+                ends = [self._jump_positions(jump) for jump in self.jumps if jump.direction == direction]
+                jumps = np.array(ends).reshape(-1, 3)
+                positions[order] = sweep_response(sampled, jumps, self.Omega[order], direction)[0]
+        positions = np.round(positions, POSITION_DECIMALS)
+        return [self._reference(i, float(positions[i]), segments, amplitude) for i in range(len(data))]
 
     @cached_property
-    def sizes(self) -> Array:
-        """(P,) amplitudes of the rows of the curve, in the unit of the data."""
+    def curve_amplitudes(self) -> Array:
+        """Amplitudes (P,) of the points of the curve, in the unit of the data."""
         return self.length[0] * self.curve.amplitude(self.data.measure, self.data.element)
 
-    def _leap(self, jump: Jump) -> tuple[float, float, float]:
-        """Omega and the rows a jump leaves and lands at, nan if it lands nowhere."""
+    def _jump_positions(self, jump: Jump) -> tuple[float, float, float]:
+        """Return Omega and the positions on the curve before and after a jump; nan without a known landing."""
         after = jump.after
         if after is None:
             return jump.value, math.nan, math.nan
@@ -148,50 +165,52 @@ class Prediction:
         to = min(near, key=lambda place: norm(place.interpolate(self.curve.X) - self.problem.from_point(after)))
         return jump.value, math.nan, to.index + to.fraction
 
-    def _place(self, i: int, row: float, parts: Sequence[tuple[Array, Array]], amplitude: Array) -> Place:
+    def _reference(
+        self, i: int, position: float, segments: Sequence[tuple[Array, Array]], amplitude: Array
+    ) -> Reference:
         Omega, measured = float(self.Omega[i]), float(self.data.amplitude[i])
         deviation, direction = float(self.data.deviation[i]), int(self.data.directions[i])
 
-        def off(at: float) -> float:
+        def distance(at: float) -> float:
             return abs(float(np.interp(at, np.arange(len(amplitude)), amplitude)) - measured) / deviation
 
-        options: list[tuple[float, Place]] = []
-        for x, y in parts:
+        options: list[tuple[float, Reference]] = []
+        for x, y in segments:
             if x[0] <= Omega <= x[-1]:
-                at = round(float(np.interp(Omega, x, y)), _PLACES)
-                options.append((off(at), Place(OTHER, at)))
+                at = round(float(np.interp(Omega, x, y)), POSITION_DECIMALS)
+                options.append((distance(at), Reference(OTHER, at)))
         for jump in self.jumps:
             beyond = (Omega - jump.value) * direction
-            if jump.direction == direction and 0 < beyond <= _BEYOND * Omega:
+            if jump.direction == direction and 0 < beyond <= MAX_END_DISTANCE * Omega:
                 size = self.length[0] * jump.before.amplitude(self.data.measure, self.data.element)
-                apart = math.hypot((size - measured) / deviation, soft(beyond / (_OMEGA * Omega))[0])
-                options.append((apart, Place(END, jump=jump)))
-        own = off(row) if math.isfinite(row) else math.inf
-        best, place = min(options, key=lambda option: option[0], default=(math.inf, Place(UNREACHED)))
-        if own <= _FAR or best > _CLOSER * own or place.row == row:
-            place = Place(SWEPT, row) if math.isfinite(row) else place
-        if place.kind != UNREACHED or not (near := crossings_at(self.curve, Omega)):
-            return place
-        return Place(UNREACHED, min((p.index + p.fraction for p in near), key=off))
+                residual = soft_residual(beyond / (FREQUENCY_DEVIATION * Omega))[0]
+                options.append((math.hypot((size - measured) / deviation, residual), Reference(END, jump=jump)))
+        own = distance(position) if math.isfinite(position) else math.inf
+        best, reference = min(options, key=lambda option: option[0], default=(math.inf, Reference(UNREACHED)))
+        if own <= SWITCH_DEVIATIONS or best > SWITCH_RATIO * own or reference.position == position:
+            reference = Reference(SWEPT, position) if math.isfinite(position) else reference
+        if reference.kind != UNREACHED or not (near := crossings_at(self.curve, Omega)):
+            return reference
+        return Reference(UNREACHED, min((p.index + p.fraction for p in near), key=distance))
 
-    # ---- numbers
+    # ---- residuals and derivatives
 
     @cached_property
     def motions(self) -> list[tuple[Array, dict[str, float]] | None]:
-        """Unknowns and parameters of the motion each measured point is held against; None if there is none."""
+        """Unknowns and parameters of the motion with which each point is compared; None without one."""
         found: list[tuple[Array, dict[str, float]] | None] = []
         known: dict[tuple[float, float], tuple[Array, dict[str, float]] | None] = {}
-        for Omega, place in zip(self.Omega.tolist(), self.places, strict=True):
-            key = (Omega, place.row)
+        for Omega, reference in zip(self.Omega.tolist(), self.references, strict=True):
+            key = (Omega, reference.position)
             if key not in known:
-                known[key] = None if math.isnan(place.row) else self._solved(place.row, Omega)
+                known[key] = None if math.isnan(reference.position) else self._solved(reference.position, Omega)
             found.append(known[key])
         return found
 
-    def _solved(self, row: float, Omega: float) -> tuple[Array, dict[str, float]] | None:
-        i = min(int(row), len(self.curve) - 2)
+    def _solved(self, position: float, Omega: float) -> tuple[Array, dict[str, float]] | None:
+        i = min(int(position), len(self.curve) - 2)
         here = {**self.here, "Omega": Omega}
-        guess = (1 - (row - i)) * self.curve.X[i] + (row - i) * self.curve.X[i + 1]
+        guess = (1 - (position - i)) * self.curve.X[i] + (position - i) * self.curve.X[i + 1]
         try:
             return solve(self.problem, guess, here, "Omega").X, here
         except NoConvergence:
@@ -199,124 +218,133 @@ class Prediction:
 
     @cached_property
     def amplitudes(self) -> Array:
-        """(N,) in the unit of the data; nan where there is no motion."""
+        """Amplitudes (N,) in the unit of the data; nan without a motion."""
         out = np.full(len(self.data), math.nan)
         layout, data = self.problem.layout, self.data
         some = [i for i, motion in enumerate(self.motions) if motion is not None]
         if some:
             X = np.array([self.motions[i][0] for i in some])  # type: ignore[index]
             out[some] = self.length[0] * layout.measure(data.measure, X, data.element)
-        for i, place in enumerate(self.places):
-            if place.jump is not None:
-                out[i] = self.length[0] * place.jump.before.amplitude(data.measure, data.element)
+        for i, reference in enumerate(self.references):
+            if reference.jump is not None:
+                out[i] = self.length[0] * reference.jump.before.amplitude(data.measure, data.element)
         return out
 
     @property
     def reached(self) -> Array:
-        """(N,) whether a stable motion of the curve is where the point was measured."""
-        kinds = [place.kind in (SWEPT, OTHER) for place in self.places]
+        """Boolean array, shape (N,): True where the curve has a stable motion at a measured point."""
+        kinds = [reference.kind in (SWEPT, OTHER) for reference in self.references]
         return np.array(kinds, dtype=bool) & np.isfinite(self.amplitudes)
 
-    def jump_of(self, direction: int, frequency: float) -> Jump | None:
-        """The jump in a direction that is nearest to a measured one."""
+    def nearest_jump(self, direction: int, frequency: float) -> Jump | None:
+        """Return the jump in a direction that is nearest to a measured one."""
         Omega = frequency / self._unit(self.data.unit)[0]
         mine = [jump for jump in self.jumps if jump.direction == direction]
         return min(mine, key=lambda jump: abs(jump.value - Omega), default=None)
 
     @cached_property
     def jump_frequencies(self) -> Array:
-        """(J,) in the unit of the data, nan of those that the model does not have."""
+        """Jump frequencies (J,) in the unit of the data; nan for jumps that the model does not have."""
         unit = self._unit(self.data.unit)[0]
-        found = [self.jump_of(direction, frequency) for frequency, direction, _ in self.data.jumps]
+        found = [self.nearest_jump(direction, frequency) for frequency, direction, _ in self.data.jumps]
         return np.array([math.nan if jump is None else unit * jump.value for jump in found])
 
     @cached_property
     def deviation(self) -> Array:
-        """(N,) of the amplitudes, with what a small error of the frequency makes of them where the curve is steep.
+        """Deviations (N,) of the amplitudes, including the effect of a frequency error where the curve is steep.
 
             s^2 = s_A^2 + (dA/dOmega s_Omega)^2
 
-        Close to a fold an amplitude says where the fold is and hardly anything of its height.
+        Close to a fold an amplitude determines the frequency of the fold and barely its height.
         """
-        curve, data, sizes = self.curve, self.data, self.sizes
+        curve, data, sizes = self.curve, self.data, self.curve_amplitudes
         out = np.array(data.deviation, dtype=float)
-        for i, place in enumerate(self.places):
-            if math.isfinite(place.row):
-                k = min(int(place.row), len(curve) - 2)
-                run = float(curve.values[k + 1] - curve.values[k])
-                steep = float(sizes[k + 1] - sizes[k]) / run if run else math.inf
-                out[i] = math.hypot(out[i], min(abs(steep) * _OMEGA * float(self.Omega[i]), float(data.amplitude[i])))
-            elif place.jump is not None:
-                out[i] = math.hypot(out[i], _ROUGH * float(data.amplitude[i]))
+        for i, reference in enumerate(self.references):
+            if math.isfinite(reference.position):
+                k = min(int(reference.position), len(curve) - 2)
+                step = float(curve.values[k + 1] - curve.values[k])
+                slope = float(sizes[k + 1] - sizes[k]) / step if step else math.inf
+                out[i] = math.hypot(
+                    out[i], min(abs(slope) * FREQUENCY_DEVIATION * float(self.Omega[i]), float(data.amplitude[i]))
+                )
+            elif reference.jump is not None:
+                out[i] = math.hypot(out[i], COARSE_DEVIATION * float(data.amplitude[i]))
         return out
 
     def residuals(self, deviation: Array) -> Array:
-        """(2N + J,) differences over deviations: amplitudes, frequencies of points beyond an end, and jumps."""
+        """Return residuals (2N + J,) in deviations: amplitudes, frequencies of points beyond an end, and jumps."""
         data = self.data
         off = np.nan_to_num((self.amplitudes - data.amplitude) / deviation)
         beyond = np.array([
-            0.0 if place.jump is None else soft((Omega - place.jump.value) / (_OMEGA * Omega))[0]
-            for place, Omega in zip(self.places, self.Omega.tolist(), strict=True)
+            0.0
+            if reference.jump is None
+            else soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[0]
+            for reference, Omega in zip(self.references, self.Omega.tolist(), strict=True)
         ])  # fmt: skip
         at = zip(data.jumps, self.jump_frequencies.tolist(), strict=True)
-        jumps = [_MISSING * f / s if math.isnan(found) else (found - f) / s for (f, _, s), found in at]
+        jumps = [MISSING_JUMP_DISTANCE * f / s if math.isnan(found) else (found - f) / s for (f, _, s), found in at]
         return np.concatenate([off, beyond, jumps])
 
     def jacobian(self, deviation: Array) -> Array:
-        """(2N + J, A) derivatives of `residuals`."""
-        J, count = self._moved.copy(), len(self.data)
+        """Return the derivatives (2N + J, A) of `residuals`."""
+        J, count = self._derivatives.copy(), len(self.data)
         J[:count] /= deviation[:, None]
         return J
 
     def information(self, deviation: Array) -> Array:
-        """The same without points beyond the end of their part.
+        """Return the Jacobian without the points beyond the end of their segment.
 
-        They say that the part should reach them, and nothing any more as soon as it does: a wall to one side.
+        Such a point only requires that the segment reaches it; it contains no further information once it does.
         """
         J, count = self.jacobian(deviation), len(self.data)
-        for i, place in enumerate(self.places):
-            if place.jump is not None:
+        for i, reference in enumerate(self.references):
+            if reference.jump is not None:
                 J[[i, count + i]] = 0.0
         return J
 
     @cached_property
-    def _moved(self) -> Array:
-        """`jacobian` with amplitudes in the unit of the data."""
+    def _derivatives(self) -> Array:
+        """Derivatives of `residuals`, with amplitudes in the unit of the data."""
         data, count = self.data, len(self.data)
         J = np.zeros((2 * count + len(data.jumps), len(self.names)))
         length, moved_length = self.length
         scale, moved_scale = self._unit(data.unit)
         slopes = self._slopes()
-        for i, place in enumerate(self.places):
-            if place.jump is not None:
-                moved = self._of_jump(place.jump)
-                size = place.jump.before.amplitude(data.measure, data.element)
+        for i, reference in enumerate(self.references):
+            if reference.jump is not None:
+                moved = self._jump_derivatives(reference.jump)
+                size = reference.jump.before.amplitude(data.measure, data.element)
                 J[i] = length * moved["size"] + size * moved_length
-                # of 1 - Omega_j / Omega with Omega = f / s
+                # derivative of 1 - Omega_j / Omega with Omega = f / s
                 Omega = float(self.Omega[i])
-                rate = soft((Omega - place.jump.value) / (_OMEGA * Omega))[1] / (_OMEGA * Omega)
-                J[count + i] = -rate * (moved["Omega"] + place.jump.value * moved_scale / scale)
+                rate = soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[1] / (
+                    FREQUENCY_DEVIATION * Omega
+                )
+                J[count + i] = -rate * (moved["Omega"] + reference.jump.value * moved_scale / scale)
             elif i in slopes:
                 J[i] = length * slopes[i] + float(self.amplitudes[i]) / length * moved_length
         for j, (frequency, direction, deviation) in enumerate(data.jumps, 2 * count):
-            jump = self.jump_of(direction, frequency)
+            jump = self.nearest_jump(direction, frequency)
             if jump is not None:
-                J[j] = (scale * self._of_jump(jump)["Omega"] + jump.value * moved_scale) / deviation
+                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * moved_scale) / deviation
         return np.nan_to_num(J)
 
-    # ---- from afar
+    # ---- distances of points and curve
 
     @cached_property
     def _nearest(self) -> tuple[list[int], Array, Array]:
-        """Row of a stable motion that is nearest to each point, and its distances in frequency and amplitude."""
+        """Index of the stable point of the curve nearest to each measured point, and both distances.
+
+        The distances are in frequency and amplitude.
+        """
         curve, data = self.curve, self.data
         assert curve.multipliers is not None
         rows = np.flatnonzero(is_stable(curve.multipliers))
         if not rows.size or not len(data):
             return [], np.zeros(0), np.zeros(0)
-        sizes = self.sizes[rows]
-        wide = np.maximum(data.deviation, _ROUGH * data.amplitude)
-        ahead = (curve.values[rows] - self.Omega[:, None]) / (_ROUGH * self.Omega[:, None])
+        sizes = self.curve_amplitudes[rows]
+        wide = np.maximum(data.deviation, COARSE_DEVIATION * data.amplitude)
+        ahead = (curve.values[rows] - self.Omega[:, None]) / (COARSE_DEVIATION * self.Omega[:, None])
         above = (sizes - data.amplitude[:, None]) / wide[:, None]
         near = np.argmin(np.hypot(ahead, above), axis=1)
         each = np.arange(len(data))
@@ -324,22 +352,26 @@ class Prediction:
 
     @cached_property
     def distances(self) -> Array:
-        """Distances (N + J,) of the points to the stable parts of the curve, and of its jumps to those measured.
+        """Distances (N + J,) of the points from the stable segments and of the jumps from the measured ones.
 
-        In frequency and amplitude at once, both relative: what is far off is told by its direction, and a resonance at
-        another frequency attracts the points of the measured one.
+        Frequency and amplitude are both relative. The distance has a gradient for distant points too, so that a
+        resonance at another frequency is moved to the measured points.
         """
         _, ahead, above = self._nearest
         unit = self._unit(self.data.unit)[0]
         jumps = []
         for frequency, direction, _ in self.data.jumps:
-            jump = self.jump_of(direction, frequency)
-            jumps.append(_MISSING / _ROUGH if jump is None else (unit * jump.value / frequency - 1.0) / _ROUGH)
+            jump = self.nearest_jump(direction, frequency)
+            jumps.append(
+                MISSING_JUMP_DISTANCE / COARSE_DEVIATION
+                if jump is None
+                else (unit * jump.value / frequency - 1.0) / COARSE_DEVIATION
+            )
         return np.concatenate([np.hypot(ahead, above), jumps])
 
     @cached_property
-    def distances_moved(self) -> Array:
-        """(N + J, A) derivatives of `distances`."""
+    def distance_jacobian(self) -> Array:
+        """Derivatives (N + J, A) of `distances`."""
         curve, data = self.curve, self.data
         (length, moved_length), (scale, moved_scale) = self.length, self._unit(data.unit)
         rows, ahead, above = self._nearest
@@ -347,28 +379,33 @@ class Prediction:
         J = np.zeros((len(self.distances), len(self.names)))
         for i, row in enumerate(rows):
             if row in slopes and self.distances[i]:
-                wide = max(data.deviation[i], _ROUGH * data.amplitude[i])
-                moved = (length * slopes[row] + self.sizes[row] / length * moved_length) / wide
-                along = curve.values[row] * moved_scale / (scale * _ROUGH * self.Omega[i])
+                wide = max(data.deviation[i], COARSE_DEVIATION * data.amplitude[i])
+                moved = (length * slopes[row] + self.curve_amplitudes[row] / length * moved_length) / wide
+                along = curve.values[row] * moved_scale / (scale * COARSE_DEVIATION * self.Omega[i])
                 J[i] = (above[i] * moved + ahead[i] * along) / self.distances[i]
         for j, (frequency, direction, _) in enumerate(data.jumps, len(rows)):
-            jump = self.jump_of(direction, frequency)
+            jump = self.nearest_jump(direction, frequency)
             if jump is not None:
-                J[j] = (scale * self._of_jump(jump)["Omega"] + jump.value * moved_scale) / (_ROUGH * frequency)
+                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * moved_scale) / (
+                    COARSE_DEVIATION * frequency
+                )
         return np.nan_to_num(J)
 
     def _slopes_at(self, rows: Sequence[int]) -> dict[int, Array]:
-        """Derivatives of the amplitudes of rows of the curve, at their frequencies, in the model's unit."""
+        """Return derivatives of the amplitudes of points of the curve at constant frequency.
+
+        They are in the unit of the model.
+        """
         if not rows:
             return {}
         X, (known, along) = (
             self.curve.X[list(rows)],
-            self._displaced(self.curve.X[list(rows)], self.curve.values[list(rows)]),
+            self._solution_derivatives(self.curve.X[list(rows)], self.curve.values[list(rows)]),
         )
         return dict(zip((rows[i] for i in known), self._measured_along(X[known], along), strict=True))
 
-    def _displaced(self, X: Array, Omega: Array) -> tuple[list[int], Array]:
-        """Derivatives (P, A, n) of motions at held frequencies, and which of them have some: all but folds."""
+    def _solution_derivatives(self, X: Array, Omega: Array) -> tuple[list[int], Array]:
+        """Return the indices of motions with finite derivatives (all but folds) and the derivatives (P, A, n)."""
         here = {**self.problem.model.entries, **self.here}
         moved = np.stack([self.problem.parameter_derivatives(X, Omega, name, here) for name in self.names], axis=1)
         known, found = [], []
@@ -379,53 +416,55 @@ class Prediction:
                 found.append(along)
         return known, np.array(found).reshape(len(known), *moved.shape[1:])
 
-    def _of_jump(self, jump: Jump) -> dict[str, Array]:
-        """Derivatives of its frequency and of the amplitude before it."""
-        if jump.label not in self._jumps_moved:
+    def _jump_derivatives(self, jump: Jump) -> dict[str, Array]:
+        """Return the derivatives of the frequency of a jump and of the amplitude before it."""
+        if jump.label not in self._known_jump_derivatives:
             try:
                 found = sensitivity(jump.before, self.names, measure=self.data.measure, element=self.data.element)
                 moved = {"Omega": found.slopes[0], "size": np.array(list(found.of(self.data.measure).values()))}
             except (ValueError, NoConvergence, np.linalg.LinAlgError):
                 moved = {"Omega": np.zeros(len(self.names)), "size": np.zeros(len(self.names))}
-            self._jumps_moved[jump.label] = moved
-        return self._jumps_moved[jump.label]
+            self._known_jump_derivatives[jump.label] = moved
+        return self._known_jump_derivatives[jump.label]
 
     @cached_property
-    def _jumps_moved(self) -> dict[str, dict[str, Array]]:
+    def _known_jump_derivatives(self) -> dict[str, dict[str, Array]]:
         return {}
 
     def _slopes(self) -> dict[int, Array]:
-        """Derivatives of amplitudes in the model's unit, by number of the point."""
+        """Return derivatives of the amplitudes in the unit of the model, by index of the measured point."""
         scale, moved_scale = self._unit(self.data.unit)
         place: dict[tuple[float, float], int] = {}
-        for i, (motion, where) in enumerate(zip(self.motions, self.places, strict=True)):
-            if motion is not None and where.kind != END:
-                place.setdefault((float(self.Omega[i]), where.row), i)
+        for i, (motion, reference) in enumerate(zip(self.motions, self.references, strict=True)):
+            if motion is not None and reference.kind != END:
+                place.setdefault((float(self.Omega[i]), reference.position), i)
         some = list(place.values())
         if not some:
             return {}
         X, Omega = np.array([self.motions[i][0] for i in some]), self.Omega[some]  # type: ignore[index]
-        known, along = self._displaced(X, Omega)
+        known, along = self._solution_derivatives(X, Omega)
         if moved_scale.any():
             here = {**self.problem.model.entries, **self.here}
             for X_a, i in zip(along, known, strict=True):
                 t = tangent(self.problem, X[i], {**here, "Omega": float(Omega[i])}, "Omega")
                 X_a -= np.outer(Omega[i] * moved_scale / scale, t)
         found = dict(zip((some[i] for i in known), self._measured_along(X[known], along), strict=True))
-        each = {i: place.get((float(self.Omega[i]), where.row), -1) for i, where in enumerate(self.places)}
+        each = {
+            i: place.get((float(self.Omega[i]), reference.position), -1) for i, reference in enumerate(self.references)
+        }
         return {i: found[first] for i, first in each.items() if first in found}
 
     def _measured_along(self, X: Array, along: Array) -> Array:
-        """Derivatives (P, A) of the measure of motions X (P, n) along directions (P, A, n)."""
+        """Return derivatives (P, A) of the measure of motions X (P, n) in the directions (P, A, n)."""
         return measured_along(self.problem.layout, self.data.measure, self.data.element, X, along)
 
 
-def soft(t: float) -> tuple[float, float]:
-    """A residual that grows like t near zero and like the root of 2 t far away, and its derivative."""
+def soft_residual(t: float) -> tuple[float, float]:
+    """Return a residual that is t near zero and the square root of 2 t for large t, and its derivative."""
     root = math.sqrt(1.0 + t * t)
     r = math.copysign(math.sqrt(2.0) * abs(t) / math.sqrt(root + 1.0), t)
     return r, (t / (root * r) if r else 1.0)
 
 
-def _told(values: Mapping[str, float]) -> str:
+def _values_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())

@@ -21,9 +21,12 @@ class Results:
 
     Parameters
     ----------
-    table : columns by name, one row for each case done.
-    jumps : (J, 5) case, Omega, direction, amplitude before and after.
-    curves : by case, (3, P) Omega, amplitude and stability.
+    table : dict of str to Any
+        Columns by name, one row for each case done.
+    jumps : ndarray, shape (J, 5)
+        Case, Omega, direction, amplitude before and after.
+    curves : dict of int to ndarray
+        By case, (3, P) Omega, amplitude and stability.
     """
 
     table: dict[str, Any]

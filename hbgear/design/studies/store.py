@@ -59,8 +59,10 @@ class Store:
 
     Parameters
     ----------
-    folder : made if it is not there; its parent must be.
-    study : what all cases share, fit for JSON.
+    folder : path-like
+        Made if it is not there; its parent must be.
+    study : mapping of str to Any
+        What all cases share, fit for JSON.
 
     Raises
     ------

@@ -82,10 +82,13 @@ class Work:
 
     Parameters
     ----------
-    compute : some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega),
-        "branch" (all there is to know of the curve, for `Cases.branch`; some hundred kB for each case).
-    critical : parameters whose critical values are sought.
-    harmonics, span, measure, element : as of `HarmonicBalance`, `trace` and `Branch.amplitude`.
+    compute : tuple of str, optional
+        Some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega), "branch"
+        (all there is to know of the curve, for `Cases.branch`; some hundred kB for each case).
+    critical : tuple of str, optional
+        Parameters whose critical values are sought.
+    harmonics, span, measure, element : int, optional
+        As of `HarmonicBalance`, `trace` and `Branch.amplitude`.
     """
 
     compute: tuple[str, ...] = ("peak", "jumps")
@@ -109,14 +112,22 @@ class Cases:
 
     Parameters
     ----------
-    model, work : what was varied from, and what was computed.
-    names : parameters that vary.
-    table : columns by name, one row for each case done: case, the parameters, the numbers, reason, seconds.
-    jumps : (J, 5) case, Omega, direction (+1 while Omega rises), amplitude before, amplitude after (nan if none).
-    curves : by case, (3, P) Omega, amplitude and stability (1 or 0); with "curve" only.
-    total, outcome, message : cases there are, and why the study ended.
-    values : by case, the values that vary, as the model takes them.
-    packed : of a case, the bytes of its branch; see `branch`.
+    model, work : Model
+        What was varied from, and what was computed.
+    names : tuple of str
+        Parameters that vary.
+    table : dict of str to Any
+        Columns by name, one row for each case done: case, the parameters, the numbers, reason, seconds.
+    jumps : ndarray, shape (J, 5)
+        Case, Omega, direction (+1 while Omega rises), amplitude before, amplitude after (nan if none).
+    curves : dict of int to ndarray
+        By case, (3, P) Omega, amplitude and stability (1 or 0); with "curve" only.
+    total, outcome, message : int
+        Cases there are, and why the study ended.
+    values : mapping of int, Mapping[str to Any]
+        By case, the values that vary, as the model takes them.
+    packed : callable
+        Of a case, the bytes of its branch; see `branch`.
 
     Examples
     --------
@@ -228,14 +239,22 @@ def cases(
 
     Parameters
     ----------
-    model : gives the values that do not vary.
-    vary : `grid`, `latin_hypercube`, `monte_carlo` or `saltelli`.
-    compute, critical, harmonics, span, measure, element : see `Work`; the span is the model's by default.
-    store : folder for finished cases; without one nothing is kept when the study is killed.
-    executor : where the cases run (it is not shut down); by default ``processes`` processes, one for each core.
-    retry : compute stored cases that failed once more.
-    most : largest number of cases.
-    progress : called with a `Progress`, such as ``print``.
+    model : Model
+        Gives the values that do not vary.
+    vary : Grid or Sample
+        `grid`, `latin_hypercube`, `monte_carlo` or `saltelli`.
+    compute, critical, harmonics, span, measure, element : tuple of str, optional
+        See `Work`; the span is the model's by default.
+    store : path-like or None, optional
+        Folder for finished cases; without one nothing is kept when the study is killed.
+    executor : Executor or None, optional
+        Where the cases run (it is not shut down); by default ``processes`` processes, one for each core.
+    retry : bool, default False
+        Compute stored cases that failed once more.
+    most : int, optional
+        Largest number of cases.
+    progress : ProgressCallback or None, optional
+        Called with a `Progress`, such as ``print``.
 
     Raises
     ------

@@ -46,8 +46,10 @@ def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
 
     Parameters
     ----------
-    path : of the file.
-    allow_code : whether the file may name a model of its own, FILE.py:NAME or MODULE:NAME, whose code is then run.
+    path : path-like
+        Of the file.
+    allow_code : bool, default False
+        Whether the file may name a model of its own, FILE.py:NAME or MODULE:NAME, whose code is then run.
 
     Raises
     ------

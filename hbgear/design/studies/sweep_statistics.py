@@ -1,8 +1,8 @@
-"""The response of slow sweeps, read off sampled curves: along a stable part to its end, then on where the jump lands.
+"""Responses of slow sweeps from sampled curves: a sweep follows a stable segment to its end and jumps to the next one.
 
     curve (3, P): Omega, amplitude, stable (1 or 0), in the order of the curve;  jumps (J, 5) as in `Cases`
 
-Where a part ends without a jump (its period doubles, for instance) the curve has no stable motion for a while: nan.
+If a segment ends without a jump, for example at a period doubling, the response is nan until the next stable segment.
 """
 
 from __future__ import annotations
@@ -19,13 +19,21 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.design.studies.study import Cases
 
-_NEAR = 0.02
-"""A jump belongs to the end of a stable part if it is no farther from it than this share of the range of Omega."""
+JUMP_TOLERANCE = 0.02
+"""Largest distance between a jump and the end of its stable segment, as a fraction of the range of Omega."""
 
 
 @dataclass(frozen=True, eq=False)
-class Swept:
-    """Of a slow sweep of each case, (cases, Omega): amplitude, nan where there is none, and jumps made by then."""
+class SweepResponses:
+    """Responses of a slow sweep for all cases, shape (cases, Omega).
+
+    Attributes
+    ----------
+    amplitude : ndarray
+        Amplitude; nan without a stable motion.
+    jumped : ndarray
+        Number of jumps up to this frequency.
+    """
 
     amplitude: Array
     jumped: Array
@@ -33,15 +41,22 @@ class Swept:
 
 @dataclass(frozen=True, eq=False)
 class SweepStatistics:
-    """What slow sweeps of many cases have in common, at values of Omega.
+    """Statistics of slow sweeps of many cases at given values of Omega.
 
     Parameters
     ----------
-    Omega : (P,) ascending. quantiles : (Q,) those asked for.
-    rising, falling : (Q, P) quantiles of the amplitude of the sweep in that direction, each that of one of the cases.
-    jumped_rising, jumped_falling : (P,) share of the cases whose sweep has jumped by then.
-    coexisting : (P,) share of the cases that have two or more stable motions there.
-    known : (P,) share of the cases that have a stable motion there at all; the quantiles are those of these.
+    Omega : ndarray, shape (P,)
+        Ascending frequencies.
+    quantiles : ndarray, shape (Q,)
+        Levels of the quantiles.
+    rising, falling : ndarray, shape (Q, P)
+        Quantiles of the amplitude of the sweep in this direction; each is the amplitude of one case.
+    jumped_rising, jumped_falling : ndarray, shape (P,)
+        Fraction of the cases whose sweep has jumped up to this frequency.
+    coexisting : ndarray, shape (P,)
+        Fraction of the cases with at least two stable motions.
+    known : ndarray, shape (P,)
+        Fraction of the cases with a stable motion; the quantiles refer to these cases.
 
     Examples
     --------
@@ -51,8 +66,8 @@ class SweepStatistics:
     ...     found = hb.design.cases(hb.Duffing(), hb.design.grid(F=[0.15, 0.2]), ("jumps", "curve"), harmonics=1,
     ...         span=(0.9, 1.4),
     ...                      executor=here)
-    >>> told = hb.design.sweep_statistics(found)
-    >>> told.rising.shape == told.falling.shape == (3, 200), float(told.coexisting.max())
+    >>> statistics = hb.design.sweep_statistics(found)
+    >>> statistics.rising.shape == statistics.falling.shape == (3, 200), float(statistics.coexisting.max())
     (True, 0.5)
     """
 
@@ -70,21 +85,24 @@ class SweepStatistics:
 def sweep_statistics(
     found: Cases, Omega: Array | None = None, quantiles: Sequence[float] = (0.05, 0.5, 0.95)
 ) -> SweepStatistics:
-    """Quantiles of the response of slow sweeps over many cases, each direction by itself, and chances of jumps.
+    """Compute quantiles of the response of slow sweeps over many cases, for each direction, and probabilities of jumps.
 
-    Across folds a quantile over all motions of a frequency means nothing; that of what a sweep in one direction meets
-    does. Chances are shares of the cases.
+    A quantile over all coexisting motions at a frequency has no meaning; a quantile over the motions of sweeps in one
+    direction has one. Probabilities are fractions of the cases.
 
     Parameters
     ----------
-    found : cases computed with "curve", and with "jumps" so that it is known where they land.
-    Omega : (P,) ascending; 200 values over the span by default.
-    quantiles : between 0 and 1.
+    found : Cases
+        Cases computed with "curve". With "jumps" as well, the landing of each jump is known.
+    Omega : array_like, shape (P,), optional
+        Ascending frequencies. Default: 200 values over the span.
+    quantiles : sequence of float, optional
+        Levels between 0 and 1. Default: 0.05, 0.5 and 0.95.
 
     Raises
     ------
     ValueError
-        If no curve with a stable motion was kept, a quantile is beyond 0 and 1, or Omega does not rise.
+        If no curve with a stable motion is stored, a level is not between 0 and 1, or Omega is not ascending.
 
     Examples
     --------
@@ -100,11 +118,11 @@ def sweep_statistics(
     given = np.linspace(min(found.work.span), max(found.work.span), 200) if Omega is None else np.asarray(Omega, float)
     levels = np.asarray(quantiles, dtype=float)
     if given.ndim != 1 or not given.size or not (np.diff(given) > 0).all():
-        raise ValueError("sweep_statistics: Omega must be values that rise, in one list")
+        raise ValueError("sweep_statistics: Omega must be a list of ascending values")
     if not levels.size or not ((levels >= 0) & (levels <= 1)).all():
         raise ValueError(f"sweep_statistics: quantiles = {quoted(quantiles)} must be between 0 and 1")
-    up, down = (swept_cases(found, given, direction) for direction in (1, -1))
-    stable = np.array([_motions(curve, given) for curve in found.curves.values()])
+    up, down = (sweep_responses(found, given, direction) for direction in (1, -1))
+    stable = np.array([_stable_count(curve, given) for curve in found.curves.values()])
     return SweepStatistics(
         given, levels, _quantiles(up.amplitude, levels), _quantiles(down.amplitude, levels),
         (up.jumped > 0).mean(axis=0), (down.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
@@ -113,98 +131,103 @@ def sweep_statistics(
 
 
 def _quantiles(amplitude: Array, levels: Array) -> Array:
-    """Of the cases that have one, (Q, P); each is the amplitude of one of the cases."""
+    """Return quantiles (Q, P) over the cases with a stable motion; each is the amplitude of one case."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where no case has any
+        warnings.simplefilter("ignore", RuntimeWarning)  # at frequencies without a stable motion of any case
         out: Array = np.nanquantile(amplitude, levels, axis=0, method="inverted_cdf")
     return out
 
 
-def _motions(curve: Array, Omega: Array) -> Array:
-    """Number of stable motions (P,) of a curve."""
+def _stable_count(curve: Array, Omega: Array) -> Array:
+    """Return the number of stable motions (P,) of a curve."""
     count = np.zeros(len(Omega), dtype=int)
-    for x, _ in stable_parts(curve):
+    for x, _ in stable_segments(curve):
         count += (x[0] <= Omega) & (x[-1] >= Omega)
     return count
 
 
-def swept_cases(found: Cases, Omega: Array, direction: int) -> Swept:
-    """The response of each case to a slow sweep with Omega rising (+1) or falling (-1), at these ascending values.
+def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponses:
+    """Return the response of each case to a slow sweep with Omega rising (+1) or falling (-1), at ascending values.
 
     Raises
     ------
     ValueError
-        If no curve with a stable motion was kept.
+        If no curve with a stable motion is stored.
     """
     known = "jumps" in found.work.compute
-    rows = []
+    responses = []
     for case, curve in found.curves.items():
         mine = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
-        rows.append(swept(curve, mine if known else None, Omega, direction))
-    if not any(np.isfinite(amplitude).any() for amplitude, _ in rows):
+        responses.append(sweep_response(curve, mine if known else None, Omega, direction))
+    if not any(np.isfinite(amplitude).any() for amplitude, _ in responses):
         raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
-    return Swept(*(np.array(column) for column in zip(*rows, strict=True)))
+    return SweepResponses(*(np.array(column) for column in zip(*responses, strict=True)))
 
 
-def swept(curve: Array, jumps: Array | None, Omega: Array, direction: int) -> tuple[Array, Array]:
-    """Amplitudes and numbers of jumps made by then, at ascending values of Omega.
+def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: int) -> tuple[Array, Array]:
+    """Return amplitudes and numbers of jumps up to each of the ascending values of Omega.
 
     Parameters
     ----------
-    curve : see the head of this file.
-    jumps : (J, 3) Omega, amplitude before and after of the jumps in this direction; without them (None) a part that
-        ends where the curve has other stable motions is taken to end in a jump to the nearest of them.
-    Omega, direction : the values, and +1 or -1.
+    curve : ndarray, shape (3, P)
+        Omega, amplitude and stability (1 or 0).
+    jumps : ndarray, shape (J, 3), or None
+        Omega and the amplitudes before and after each jump in this direction. With None, a segment that ends at a
+        frequency of other stable segments is assumed to end in a jump to the nearest one.
+    Omega : ndarray
+        Ascending values.
+    direction : {1, -1}
+        Direction of the sweep.
     """
-    parts = [(direction * x, y) for x, y in stable_parts(curve)]
-    parts = [(x[::direction], y[::direction]) for x, y in parts]
+    segments = [(direction * x, y) for x, y in stable_segments(curve)]
+    segments = [(x[::direction], y[::direction]) for x, y in segments]
     at = (direction * Omega)[::direction]
     amplitude, count = np.full(len(at), np.nan), np.zeros(len(at))
-    reach = _NEAR * float(np.ptp(curve[0]))
-    here, start, made = min(parts, key=lambda part: part[0][0], default=None), -np.inf, 0
+    tolerance = JUMP_TOLERANCE * float(np.ptp(curve[0]))
+    here, start, jump_count = min(segments, key=lambda part: part[0][0], default=None), -np.inf, 0
     while here is not None:
         x, y = here
         inside = (at >= max(start, x[0])) & (at <= x[-1])
         amplitude[inside] = np.interp(at[inside], x, y)
         start = x[-1]
-        count[at > start] = made
-        here, leaps = _next(parts, here, _after(jumps, direction * start, reach))
-        made += leaps
-        count[at > start] = made
+        count[at > start] = jump_count
+        here, jumped = _next_segment(segments, here, _amplitude_after(jumps, direction * start, tolerance))
+        jump_count += jumped
+        count[at > start] = jump_count
     return amplitude[::direction], count[::direction]
 
 
-def stable_parts(curve: Array) -> Iterator[tuple[Array, Array]]:
-    """Omega, ascending, and amplitude of each stable part of a curve between folds; a fold counts to both its sides."""
+def stable_segments(curve: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield Omega, ascending, and amplitude of each stable segment between folds; a fold belongs to both neighbours."""
     values, amplitude, stable = curve
     ahead = np.sign(np.diff(values))
     fold = np.zeros(len(values), dtype=bool)
     fold[1:-1] = ahead[1:] != ahead[:-1]
-    good = stable.astype(bool)
-    way = ahead * ((good[:-1] | fold[:-1]) & (good[1:] | fold[1:]) & (good[:-1] | good[1:]))
-    for first, last in pairwise([0, *(np.flatnonzero(np.diff(way)) + 1), len(way)]):
-        if first < last and way[first]:
-            rows = slice(first, last + 1)
-            sense = int(way[first])
-            yield values[rows][::sense], amplitude[rows][::sense]
+    is_stable = stable.astype(bool)
+    direction = ahead * ((is_stable[:-1] | fold[:-1]) & (is_stable[1:] | fold[1:]) & (is_stable[:-1] | is_stable[1:]))
+    for first, last in pairwise([0, *(np.flatnonzero(np.diff(direction)) + 1), len(direction)]):
+        if first < last and direction[first]:
+            points = slice(first, last + 1)
+            step = int(direction[first])
+            yield values[points][::step], amplitude[points][::step]
 
 
-def _after(jumps: Array | None, Omega: float, reach: float) -> float | None:
-    """Amplitude after the jump at the end of a part: nan if it is not known, None if there is no jump."""
+def _amplitude_after(jumps: Array | None, Omega: float, tolerance: float) -> float | None:
+    """Return the amplitude after the jump at the end of a segment: nan if it is unknown, None without a jump."""
     if jumps is None:
         return np.nan
-    near = [row for row in jumps if abs(row[0] - Omega) <= reach]
-    return float(min(near, key=lambda row: abs(row[0] - Omega))[2]) if near else None
+    near = [jump for jump in jumps if abs(jump[0] - Omega) <= tolerance]
+    return float(min(near, key=lambda jump: abs(jump[0] - Omega))[2]) if near else None
 
 
-def _next(
-    parts: list[tuple[Array, Array]], here: tuple[Array, Array], after: float | None
+def _next_segment(
+    segments: list[tuple[Array, Array]], here: tuple[Array, Array], after: float | None
 ) -> tuple[tuple[Array, Array] | None, int]:
-    """The part a sweep is on after the end of one, and whether it got there by a jump."""
+    """Return the segment that follows the end of a segment, or None, and 1 if the sweep jumped to it, else 0."""
     end, height = here[0][-1], here[1][-1]
-    met = [part for part in parts if part is not here and part[0][0] <= end < part[0][-1]]
-    if met and after is not None:
-        wanted = height if np.isnan(after) else after
-        return min(met, key=lambda part: abs(float(np.interp(end, *part)) - wanted)), 1
-    later = [part for part in parts if part[0][0] > end]
+    candidates = [part for part in segments if part is not here and part[0][0] <= end < part[0][-1]]
+    if candidates and after is not None:
+        target = height if np.isnan(after) else after
+        return min(candidates, key=lambda part: abs(float(np.interp(end, *part)) - target)), 1
+    later = [part for part in segments if part[0][0] > end]
     return min(later, key=lambda part: part[0][0], default=None), int(after is not None and not np.isnan(after))

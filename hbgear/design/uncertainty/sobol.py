@@ -34,10 +34,13 @@ class SobolIndices:
 
     Parameters
     ----------
-    quantity : which one, a column of the table.
-    first, total : by parameter, the index and its standard error.
-    blocks, lost : how many blocks of cases there are, and in how many of them the number is not known: they are left
-        out. If they are not few, the indices are those of the rest only.
+    quantity : str
+        Which one, a column of the table.
+    first, total : dict of str, tuple[float to float]
+        By parameter, the index and its standard error.
+    blocks, lost : int
+        How many blocks of cases there are, and in how many of them the number is not known: they are left out. If they
+        are not few, the indices are those of the rest only.
 
     Examples
     --------
@@ -59,9 +62,12 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
 
     Parameters
     ----------
-    found : of `cases` with `saltelli`.
-    quantity : a column of ``found.table``, such as "peak", "peak_Omega", "jump_rising".
-    seed : of the resampling that the standard errors are from: the same seed, the same errors.
+    found : Cases
+        Of `cases` with `saltelli`.
+    quantity : str, default "peak"
+        A column of ``found.table``, such as "peak", "peak_Omega", "jump_rising".
+    seed : int, default 0
+        Of the resampling that the standard errors are from: the same seed, the same errors.
 
     Raises
     ------

@@ -30,11 +30,16 @@ class JumpTolerance:
 
     Parameters
     ----------
-    label, direction, value : of the jump.
-    effects : by parameter, the change of the frequency for one standard deviation, to first order.
-    first : standard deviation to first order.
-    draws : (D,) frequencies of the draws.
-    lost : number of draws in which there is no such jump.
+    label, direction, value : str
+        Of the jump.
+    effects : dict of str to float
+        By parameter, the change of the frequency for one standard deviation, to first order.
+    first : float
+        Standard deviation to first order.
+    draws : ndarray, shape (D,)
+        Frequencies of the draws.
+    lost : int
+        Number of draws in which there is no such jump.
 
     Examples
     --------
@@ -77,10 +82,14 @@ def jump_tolerance(
 
     Parameters
     ----------
-    branch : a response curve that knows its problem.
-    spread : standard deviations of parameters, entries of tuples as ``e[0]``.
-    draws, seed : of the Monte Carlo sample.
-    progress : called with a `Progress` as work goes on, such as ``print``.
+    branch : Branch
+        A response curve that knows its problem.
+    spread : mapping of str to float
+        Standard deviations of parameters, entries of tuples as ``e[0]``.
+    draws, seed : int, optional
+        Of the Monte Carlo sample.
+    progress : ProgressCallback or None, optional
+        Called with a `Progress` as work goes on, such as ``print``.
 
     Raises
     ------

@@ -1,17 +1,20 @@
-"""The band of a response curve whose parameters scatter: how far the curve is displaced, to first order.
+"""Uncertainty band of a response curve whose parameters scatter: first-order displacement of the curve.
 
     (Omega, A)(s, a):   d = d(Omega, A)/da,   sigma^2 = g^T C g,   g_a = n . d_a
 
-n is the normal to the curve in the plane of frequency and amplitude, C the covariance of the parameters. At a fold the
-amplitude at a held frequency has no derivative, for the curve turns back there; its displacement normal to itself has
-one, since what moves a point along the curve does not move the curve. So
+n is the normal to the curve in the plane of frequency and amplitude, and C is the covariance of the parameters. At a
+fold the amplitude has no derivative at constant frequency. The displacement normal to the curve has one, because a
+displacement of a point along the curve does not move the curve. Hence
 
-    at a held frequency the amplitude scatters by sigma / n_A,   at a held amplitude the frequency by sigma / n_Omega
+    scatter of the amplitude at constant frequency:  sigma / n_A
+    scatter of the frequency at constant amplitude:  sigma / n_Omega
 
-The points of the curve, each moving normal to the curve in the space of the unknowns, scatter by S = sum d C d^T in the
-plane. The band is covered by their ellipses, k standard deviations large, which it touches at
+Each point of the curve moves normal to the curve in the space of the unknowns and scatters by S = sum d C d^T in the
+plane. The band is the union of these ellipses, k standard deviations large. Its edges are at
 
     (Omega, A) +- k S n / sigma,   sigma^2 = n^T S n
+
+where the band touches the ellipses.
 """
 
 from __future__ import annotations
@@ -38,20 +41,28 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ResponseBand:
-    """A response curve and one standard deviation of its displacement.
+    """Response curve and the standard deviation of its displacement.
 
     Parameters
     ----------
-    branch, measure, element : the curve, and which amplitude of it.
-    unit, length : of frequency and amplitude; "" for the model's own unit of length.
-    frequency, amplitude : (P,) of the rows of the branch, in these units.
-    parameters : (A,) those that scatter.
-    normal : (P, 2) unit normals to the curve, with frequency and amplitude in shares of ``size``; nan where two curves
-        cross.
-    size : ranges of frequency and amplitude, by which normals and displacements are measured.
-    covariance : (P, 2, 2) of the points, in the same shares.
-    effects : (P, A) displacement along the normal for one standard deviation of each parameter, alone.
-    deviation : (P,) standard deviation of the displacement.
+    branch, measure, element : Branch, str and int or str
+        Curve, and measure and element of its amplitude.
+    unit, length : str
+        Units of frequency and amplitude; "" for the unit of length of the model.
+    frequency, amplitude : ndarray, shape (P,)
+        Frequency and amplitude of the points of the branch, in these units.
+    parameters : tuple of str
+        Names of the A parameters that scatter.
+    normal : ndarray, shape (P, 2)
+        Unit normals to the curve, with frequency and amplitude divided by ``size``; nan where two curves intersect.
+    size : tuple of float
+        Ranges of frequency and amplitude, the units of normals and displacements.
+    covariance : ndarray, shape (P, 2, 2)
+        Covariance of the points, in the same units.
+    effects : ndarray, shape (P, A)
+        Displacement along the normal for one standard deviation of each parameter.
+    deviation : ndarray, shape (P,)
+        Standard deviation of the displacement.
 
     Examples
     --------
@@ -77,16 +88,16 @@ class ResponseBand:
     deviation: Array
 
     def __repr__(self) -> str:
-        return f"<Band of {self.measure} over {self.unit}: {len(self.frequency)} rows, {', '.join(self.parameters)}>"
+        return f"<Band of {self.measure} over {self.unit}: {len(self.frequency)} points, {', '.join(self.parameters)}>"
 
     @property
     def at_frequency(self) -> Array:
-        """(P,) standard deviation of the amplitude at a held frequency; infinite at folds."""
+        """Standard deviation (P,) of the amplitude at constant frequency; infinite at folds."""
         return self._held(1)
 
     @property
     def at_amplitude(self) -> Array:
-        """(P,) standard deviation of the frequency at which the amplitude is reached; infinite at peaks."""
+        """Standard deviation (P,) of the frequency at constant amplitude; infinite at peaks."""
         return self._held(0)
 
     def _held(self, axis: int) -> Array:
@@ -96,18 +107,18 @@ class ResponseBand:
 
     @checked_arguments()
     def edges(self, sigmas: float = 2.0) -> tuple[Array, Array]:
-        """Both edges of the band, (P, 2) frequency and amplitude each, so many standard deviations from the curve."""
+        """Return both edges of the band, (P, 2) frequency and amplitude each, at ``sigmas`` standard deviations."""
         checked("edges", "sigmas", sigmas, POSITIVE)
         middle = np.column_stack([self.frequency, self.amplitude])
-        away = sigmas * touching(self.covariance, self.normal) * self.size
+        away = sigmas * ellipse_contact(self.covariance, self.normal) * self.size
         return middle + away, middle - away
 
 
-def touching(covariance: Array, normal: Array) -> Array:
-    """S n / sigma (P, 2): where ellipses of covariances S (P, 2, 2) touch their tangents with normals n (P, 2)."""
-    reached = np.einsum("pxy,py->px", covariance, normal)
-    sigma = np.sqrt(np.einsum("px,px->p", reached, normal).clip(0.0))
-    out: Array = reached / np.where(sigma, sigma, 1.0)[:, None]
+def ellipse_contact(covariance: Array, normal: Array) -> Array:
+    """Return S n / sigma (P, 2), where ellipses of covariances S (P, 2, 2) touch lines with normals n (P, 2)."""
+    projected = np.einsum("pxy,py->px", covariance, normal)
+    sigma = np.sqrt(np.einsum("px,px->p", projected, normal).clip(0.0))
+    out: Array = projected / np.where(sigma, sigma, 1.0)[:, None]
     return out
 
 
@@ -124,30 +135,35 @@ def response_band(
     unit: str = "Omega",
     length: str = "",
 ) -> ResponseBand:
-    """How a whole response curve scatters if parameters do, to first order.
+    """Compute the first-order scatter of a response curve due to scattering parameters.
 
     Parameters
     ----------
-    branch : a response curve that knows its problem.
-    scatter : standard deviations of independent parameters, entries of tuples as ``e[0]``; or a `Fit`, whose estimates
-        scatter by their covariance.
-    measure, element : amplitude, as of `Branch.amplitude`.
-    unit : of the frequency, "Omega", "mesh Hz" or "pinion r/min"; a scale that depends on what scatters moves too.
-    length : unit of the amplitude, such as "um"; "" for the model's own.
+    branch : Branch
+        Response curve with its problem.
+    scatter : mapping of str to float, or Fit
+        Standard deviations of independent parameters, also entries of tuples such as ``e[0]``. A `Fit` supplies the
+        covariance of its estimates.
+    measure, element : str and int or str, optional
+        Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
+    unit : {"Omega", "mesh Hz", "pinion r/min"}, optional
+        Unit of the frequency. If a scattering parameter changes the unit, this effect is included.
+    length : str, default ""
+        Unit of the amplitude, such as "um"; "" for the unit of the model.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If a deviation is negative, a fit does not determine its parameters, the curve does not know its problem, or
-        the model does not know its units.
+        If a deviation is negative, a fit does not determine its parameters, the curve has no problem, or the model
+        does not know its units.
 
     Notes
     -----
-    Of 100 machines some 95 have a curve that passes a normal of this one within two standard deviations, as long as
-    the scatter is small: a band as wide as the curve is bent says no more than that. `jump_tolerance` tells by Monte
-    Carlo how good the first order is at the jumps.
+    For small scatter, about 95 of 100 machines have a curve that intersects a normal of this one within two standard
+    deviations. The band is not valid if its width is comparable to the radius of curvature of the curve.
+    `jump_tolerance` compares the first order with a Monte Carlo sample at the jumps.
 
     Examples
     --------
@@ -161,7 +177,7 @@ def response_band(
     problem = branch.problem
     if not isinstance(problem, HarmonicBalance):
         raise ValueError(
-            "a band needs a response curve that knows its problem; load it: load(path, problem=HarmonicBalance(...))"
+            "a band needs a response curve with its problem; load it: load(path, problem=HarmonicBalance(...))"
         )
     if unit not in FREQUENCIES:
         raise ValueError(f"response_band: unit = {quoted(unit)}{did_you_mean(unit, FREQUENCIES)}")
@@ -169,7 +185,7 @@ def response_band(
     for name in names:
         problem.check_parameter(name)
         if name == branch.parameter:
-            raise ValueError(f"{name} is what the curve is traced in; name parameters that scatter")
+            raise ValueError(f"{name} is the continuation parameter of the curve; name other parameters that scatter")
     metres = to_si("response_band", "length", f"1 {length}", "m") if length else 1.0
     x, y, along, moved = _in_plane(branch, problem, names, measure, element, unit, metres if length else 0.0)
     size = (float(np.ptp(x)) or 1.0, float(np.ptp(y)) or 1.0)
@@ -184,11 +200,13 @@ def response_band(
 
 
 def _covariance(scatter: Mapping[str, float] | Fit) -> tuple[tuple[str, ...], Array]:
-    """Names and covariance (A, A) of what scatters."""
+    """Return names and covariance (A, A) of the scattering parameters."""
     if isinstance(scatter, Fit):
         lost = [name for name in scatter.names if math.isnan(scatter.errors[name])]
         if lost:
-            raise ValueError(f"response_band: the fit does not determine {', '.join(lost)}; fit without")
+            raise ValueError(
+                f"response_band: the fit does not determine {', '.join(lost)}; fit without these parameters"
+            )
         return scatter.names, scatter.covariance
     if not scatter:
         raise ValueError("response_band: name at least one parameter that scatters, such as {'zeta': 0.002}")
@@ -201,20 +219,20 @@ def _in_plane(
     branch: Branch, problem: HarmonicBalance, names: tuple[str, ...], measure: str, element: int | str, unit: str,
     metres: float,
 ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """Frequency and amplitude (P,), the direction of the curve (P, 2), and its displacements (P, A, 2)."""
+    """Return frequency and amplitude (P,), the direction of the curve (P, 2) and its displacements (P, A, 2)."""
     layout = layout_of(branch)
     if layout is None:
         raise ValueError("a band needs a curve of periodic motions")
     own = problem.at_resolution_of(branch[0]).with_cache_size(2 * len(names) + 2)
     n, entries = branch.X.shape[1], problem.model.entries
     along, moved = np.full((len(branch), n + 1), math.nan), np.full((len(branch), len(names), n + 1), math.nan)
-    for i, ahead in enumerate(_chords(branch)):
+    for i, ahead in enumerate(_secants(branch)):
         here = {**entries, **branch.parameters_at(i)}
         try:
             U = np.append(branch.X[i], branch.values[i])
             along[i], slopes = of_curve(own, U, here, branch.parameter, ahead, names)
         except np.linalg.LinAlgError:
-            continue  # where two curves cross: nan
+            continue  # intersection of two curves: nan
         moved[i] = np.concatenate([slopes.X, slopes.p[:, None]], axis=1)
     every = np.concatenate([along[:, None], moved], axis=1)
     rates = measured_along(layout, measure, element, branch.X, every[..., :n])
@@ -229,21 +247,21 @@ def _in_plane(
 
 
 def _scaled(
-    unit: str, share: float, x: Array, dx: Array, known: Mapping[str, float], changes: Mapping[str, Array],
+    unit: str, factor: float, x: Array, dx: Array, known: Mapping[str, float], changes: Mapping[str, Array],
     problem: HarmonicBalance,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Values (P,) and their derivatives (P, 1 + A) in a unit of the model, which moves too."""
+    """Return values (P,) and derivatives (P, 1 + A) in a unit of the model, including the derivatives of the unit."""
     if unit not in known:
         raise ValueError(f"response_band: {type(problem.model).__name__} does not know its units; leave them out")
-    scale = share * known[unit]
-    moved = np.append(0.0, share * changes[unit])
+    scale = factor * known[unit]
+    moved = np.append(0.0, factor * changes[unit])
     return scale * x, scale * dx + x[:, None] * moved
 
 
-def _chords(branch: Branch) -> Array:
-    """(P, n + 1) from the row before each to the one behind it, of length 1, with all unknowns of one size."""
+def _secants(branch: Branch) -> Array:
+    """Return unit vectors (P, n + 1) from the point before each point to the point after it, with scaled unknowns."""
     U = np.column_stack([branch.X, branch.values])
     U = U / np.append(np.full(branch.X.shape[1], np.abs(branch.X).max() or 1.0), np.ptp(branch.values) or 1.0)
-    chord = np.gradient(U, axis=0)
-    out: Array = chord / np.maximum(np.linalg.norm(chord, axis=1), 1e-300)[:, None]
+    secant = np.gradient(U, axis=0)
+    out: Array = secant / np.maximum(np.linalg.norm(secant, axis=1), 1e-300)[:, None]
     return out

@@ -1,9 +1,10 @@
-"""One involute gear as it is drawn: spur or helical, external or internal.
+"""Involute gears: geometry, mass and manufacturing limits of a spur or helical, external or internal gear.
 
     d = m_n z / cos(beta),   d_b = d cos(alpha_t),   tan(alpha_t) = tan(alpha_n) / cos(beta)
     d_a = d + 2 m_n (h_a + x),   d_f = d - 2 m_n (h_f - x)      (internal gears: - and + exchanged)
 
-Lengths in metres, angles in radians; every field takes quantities with other units too: ``"3 mm"``, ``"20 deg"``.
+Lengths are in metres and angles in radians. Every field also accepts a text with another unit, such as ``"3 mm"`` or
+``"20 deg"``.
 
 References
 ----------
@@ -19,39 +20,58 @@ from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.units import OptionalQuantityField, QuantityField
 from hbgear.gears.drawing.geometry import base_helix_angle, involute, transverse_pressure_angle
 
-_SLIGHT = 0.02  # module; undercut that takes no involute away that is used: 17 teeth at 20 degrees
+TOLERATED_UNDERCUT = 0.02
+"""Accepted undercut [module]. The used part of the involute remains; 17 teeth at 20 degrees are accepted."""
 
 
 @dataclass(frozen=True)
 class Gear:
-    """An involute gear; equations at the head of this file.
+    """Involute gear; the module docstring states the equations.
 
     Parameters
     ----------
-    teeth : number of teeth z, positive for internal gears too.
-    module : normal module m_n [m].
-    face_width : b [m].
-    pressure_angle : normal pressure angle alpha_n [rad].
-    helix_angle : beta at the reference circle [rad]; positive for a right-hand gear, negative for a left-hand one.
-    profile_shift : x [module]; positive makes teeth thicker, of an internal gear too.
-    internal : whether it is a ring with teeth inside.
-    addendum, dedendum : h_a and h_f of the basic rack [module].
-    fillet_radius : of the tip of the generating rack [module].
-    tip_diameter : d_a [m]; from addendum and profile shift by default.
-    body_diameter : bore of an external gear, outside of a ring [m]; 0 for solid (a ring: root circle and 6 modules).
-    tip_relief : material taken off at the tip, along the normal in the transverse plane [m].
-    tip_relief_length : over which the relief runs out, along the line of action [m]; by default to where fewer pairs
-        are in contact: of usual gears, the highest point of single contact.
-    crowning : material taken off at both ends of the face width, a parabola between [m].
-    mass : [kg]; of a cylinder of the diameter between root and tip, by default.
-    inertia : polar moment of inertia [kg m^2]; of the same cylinder.
-    E, poisson, density : Young's modulus [Pa], Poisson's ratio, density [kg/m^3]; steel by default.
+    teeth : int
+        Number of teeth z, positive for internal gears too.
+    module : float or str
+        Normal module m_n [m].
+    face_width : float or str
+        Face width b [m].
+    pressure_angle : float or str, optional
+        Normal pressure angle alpha_n [rad].
+    helix_angle : float or str, default 0.0
+        Helix angle beta at the reference circle [rad]; positive for a right-hand gear, negative for a left-hand one.
+    profile_shift : float or str, default 0.0
+        Profile shift coefficient x [module]; a positive value makes the teeth thicker, of an internal gear too.
+    internal : bool, default False
+        True for a ring gear with internal teeth.
+    addendum, dedendum : float or str, optional
+        Addendum h_a (default 1) and dedendum h_f (default 1.25) of the basic rack [module].
+    fillet_radius : float or str, default 0.38
+        Tip radius of the generating rack [module].
+    tip_diameter : float or str, optional
+        Tip diameter d_a [m]. By default it follows from addendum and profile shift.
+    body_diameter : float or str, default 0.0
+        Bore of an external gear or outside diameter of a ring gear [m]. Default 0: a solid gear, or a ring whose
+        outside diameter is the root diameter plus 6 modules.
+    tip_relief : float or str, default 0.0
+        Material removed at the tip, along the normal in the transverse plane [m].
+    tip_relief_length : float or str, optional
+        Length of the tip relief along the line of action [m]. By default it ends where the number of pairs in contact
+        decreases: for usual gears, at the highest point of single tooth contact.
+    crowning : float or str, default 0.0
+        Material removed at both ends of the face width [m], with a parabola in between.
+    mass : float or str, optional
+        Mass [kg]. By default, the mass of a cylinder with the mean of root and tip diameter.
+    inertia : float or str, optional
+        Polar moment of inertia [kg m^2]. By default, the value of the same cylinder.
+    E, poisson, density : float or str, optional
+        Young's modulus [Pa], Poisson's ratio and density [kg/m^3]. Default: steel, 206e9, 0.3 and 7850.
 
     Raises
     ------
     ValueError
-        If a quantity is no such quantity, in another unit or beyond any machine; if the teeth are undercut or pointed;
-        if the diameters do not fit each other.
+        If a quantity has another unit or is out of range, the teeth are undercut or pointed, or the diameters
+        contradict each other.
 
     Examples
     --------
@@ -95,49 +115,49 @@ class Gear:
 
     @property
     def hand(self) -> str:
-        """In a word: "spur", "right" or "left"."""
+        """Hand of the helix: "spur", "right" or "left"."""
         return "spur" if self.helix_angle == 0 else "right" if self.helix_angle > 0 else "left"
 
     @property
     def sign(self) -> int:
-        """+1 of an external, -1 of an internal gear: the sign of z, d and a in the equations of the standards."""
+        """Sign of z, d and a in the equations of the standards: +1 for external, -1 for internal gears."""
         return -1 if self.internal else 1
 
     @property
     def transverse_pressure_angle(self) -> float:
-        """alpha_t [rad]."""
+        """Transverse pressure angle alpha_t [rad]."""
         return transverse_pressure_angle(self.pressure_angle, self.helix_angle)
 
     @property
     def base_helix_angle(self) -> float:
-        """beta_b [rad]."""
+        """Helix angle beta_b at the base circle [rad]."""
         return base_helix_angle(self.pressure_angle, self.helix_angle)
 
     @property
     def reference_diameter(self) -> float:
-        """d [m]."""
+        """Reference diameter d [m]."""
         return self.module * self.teeth / cos(self.helix_angle)
 
     @property
     def base_diameter(self) -> float:
-        """d_b [m]."""
+        """Base diameter d_b [m]."""
         return self.reference_diameter * cos(self.transverse_pressure_angle)
 
     @property
     def tip_diameter_used(self) -> float:
-        """d_a [m], given or from the addendum."""
+        """Tip diameter d_a [m], given or from the addendum."""
         if self.tip_diameter is not None:
             return self.tip_diameter
         return self.reference_diameter + self.sign * 2 * self.module * (self.addendum + self.profile_shift)
 
     @property
     def root_diameter(self) -> float:
-        """d_f [m]."""
+        """Root diameter d_f [m]."""
         return self.reference_diameter - self.sign * 2 * self.module * (self.dedendum - self.profile_shift)
 
     @property
     def virtual_teeth(self) -> float:
-        """z_n = z / (cos^2(beta_b) cos(beta)), of the spur gear in the normal section."""
+        """Number of teeth z_n = z / (cos^2(beta_b) cos(beta)) of the virtual spur gear in the normal section."""
         return self.teeth / (cos(self.base_helix_angle) ** 2 * cos(self.helix_angle))
 
     @property
@@ -146,32 +166,32 @@ class Gear:
         return pi * self.base_diameter / self.teeth
 
     def tooth_thickness(self, diameter: float) -> float:
-        """Transverse thickness of a tooth along the arc at a diameter [m], without backlash.
+        """Return the transverse thickness of a tooth along the arc at a diameter [m], without backlash.
 
         s = d_y ((pi/2 + 2 x tan(alpha_n)) / z + inv(alpha_t) - inv(alpha_y)),   cos(alpha_y) = d_b / d_y
         """
         at_reference = (pi / 2 + 2 * self.profile_shift * tan(self.pressure_angle)) / self.teeth
         alpha_y = acos(min(self.base_diameter / diameter, 1.0))
-        turned = involute(self.transverse_pressure_angle) - involute(alpha_y)
-        return diameter * (at_reference + self.sign * turned)
+        rotation = involute(self.transverse_pressure_angle) - involute(alpha_y)
+        return diameter * (at_reference + self.sign * rotation)
 
     @property
     def form_diameter(self) -> float:
-        """Where the involute ends and the fillet that the rack leaves begins [m]; of external gears.
+        """Diameter at which the involute ends and the fillet of an external gear begins [m].
 
         d_F^2 = d_b^2 + (d sin(alpha_t) - 2 m_n (h_f - rho (1 - sin(alpha_n)) - x) / sin(alpha_t))^2
         """
         alpha_t = self.transverse_pressure_angle
-        straight = self.dedendum - self.rack_fillet * (1 - sin(self.pressure_angle)) - self.profile_shift
-        way = self.reference_diameter * sin(alpha_t) - 2 * self.module * straight / sin(alpha_t)
-        return sqrt(self.base_diameter**2 + max(way, 0.0) ** 2)
+        straight_dedendum = self.dedendum - self.rack_fillet * (1 - sin(self.pressure_angle)) - self.profile_shift
+        from_pitch_point = self.reference_diameter * sin(alpha_t) - 2 * self.module * straight_dedendum / sin(alpha_t)
+        return sqrt(self.base_diameter**2 + max(from_pitch_point, 0.0) ** 2)
 
     @property
     def rack_fillet(self) -> float:
-        """Radius of the tip of the rack [module], no larger than its tooth has room for."""
+        """Tip radius of the rack [module], limited by the width of its tooth."""
         alpha = self.pressure_angle
-        room = (pi / 4 - self.dedendum * tan(alpha)) * cos(alpha) / (1 - sin(alpha))
-        return min(self.fillet_radius, max(room, 0.0))
+        largest = (pi / 4 - self.dedendum * tan(alpha)) * cos(alpha) / (1 - sin(alpha))
+        return min(self.fillet_radius, max(largest, 0.0))
 
     # Mass
 
@@ -189,17 +209,17 @@ class Gear:
 
     @property
     def transverse_inertia(self) -> float:
-        """Moment of inertia about a diameter [kg m^2]: J/2 + m b^2/12."""
+        """Moment of inertia J/2 + m b^2/12 about a diameter [kg m^2]."""
         return self.inertia_used / 2 + self.mass_used * self.face_width**2 / 12
 
     def _cylinder(self) -> tuple[float, float]:
-        """Inner and outer diameter of the cylinder that stands for the gear."""
+        """Return the inner and outer diameter of the cylinder that replaces the gear."""
         mean = (self.tip_diameter_used + self.root_diameter) / 2
         if self.internal:
             return mean, self.body_diameter or self.root_diameter + 6 * self.module
         return self.body_diameter, mean
 
-    # What cannot be made
+    # Checks
 
     def _check_diameters(self) -> None:
         tip, root, base, body = self.tip_diameter_used, self.root_diameter, self.base_diameter, self.body_diameter
@@ -210,27 +230,32 @@ class Gear:
             raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if self.internal else 'above'} "
                              f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
         if tip <= base:
-            what = "its teeth would reach below the base circle, where there is no involute"
+            reason = "below the base circle there is no involute"
             raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
-                             f"{base * mm:.6g} mm: {what}; give a larger profile_shift, tip_diameter or more teeth"
+                             f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
                              if not self.internal else
                              f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
-                             f"of {base * mm:.6g} mm: {what}; give tip_diameter, or more teeth")  # fmt: skip
+                             f"of {base * mm:.6g} mm: {reason}; give tip_diameter, or more teeth")  # fmt: skip
         if body and self.sign * (root - body) <= 0:
             raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if self.internal else 'below'}"
                              f" the root diameter of {root * mm:.6g} mm: it is the "
                              f"{'outside of the ring' if self.internal else 'bore'}")  # fmt: skip
 
     def _check_undercut(self) -> None:
-        alpha_t, straight = self.transverse_pressure_angle, self.dedendum - self.rack_fillet * (
+        alpha_t, straight_dedendum = self.transverse_pressure_angle, self.dedendum - self.rack_fillet * (
             1 - sin(self.pressure_angle))  # fmt: skip
-        least = straight - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
-        if self.profile_shift < least - _SLIGHT:
-            fewest = 2 * (straight - _SLIGHT - self.profile_shift) * cos(self.helix_angle) / sin(alpha_t) ** 2
+        min_shift = straight_dedendum - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
+        if self.profile_shift < min_shift - TOLERATED_UNDERCUT:
+            min_teeth = (
+                2
+                * (straight_dedendum - TOLERATED_UNDERCUT - self.profile_shift)
+                * cos(self.helix_angle)
+                / sin(alpha_t) ** 2
+            )
             raise ValueError(
                 f"Gear: {self.teeth} teeth with profile_shift = {self.profile_shift:g} and a pressure angle of "
-                f"{degrees(self.pressure_angle):g} deg are undercut: give profile_shift of at least {least:.3f}, "
-                f"or {ceil(fewest)} teeth or more"
+                f"{degrees(self.pressure_angle):g} deg are undercut: give profile_shift of at least {min_shift:.3f}, "
+                f"or {ceil(min_teeth)} teeth or more"
             )
 
     def _check_tip(self) -> None:

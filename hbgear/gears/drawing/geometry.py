@@ -1,6 +1,8 @@
-"""Geometry of helical gears and stiffness of the shafts that carry them. Angles in radians, lengths in metres.
+"""Geometry of involute gears and stiffness of shaft sections.
 
-inv(alpha) = tan(alpha) - alpha
+    inv(alpha) = tan(alpha) - alpha
+
+Angles are in radians, lengths in metres.
 """
 
 from __future__ import annotations
@@ -10,95 +12,105 @@ from typing import NamedTuple
 
 
 def involute(alpha: float) -> float:
-    """Involute function inv(alpha) = tan(alpha) - alpha."""
+    """Return the involute function inv(alpha) = tan(alpha) - alpha."""
     return tan(alpha) - alpha
 
 
 def inverse_involute(value: float) -> float:
-    """The angle [rad] from 0 to pi/2 of an involute function.
+    """Return the angle [rad] between 0 and pi/2 with a given value of the involute function.
 
-    Newton's method from above, where the function is convex: it converges to rounding from any value.
+    Newton's method starts above the root, where the function is convex, so it converges for every value.
 
     Raises
     ------
     ValueError
-        If the value is negative: there is no such angle.
+        If the value is negative.
     """
     if value < 0:
         raise ValueError(f"no pressure angle has the involute function {value:g}, which must not be negative")
-    alpha: float = min((3 * value) ** (1 / 3), pi / 2 - 1 / (value + 2))  # both lie above the root
+    alpha: float = min((3 * value) ** (1 / 3), pi / 2 - 1 / (value + 2))  # both bounds lie above the root
     for _ in range(60):
         step = (involute(alpha) - value) / max(tan(alpha) ** 2, 1e-300)
-        if not step > 1e-16 * alpha:  # as far as rounding lets it
+        if not step > 1e-16 * alpha:  # converged to rounding
             break
         alpha -= step
     return alpha
 
 
 def transverse_pressure_angle(alpha_n: float, beta: float) -> float:
-    """Transverse pressure angle [rad].
+    """Return the transverse pressure angle [rad].
 
         tan(alpha_t) = tan(alpha_n) / cos(beta)
 
     Parameters
     ----------
-    alpha_n : normal pressure angle [rad].
-    beta : helix angle at the pitch circle [rad].
+    alpha_n : float
+        Normal pressure angle [rad].
+    beta : float
+        Helix angle at the pitch circle [rad].
     """
     return atan(tan(alpha_n) / cos(beta))
 
 
 def base_helix_angle(alpha_n: float, beta: float) -> float:
-    """Helix angle at the base circle [rad].
+    """Return the helix angle at the base circle [rad].
 
         sin(beta_b) = sin(beta) cos(alpha_n)
 
     Parameters
     ----------
-    alpha_n, beta : normal pressure angle and helix angle at the pitch circle [rad].
+    alpha_n, beta : float
+        Normal pressure angle and helix angle at the pitch circle [rad].
     """
     return asin(sin(beta) * cos(alpha_n))
 
 
 def base_radius(teeth: int, module: float, alpha_n: float, beta: float) -> float:
-    """Base radius [m].
+    """Return the base radius [m].
 
         r = teeth module cos(alpha_t) / (2 cos(beta))
 
     Parameters
     ----------
-    teeth : number of teeth.
-    module : normal module [m].
-    alpha_n, beta : normal pressure angle and helix angle [rad].
+    teeth : int
+        Number of teeth.
+    module : float
+        Normal module [m].
+    alpha_n, beta : float
+        Normal pressure angle and helix angle [rad].
     """
     return teeth * module * cos(transverse_pressure_angle(alpha_n, beta)) / (2 * cos(beta))
 
 
 class ShaftStiffness(NamedTuple):
-    """Stiffness between the two ends of a shaft section."""
+    """Stiffnesses between the two ends of a shaft section."""
 
     bending: float
-    """Shear of one end against the other, neither tilting [N/m]."""
+    """Transverse stiffness of one end against the other, without tilt of either [N/m]."""
     axial: float
-    """[N/m]"""
+    """Axial stiffness [N/m]."""
     torsional: float
-    """[N m/rad]"""
+    """Torsional stiffness [N m/rad]."""
 
 
 def shaft_stiffness(E: float, poisson: float, outer: float, inner: float, length: float) -> ShaftStiffness:
-    """Stiffness of a hollow round shaft section.
+    """Return the stiffnesses of a hollow round shaft section.
 
         bending 12 E I / l^3,   axial E A / l,   torsional G J / l,   G = E / (2 (1 + poisson))
         A = pi (D^2 - d^2) / 4,   I = pi (D^4 - d^4) / 64,   J = 2 I
 
-    The bending formula leaves out shear, which a section as short as it is thick does not: it is then too stiff.
+    The bending formula neglects shear, so it overestimates the stiffness of a section that is as short as it is thick.
 
     Parameters
     ----------
-    E : Young's modulus [N/m^2].
-    poisson : Poisson's ratio.
-    outer, inner : diameters D, d [m].
-    length : l [m].
+    E : float
+        Young's modulus [N/m^2].
+    poisson : float
+        Poisson's ratio.
+    outer, inner : float
+        Diameters D, d [m].
+    length : float
+        Length l [m].
 
     References
     ----------

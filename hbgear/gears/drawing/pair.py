@@ -1,11 +1,11 @@
-"""Two gears that mesh: geometry of the contact, backlash, and models of their vibration.
+"""Pairs of meshing gears: geometry of the contact, backlash and models of their vibration.
 
     inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2),   a = (d_b1 + d_b2) / (2 cos(alpha_wt))
-    eps_alpha = [sqrt(r_a1^2 - r_b1^2) + sqrt(r_a2^2 - r_b2^2) - a sin(alpha_wt)] / p_bt,   eps_beta = b sin(beta) / (pi
-    m_n)
+    eps_alpha = [sqrt(r_a1^2 - r_b1^2) + sqrt(r_a2^2 - r_b2^2) - a sin(alpha_wt)] / p_bt
+    eps_beta = b sin(beta) / (pi m_n)
 
-z_2, r_a2, r_b2, a and the second root are negative for a ring. Everything along the line of action is in the transverse
-plane: lengths r_b theta, forces T / r_b. With a_w given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w) instead.
+For a ring gear z_2, r_a2, r_b2, a and the second root are negative. Lengths r_b theta and forces T / r_b along the line
+of action are in the transverse plane. If a_w is given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w).
 
 References
 ----------
@@ -24,29 +24,34 @@ from hbgear.common.facade import call
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
-from hbgear.gears.drawing.backlash import MEASURES, converted
+from hbgear.gears.drawing.backlash import MEASURES, convert_backlash
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import inverse_involute, involute
 
 
 @dataclass(frozen=True)
 class GearPair:
-    """A pair of involute gears on parallel axes; equations at the head of this file.
+    """Pair of involute gears on parallel axes; the module docstring states the equations.
 
     Parameters
     ----------
-    pinion, wheel : `Gear`; the wheel may be a ring (``internal=True``).
-    backlash : [m], how it is measured says ``backlash_measure``; by default what the centre distance leaves.
-    backlash_measure : "circumferential" (on the working pitch circle), "normal" (to the flanks), "action" (along the
-        line of action in the transverse plane).
-    center_distance : a_w [m]; without backlash for these profile shifts, by default.
-    pitch_error : base pitch of the wheel minus that of the pinion [m], the same for all teeth. (An error of one tooth
-        comes once in a revolution and is no excitation of mesh frequency.)
+    pinion, wheel : Gear
+        Pinion and wheel. The wheel may be a ring gear (``internal=True``).
+    backlash : float or str, optional
+        Backlash [m] in the measure ``backlash_measure``. By default it follows from the centre distance.
+    backlash_measure : {"circumferential", "normal", "action"}, optional
+        Measure of the backlash: along the working pitch circle (default), normal to the flanks, or along the line of
+        action in the transverse plane.
+    center_distance : float or str, optional
+        Centre distance a_w [m]. By default, the distance without backlash for these profile shifts.
+    pitch_error : float or str, default 0.0
+        Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. The error of a single tooth
+        occurs once per revolution and does not excite the mesh frequency.
 
     Raises
     ------
     ValueError
-        If the gears cannot mesh: modules, pressure angles or hands that do not fit, a contact ratio below 1,
+        If the gears cannot mesh: different modules or pressure angles, wrong hands, a contact ratio below 1,
         interference, no clearance at the roots, or a backlash as large as a tooth.
 
     Examples
@@ -80,7 +85,7 @@ class GearPair:
 
     @property
     def ratio(self) -> float:
-        """z_2 / z_1."""
+        """Gear ratio z_2 / z_1."""
         return self.wheel.teeth / self.pinion.teeth
 
     @property
@@ -94,7 +99,7 @@ class GearPair:
 
     @cached_property
     def working_pressure_angle(self) -> float:
-        """alpha_wt [rad]."""
+        """Transverse working pressure angle alpha_wt [rad]."""
         if self.center_distance is not None:
             return acos(min(abs(self._signed_base_radius) / self.center_distance, 1.0))
         shifts = self.pinion.profile_shift + self.wheel.profile_shift
@@ -105,17 +110,17 @@ class GearPair:
 
     @property
     def working_center_distance(self) -> float:
-        """a_w [m], given or of the profile shifts; positive for a ring too."""
+        """Centre distance a_w [m], given or from the profile shifts; also positive for a ring gear."""
         return self.center_distance or abs(self._signed_base_radius) / cos(self.working_pressure_angle)
 
     @property
     def base_radii(self) -> tuple[float, float]:
-        """r_b1, r_b2 [m]."""
+        """Base radii r_b1 and r_b2 [m]."""
         return self.pinion.base_diameter / 2, self.wheel.base_diameter / 2
 
     @property
     def working_radii(self) -> tuple[float, float]:
-        """r_w1, r_w2 of the working pitch circles [m]."""
+        """Radii r_w1 and r_w2 of the working pitch circles [m]."""
         c = cos(self.working_pressure_angle)
         return self.base_radii[0] / c, self.base_radii[1] / c
 
@@ -126,14 +131,14 @@ class GearPair:
 
     @cached_property
     def path(self) -> tuple[float, float]:
-        """Begin A and end E of contact, along the line of action from the base circle of the pinion [m]."""
-        end = _reach(self.pinion)
-        begin = self.tangent_length - self.wheel.sign * _reach(self.wheel)
+        """Start A and end E of contact along the line of action, from the base circle of the pinion [m]."""
+        end = _tip_distance(self.pinion)
+        begin = self.tangent_length - self.wheel.sign * _tip_distance(self.wheel)
         return begin, end
 
     @property
     def tangent_length(self) -> float:
-        """Distance a_w sin(alpha_wt) between the base circles along the line of action [m], negative of a ring."""
+        """Distance a_w sin(alpha_wt) of the base circles on the line of action [m]; negative for a ring gear."""
         return self.wheel.sign * self.working_center_distance * sin(self.working_pressure_angle)
 
     @property
@@ -144,43 +149,45 @@ class GearPair:
 
     @property
     def face_width(self) -> float:
-        """Common face width b [m], the smaller one."""
+        """Common face width b [m], the smaller one of the two gears."""
         return min(self.pinion.face_width, self.wheel.face_width)
 
     @property
     def overlap_ratio(self) -> float:
-        """eps_beta."""
+        """Overlap ratio eps_beta."""
         return self.face_width * abs(sin(self.pinion.helix_angle)) / (pi * self.pinion.module)
 
     @property
     def total_contact_ratio(self) -> float:
-        """eps_gamma = eps_alpha + eps_beta."""
+        """Total contact ratio eps_gamma = eps_alpha + eps_beta."""
         return self.contact_ratio + self.overlap_ratio
 
     @property
     def equivalent_mass(self) -> float:
-        """m_c = 1 / (r_b1^2 / J_1 + r_b2^2 / J_2) [kg], of the motion along the line of action."""
+        """Equivalent mass m_c = 1 / (r_b1^2 / J_1 + r_b2^2 / J_2) of the motion along the line of action [kg]."""
         r_1, r_2 = self.base_radii
         return 1 / (r_1**2 / self.pinion.inertia_used + r_2**2 / self.wheel.inertia_used)
 
     # Backlash
 
     def backlash_as(self, measure: str) -> float:
-        """Backlash in that measure [m]: "circumferential", "normal" or "action".
+        """Return the backlash [m] in a measure: "circumferential", "normal" or "action".
 
         Raises
         ------
         ValueError
-            If there is no such measure.
+            If the measure is not one of these.
         """
         helix = self.pinion.base_helix_angle
         if self.backlash is not None:
-            return converted(self.backlash, self.backlash_measure, measure, self.working_pressure_angle, helix)
-        return converted(self.theoretical_backlash, "circumferential", measure, self.working_pressure_angle, helix)
+            return convert_backlash(self.backlash, self.backlash_measure, measure, self.working_pressure_angle, helix)
+        return convert_backlash(
+            self.theoretical_backlash, "circumferential", measure, self.working_pressure_angle, helix
+        )
 
     @property
     def theoretical_backlash(self) -> float:
-        """j_wt [m] that the centre distance leaves between teeth of these profile shifts; 0 by default."""
+        """Backlash j_wt [m] from the centre distance and the profile shifts; 0 without a given centre distance."""
         if self.center_distance is None:
             return 0.0
         thickness = [
@@ -190,40 +197,51 @@ class GearPair:
 
     @property
     def half_backlash(self) -> float:
-        """b [m], half of the backlash along the line of action in the transverse plane."""
+        """Half backlash b along the line of action in the transverse plane [m]."""
         return self.backlash_as("action") / 2
 
     # Mesh and models
 
     def transverse_force(self, torque: Any) -> float:
-        """Force T / r_b1 along the line of action in the transverse plane [N] under a torque on the pinion [N m]."""
+        """Return the force T / r_b1 along the line of action in the transverse plane [N].
+
+        ``torque`` acts on the pinion [N m].
+        """
         return to_si("GearPair", "torque", torque, "N m") / self.base_radii[0]
 
     def mesh(self, torque: Any, **options: Any) -> Any:
-        """Mesh stiffness and transmission error over a mesh cycle under a torque on the pinion.
+        """Compute mesh stiffness and transmission error over a mesh cycle under a torque on the pinion.
 
-        The same as `hbgear.gears.mesh.loaded_mesh.loaded_mesh` of this pair, which tells the options.
+        This method calls `hbgear.gears.mesh.loaded_mesh.loaded_mesh`, which describes the options.
 
         Parameters
         ----------
-        torque : on the pinion [N m], > 0.
+        torque : float or str
+            Torque on the pinion [N m], positive.
+        **options : object
+            Options of that function.
         """
         return call("hbgear.gears.mesh.loaded_mesh.loaded_mesh", self, torque, **options)
 
     def model(self, torque: Any, damping: Any, form: str = "torsion", **options: Any) -> Any:
-        """A model of this pair under a torque on the pinion.
+        """Return a model of this pair under a torque on the pinion.
 
-        The same as `hbgear.gears.pairs.pair_models.model_of` of this pair, which tells the forms and options.
+        This method calls `hbgear.gears.pairs.pair_models.build_model`, which describes the options.
 
         Parameters
         ----------
-        torque : on the pinion [N m], > 0.
-        damping : damping ratio of the mesh.
-        form : "torsion" (a `SpurPair`), "bearings" (a `GearRotorBearing`) or "spatial" (a `HelicalPair`).
+        torque : float or str
+            Torque on the pinion [N m], positive.
+        damping : float
+            Damping ratio of the mesh.
+        form : {"torsion", "bearings", "spatial"}, optional
+            Form of the model: a `SpurPair` (default), a `GearRotorBearing` or a `HelicalPair`.
+        **options : object
+            Options of that function.
         """
         return call("hbgear.gears.pairs.pair_models.build_model", self, torque, damping, form, **options)
 
-    # What cannot mesh
+    # Checks
 
     def _check_fit(self) -> None:
         p, w = self.pinion, self.wheel
@@ -235,16 +253,16 @@ class GearPair:
         if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
             raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
                              f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
-        wanted = p.helix_angle if w.internal else -p.helix_angle
-        if abs(w.helix_angle - wanted) > 1e-6:
+        required = p.helix_angle if w.internal else -p.helix_angle
+        if abs(w.helix_angle - required) > 1e-6:
             rule = "of the same hand" if w.internal else "of opposite hands"
             raise ValueError(
                 f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
                 f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
-                f"wheel helix_angle = '{degrees(wanted) + 0.0:g} deg'"
+                f"wheel helix_angle = '{degrees(required) + 0.0:g} deg'"
             )
         if w.internal and w.teeth <= p.teeth:
-            raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no room for a pinion of {p.teeth}")
+            raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no space for a pinion of {p.teeth}")
 
     def _check_distance(self) -> None:
         least = abs(self._signed_base_radius)
@@ -258,14 +276,15 @@ class GearPair:
             )
             if value <= 0:
                 raise ValueError(f"GearPair: profile shifts of {self.pinion.profile_shift:g} and "
-                                 f"{self.wheel.profile_shift:g} leave no centre distance: give larger")  # fmt: skip
+                                 f"{self.wheel.profile_shift:g} allow no centre distance; increase them")  # fmt: skip
 
     def _check_backlash(self) -> None:
         thickness = pi * self.pinion.module / 2
         if self.backlash is not None and self.backlash > 0.5 * self.pinion.module:
             raise ValueError(
                 f"GearPair: backlash = {self.backlash * 1e3:g} mm is as large as a tooth, which is "
-                f"{thickness * 1e3:.3g} mm thick; is '{self.backlash * 1e3:g} um' meant? Numbers are in m"
+                f"{thickness * 1e3:.3g} mm thick; numbers are in m: "
+                f"give '{self.backlash * 1e3:g} um' if these are micrometres"
             )
         if self.backlash is None and self.theoretical_backlash < -1e-3 * self.pinion.module:
             raise ValueError(
@@ -297,39 +316,39 @@ class GearPair:
 
     def _check_interference(self, begin: float, end: float) -> None:
         p, w = self.pinion, self.wheel
-        places = [("pinion", p, begin, w.tip_diameter_used)]
+        contacts = [("pinion", p, begin, w.tip_diameter_used)]
         if not w.internal:
-            places.append(("wheel", w, self.tangent_length - end, p.tip_diameter_used))
-        for name, gear, first, tip in places:
+            contacts.append(("wheel", w, self.tangent_length - end, p.tip_diameter_used))
+        for name, gear, first, tip in contacts:
             form = gear.form_diameter
-            reached = 2 * hypot(first, gear.base_diameter / 2) if first > 0 else 0.0
-            if reached < form - 1e-3 * gear.module:
-                where = f"at {reached * 1e3:.6g} mm" if first > 0 else "below its base circle"
+            contact_diameter = 2 * hypot(first, gear.base_diameter / 2) if first > 0 else 0.0
+            if contact_diameter < form - 1e-3 * gear.module:
+                where = f"at {contact_diameter * 1e3:.6g} mm" if first > 0 else "below its base circle"
                 raise ValueError(
-                    f"GearPair: interference: the tips of the other gear (diameter {tip * 1e3:.6g} mm) meet the {name} "
-                    f"{where}, where its involute has ended (at {form * 1e3:.6g} mm): give a larger profile_shift of "
-                    f"the {name}, more teeth, or the other gear a smaller tip_diameter"
+                    f"GearPair: interference: the tips of the other gear (diameter {tip * 1e3:.6g} mm) touch the "
+                    f"{name} {where}, outside its involute (which ends at {form * 1e3:.6g} mm): give a larger "
+                    f"profile_shift of the {name}, more teeth, or the other gear a smaller tip_diameter"
                 )
         if w.internal:
             self._check_tips_of_ring()
 
     def _check_tips_of_ring(self) -> None:
-        """Tips of pinion and ring must pass each other outside of the line of action."""
+        """Raise an error if the tips of pinion and ring do not pass each other outside the line of action."""
         p, w, a = self.pinion, self.wheel, self.working_center_distance
         r_1, r_2 = p.tip_diameter_used / 2, w.tip_diameter_used / 2
-        ways = (r_2**2 - r_1**2 - a**2) / (2 * a * r_1), (a**2 + r_2**2 - r_1**2) / (2 * a * r_2)
-        if not all(-1 <= way <= 1 for way in ways):
-            return  # the tip circles do not cross
+        cosines = (r_2**2 - r_1**2 - a**2) / (2 * a * r_1), (a**2 + r_2**2 - r_1**2) / (2 * a * r_2)
+        if not all(-1 <= cosine <= 1 for cosine in cosines):
+            return  # the tip circles do not intersect
         alpha_1, alpha_2 = (acos(g.base_diameter / g.tip_diameter_used) for g in (p, w))
         working = involute(self.working_pressure_angle)
-        turned = (acos(ways[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
-        if turned + working - involute(alpha_2) < acos(ways[1]):
+        rotation = (acos(cosines[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
+        if rotation + working - involute(alpha_2) < acos(cosines[1]):
             raise ValueError(
-                f"GearPair: interference: the tips of {p.teeth} teeth strike those of the ring of {w.teeth}: give more "
-                "teeth of difference, profile shifts, or smaller addenda"
+                f"GearPair: interference: the tips of {p.teeth} teeth strike the tips of the ring of {w.teeth}: give a "
+                "larger difference of tooth numbers, profile shifts, or smaller addenda"
             )
 
 
-def _reach(gear: Gear) -> float:
-    """sqrt(r_a^2 - r_b^2) of the tip [m]."""
+def _tip_distance(gear: Gear) -> float:
+    """Return the distance sqrt(r_a^2 - r_b^2) of the tip along the line of action [m]."""
     return sqrt(max(gear.tip_diameter_used**2 - gear.base_diameter**2, 0.0)) / 2

@@ -1,16 +1,16 @@
-"""Dynamic factor K_v by ISO 6336-1:2006, method B: what the standard expects, beside what the nonlinear model answers.
+"""Dynamic factor K_v by ISO 6336-1:2006, method B, for comparison with the nonlinear model.
 
     N = n_1 / n_E1,   n_E1 = 30000/(pi z_1) sqrt(c_gamma/m_red)   [r/min, c_gamma in N/(mm um), m_red in kg/mm]
     N <= N_S          K_v = 1 + N (C_v1 B_p + C_v2 B_f + C_v3 B_k)             below resonance
     N_S < N <= 1.15   K_v = 1 + C_v1 B_p + C_v2 B_f + C_v4 B_k                 main resonance
-    1.15 < N < 1.5    straight between both
+    1.15 < N < 1.5    linear interpolation between both
     N >= 1.5          K_v = C_v5 B_p + C_v6 B_f + C_v7                         above resonance
     B_p = c' f_pb/(F_t/b),   B_f = c' f_fa/(F_t/b),   B_k = |1 - c' C_a/(F_t/b)|, or 1 from grade 6 on
 
-f_pb, f_fa are the tolerances of base pitch and profile form of the accuracy grade A, of the larger gear, by ISO
-1328-1:2013: f_pt = (0.001 d + 0.4 m + 5) 2^((A - 5)/2), f_fa = (0.55 m + 5) 2^((A - 5)/2) [um, mm], f_pb = f_pt
-cos(alpha_t). The gears have not run in, C_a is the mean of both tip reliefs, the application factor is 1. The reduced
-mass is that of the pair, whatever turns with the gears.
+f_pb and f_fa are the tolerances of base pitch and profile form for the accuracy grade A, for the gear with the larger
+tolerance, by ISO 1328-1:2013: f_pt = (0.001 d + 0.4 m + 5) 2^((A - 5)/2), f_fa = (0.55 m + 5) 2^((A - 5)/2) [um, mm],
+f_pb = f_pt cos(alpha_t). Running-in is neglected, C_a is the mean of both tip reliefs, and the application factor is 1.
+The reduced mass contains the two gears only, without connected shafts and rotors.
 
 References
 ----------
@@ -34,11 +34,11 @@ from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.iso_stiffness import iso_stiffness
 from hbgear.mechanics.series.fourier import real_numbers
 
-_LIGHT = 1e5  # N/m, the load below which the range of the main resonance reaches further down
+LOW_LOAD_RESONANCE = 1e5  # [N/m] (100 N/mm); below this load the main resonance range N_S begins at a lower speed
 
 
 class _Weights(NamedTuple):
-    """C_v1 to C_v7 of a total contact ratio."""
+    """Factors C_v1 to C_v7 for a total contact ratio."""
 
     pitch: float
     profile: float
@@ -61,33 +61,37 @@ class _Weights(NamedTuple):
 
 
 def deviations(gear: Gear, grade: int) -> tuple[float, float]:
-    """Tolerances f_pb of the base pitch and f_fa of the profile form of a gear [m]."""
-    d, m, coarse = gear.reference_diameter * 1e3, gear.module * 1e3, sqrt(2.0) ** (grade - 5)
-    pitch = (0.001 * d + 0.4 * m + 5) * coarse * cos(gear.transverse_pressure_angle)
-    return pitch * 1e-6, (0.55 * m + 5) * coarse * 1e-6
+    """Return the tolerances f_pb of the base pitch and f_fa of the profile form of a gear [m]."""
+    d, m, grade_factor = gear.reference_diameter * 1e3, gear.module * 1e3, sqrt(2.0) ** (grade - 5)
+    pitch = (0.001 * d + 0.4 * m + 5) * grade_factor * cos(gear.transverse_pressure_angle)
+    return pitch * 1e-6, (0.55 * m + 5) * grade_factor * 1e-6
 
 
 def resonance_speed(pair: GearPair, torque: Any) -> float:
-    """n_E1, speed of the pinion at which the standard sees the main resonance [r/min]."""
+    """Return n_E1, the pinion speed of the main resonance by the standard [r/min]."""
     mesh = iso_stiffness(pair, to_si("resonance_speed", "torque", torque, "N m")).mesh * pair.face_width
     return 30 / (pi * pair.pinion.teeth) * sqrt(mesh / pair.equivalent_mass)
 
 
 @checked_arguments(pair="a GearPair")
 def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int = 6) -> Array:
-    """K_v by ISO 6336-1, method B, at speeds of the pinion; equations at the head of this file.
+    """Return K_v by ISO 6336-1, method B, at pinion speeds; the module docstring states the equations.
 
     Parameters
     ----------
-    pair : `GearPair`.
-    torque : on the pinion [N m].
-    speed : of the pinion [r/min], any shape.
-    grade : of accuracy, 1 to 11.
+    pair : GearPair
+        Gear pair.
+    torque : float or str
+        Torque on the pinion [N m], positive.
+    speed : array_like
+        Pinion speeds [r/min], of any shape.
+    grade : int, default 6
+        Accuracy grade of ISO 1328-1, 1 to 11.
 
     Raises
     ------
     ValueError
-        If the torque is not positive, a speed is not a number, or there is no such grade.
+        If the torque is not positive, a speed is not finite or the grade is not from 1 to 11.
 
     Examples
     --------
@@ -108,15 +112,15 @@ def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int
     pitch, profile = (
         max(both) for both in zip(*(deviations(g, grade) for g in (pair.pinion, pair.wheel)), strict=True)
     )
-    stiff = iso_stiffness(pair, torque).single / load
+    stiffness_over_load = iso_stiffness(pair, torque).single / load
     relief = (pair.pinion.tip_relief + pair.wheel.tip_relief) / 2
-    k = 1.0 if grade >= 6 else abs(1 - stiff * relief)
+    k = 1.0 if grade >= 6 else abs(1 - stiffness_over_load * relief)
     C = _Weights.of(pair.total_contact_ratio)
-    errors = C.pitch * stiff * pitch + C.profile * stiff * profile
+    errors = C.pitch * stiffness_over_load * pitch + C.profile * stiffness_over_load * profile
     at = 1 + errors + C.at * k
-    above = C.pitch_above * stiff * pitch + C.profile_above * stiff * profile + C.above
+    above = C.pitch_above * stiffness_over_load * pitch + C.profile_above * stiffness_over_load * profile + C.above
     N = np.abs(n) / resonance_speed(pair, torque)
-    low = 0.85 if load >= _LIGHT else 0.5 + 0.35 * sqrt(load / _LIGHT)
+    low = 0.85 if load >= LOW_LOAD_RESONANCE else 0.5 + 0.35 * sqrt(load / LOW_LOAD_RESONANCE)
     between = above + (at - above) * (1.5 - N) / 0.35
     out: Array = np.select(
         [low >= N, N <= 1.15, N < 1.5], [1 + N * (errors + C.below * k), np.full(n.shape, at), between], above

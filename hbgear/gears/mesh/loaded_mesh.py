@@ -1,26 +1,27 @@
-"""Loaded contact of a gear pair over a mesh cycle: stiffness and transmission error from the teeth in contact.
+"""Loaded contact of a gear pair over a mesh cycle: mesh stiffness and transmission error from the teeth in contact.
 
     sum_i F_i = F,   F_i c_i(F_i) = max(delta - g_i, 0)
     e = min_i g_i,   k = F / (delta - e)
 
-i runs over the pairs of teeth and, of helical gears, over slices of the face width; c_i is the compliance of both teeth
-(`hbgear.gears.drawing.tooth`) and of the contact, g_i >= 0 the material that is missing there (relief, crowning, pitch
-error)
-and delta the displacement along the line of action. k is the secant of the loaded mesh, so that force and loss of
-contact are right at rest; the tangent dF/d(delta), with e = delta - F/k, is right for small vibration about it.
+The index i counts the pairs of teeth and, for helical or crowned gears, slices of the face width. c_i is the compliance
+of both teeth (`hbgear.gears.drawing.tooth`) and of the contact. g_i is the gap: the material missing there because of
+relief, crowning and pitch error. delta is the displacement along the line of action. k is the secant stiffness of the
+loaded mesh, so that the static force and the loss of contact are correct. The tangent stiffness dF/d(delta), with e =
+delta - F/k, is correct for small vibration about the static state.
 
-The contact of two cylinders of width b, h_1 and h_2 deep behind it, by Weber and Banaschek:
+The compliance of the contact of two cylinders of width b, with the tooth centre lines at depths h_1 and h_2, by Weber
+and Banaschek:
 
-    c_h = 2/(pi b) sum_i (1 - nu_i^2)/E_i [ln(2 h_i/a) - nu_i/(2 (1 - nu_i))],   a^2 = 4/pi (F/b) rho sum_i (1 -
-    nu_i^2)/E_i
+    c_h = 2/(pi b) sum_i (1 - nu_i^2)/E_i [ln(2 h_i/a) - nu_i/(2 (1 - nu_i))]
+    a^2 = 4/pi (F/b) rho sum_i (1 - nu_i^2)/E_i
 
-rho is the radius of relative curvature and a half the width of contact. Slices do not hold each other, contact outside
-of the line of action (of tips, under load) is left out, and so is the compliance of wheel bodies and shafts.
+rho is the radius of relative curvature and a is half the contact width. Slices are not coupled. Contact outside the
+line of action (of tips under load) and the compliance of wheel bodies and shafts are neglected.
 
 References
 ----------
-Weber & Banaschek (1953), Formaenderung und Profilruecknahme bei gerad- und schraegverzahnten Raedern, Vieweg.
-Chaari, Fakhfakh & Haddar (2009), Eur. J. Mech. A 28, 461-468 (teeth side by side).
+Weber & Banaschek (1953), Formaenderung und Profilruecknahme bei gerad- und schraegverzahnten Raedern, Vieweg. Chaari,
+Fakhfakh & Haddar (2009), Eur. J. Mech. A 28, 461-468 (several pairs of teeth in contact).
 """
 
 from __future__ import annotations
@@ -40,16 +41,16 @@ from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.drawing.tooth import Tooth
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 
-_ALONG = 160  # places along the path of contact at which the compliance of teeth is computed
-_TIGHT = 1e-12  # relative change of the displacement at which it is found
-_LEAST = 1e-9  # of the force, for a pair that barely touches
+PATH_POINTS = 160  # points of the path of contact at which the tooth compliance is computed; linear in between
+DISPLACEMENT_TOLERANCE = 1e-12  # relative change of the displacement at which the iteration has converged
+MIN_LOAD_FRACTION = 1e-9  # smallest load of a contact (fraction of the force) and smallest fraction of a slice
 
 
 @dataclass(frozen=True)
 class _Contacts:
-    """All that may touch, (N phases, M places): whether it is there, compliance of teeth, gap, data of contact."""
+    """Possible contacts, arrays (N phases, M contacts): presence, tooth compliance, gap, Hertzian contact data."""
 
-    there: Array
+    present: Array
     teeth: Array
     gap: Array
     depth: tuple[Array, Array]
@@ -65,20 +66,26 @@ def loaded_mesh(
     slices: int | None = None,
     linearized: Literal["secant", "tangent"] = "secant",
 ) -> MeshCycle:
-    """Mesh stiffness and transmission error over a mesh cycle; equations at the head of this file.
+    """Compute mesh stiffness and transmission error over a mesh cycle; the module docstring states the equations.
 
     Parameters
     ----------
-    pair : `GearPair`.
-    torque : on the pinion [N m], > 0.
-    phases : steps of a cycle; where teeth of a spur pair come and go, there are more.
-    slices : of the face width of helical or crowned gears; chosen from the overlap by default.
-    linearized : "secant" or "tangent" of the loaded mesh.
+    pair : GearPair
+        Gear pair.
+    torque : float or str
+        Torque on the pinion [N m], positive.
+    phases : int, default 256
+        Number of steps of the cycle, at least 8. Two points are added where a pair of spur teeth leaves contact.
+    slices : int or None, optional
+        Number of slices of the face width. By default it follows from the overlap ratio of helical gears, is 24 for
+        crowned spur gears and 1 for other spur gears.
+    linearized : {"secant", "tangent"}, default "secant"
+        Secant or tangent stiffness of the loaded mesh.
 
     Raises
     ------
     ValueError
-        If the torque is not positive, or an option is none.
+        If the torque is not positive or an option is not valid.
     """
     torque = to_si("GearPair.mesh", "torque", torque, "N m")
     if torque <= 0:
@@ -91,18 +98,18 @@ def loaded_mesh(
         slices = max(48, 48 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if crowned else 1
     counted("GearPair.mesh: slices", slices, 10_000)
     force = pair.transverse_force(torque)
-    phase, twice = _phases(pair, phases)
-    contacts = _contacts(pair, phase, twice, slices)
-    delta, tangent = _balanced(pair, contacts, force)
-    least = np.min(np.where(contacts.there, contacts.gap, np.inf), axis=1)
-    error = least if linearized == "secant" else delta - force / tangent
+    phase, side = _phases(pair, phases)
+    contacts = _contacts(pair, phase, side, slices)
+    delta, tangent = _static_equilibrium(pair, contacts, force)
+    smallest_gap = np.min(np.where(contacts.present, contacts.gap, np.inf), axis=1)
+    error = smallest_gap if linearized == "secant" else delta - force / tangent
     return MeshCycle(MeshTable(phase, force / (delta - error)), MeshTable(phase, error), force)
 
 
 def _phases(pair: GearPair, count: int) -> tuple[Array, Array]:
-    """Phases of a cycle, and for those that are there twice, -1 before the jump and +1 after it.
+    """Return the phases of a cycle and, for phases that occur twice, -1 before the jump and +1 after it.
 
-    A pair of spur teeth comes at phase 0 and goes where the fraction of the contact ratio is.
+    A pair of spur teeth enters contact at phase 0 and leaves it at the fractional part of the contact ratio.
     """
     phase = np.linspace(0.0, 1.0, count + 1)
     side = np.zeros(count + 1)
@@ -117,37 +124,45 @@ def _phases(pair: GearPair, count: int) -> tuple[Array, Array]:
 
 
 def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contacts:
+    """Return the possible contacts at all phases.
+
+    ``side`` states on which side of a jump a phase lies.
+    """
     begin, end = pair.path
     length = (end - begin) / pair.base_pitch
-    z = (np.arange(slices) + 0.5) / slices - 0.5  # over the face width
+    z = (np.arange(slices) + 0.5) / slices - 0.5  # position across the face, in face widths
     lag = pair.overlap_ratio * (z + 0.5)
     pairs = np.arange(ceil(length + pair.overlap_ratio) + 1)
-    where = (phase[:, None, None] + pairs[None, :, None] - lag[None, None, :]).reshape(len(phase), -1)
-    nudge = side[:, None] * 1e-9  # whether a pair that comes or goes right here is counted
-    reach = pair.overlap_ratio / (2 * slices)  # half of what a slice covers of the path, in base pitches
-    first, last = np.clip(where - reach, 0.0, length), np.clip(where + reach, 0.0, length)
-    share = (last - first) / (2 * reach) if reach else ((where + nudge > 0) & (where + nudge < length)).astype(float)
+    position = (phase[:, None, None] + pairs[None, :, None] - lag[None, None, :]).reshape(len(phase), -1)
+    nudge = side[:, None] * 1e-9  # shift [base pitch] that selects the state before or after a jump
+    half_width = pair.overlap_ratio / (2 * slices)  # half the section of the path covered by a slice [base pitch]
+    first, last = np.clip(position - half_width, 0.0, length), np.clip(position + half_width, 0.0, length)
+    inside = (position + nudge > 0) & (position + nudge < length)
+    fraction = (last - first) / (2 * half_width) if half_width else inside.astype(float)
     s = np.clip(begin + (first + last) / 2 * pair.base_pitch, begin, end)
     across = np.tile(z, len(pairs))[None, :]
     gap = _gaps(pair, s, across)
-    grid = np.linspace(begin, end, _ALONG)
+    grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
-    helix = cos(pair.pinion.base_helix_angle)
-    for gear, way in ((pair.pinion, grid), (pair.wheel, pair.tangent_length - grid)):
-        radius = np.hypot(way, gear.base_diameter / 2)
-        found, deep = Tooth(gear).compliance(gear.sign * (radius - gear.reference_diameter / 2))
-        teeth = teeth + np.interp(s, grid, found)
-        depth.append(np.interp(s, grid, deep))
-    far = pair.tangent_length - s
-    rho = np.abs(s * far / pair.tangent_length) / helix
+    cos_helix = cos(pair.pinion.base_helix_angle)
+    for gear, curvature_radius in ((pair.pinion, grid), (pair.wheel, pair.tangent_length - grid)):
+        radius = np.hypot(curvature_radius, gear.base_diameter / 2)
+        compliance, gear_depth = Tooth(gear).compliance(gear.sign * (radius - gear.reference_diameter / 2))
+        teeth = teeth + np.interp(s, grid, compliance)
+        depth.append(np.interp(s, grid, gear_depth))
+    rho = np.abs(s * (pair.tangent_length - s) / pair.tangent_length) / cos_helix
     width = pair.face_width / slices
-    # k_t = k_n cos^2(beta_b) over the length of contact, width / cos(beta_b)
-    widths = width * np.maximum(share, _LEAST)
-    return _Contacts(share > _LEAST, teeth / (widths * helix), gap, (depth[0], depth[1]), rho, widths)
+    # k_t = k_n cos^2(beta_b), and the length of contact is width / cos(beta_b)
+    widths = width * np.maximum(fraction, MIN_LOAD_FRACTION)
+    return _Contacts(fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix), gap, (depth[0], depth[1]), rho, widths)
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
-    """Material missing at places along the line of action and across the face [m]."""
+    """Return the material missing at positions along the line of action and across the face [m].
+
+    ``s`` is measured from the base circle of the pinion [m]; ``across`` is the position across the face over the face
+    width, -1/2 to 1/2.
+    """
     begin, end = pair.path
     gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch
     for gear, from_tip in ((pair.pinion, end - s), (pair.wheel, s - begin)):
@@ -159,61 +174,63 @@ def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
 
 
 def relief_length(pair: GearPair, gear: Gear) -> float:
-    """Length of the tip relief along the line of action [m]; by default to where the fewest pairs begin."""
+    """Return the length of the tip relief along the line of action [m].
+
+    By default the relief ends where the fewest pairs are in contact.
+    """
     if gear.tip_relief_length is not None:
         return gear.tip_relief_length
     return max(pair.contact_ratio % 1.0, 0.1) * pair.base_pitch
 
 
-def _balanced(pair: GearPair, c: _Contacts, force: float) -> tuple[Array, Array]:
-    """Displacement delta (N,) under the force, and dF/d(delta) there.
+def _static_equilibrium(pair: GearPair, c: _Contacts, force: float) -> tuple[Array, Array]:
+    """Return the displacement delta (N,) under the force and the tangent stiffness dF/d(delta) (N,).
 
-    The contact's compliance is that of the load last found; within, the sum of springs with gaps is piecewise linear in
-    delta and solved by Newton's method, which ends on the right piece.
+    A fixed-point iteration updates the contact compliance with the loads of the last iteration. In each iteration the
+    sum of springs with gaps is piecewise linear in delta and solved exactly.
     """
-    load = np.where(c.there, force / np.maximum(c.there.sum(axis=1, keepdims=True), 1), 0.0)
+    load = np.where(c.present, force / np.maximum(c.present.sum(axis=1, keepdims=True), 1), 0.0)
     delta = np.zeros(len(load))
     for _ in range(200):
-        contact, _ = _hertz(pair, c, np.maximum(load, _LEAST * force))
-        k = np.where(c.there, 1 / (c.teeth + contact), 0.0)
-        found = _of_springs(k, np.where(c.there, c.gap, np.inf), force)
-        load = np.where(c.there, k * np.maximum(found[:, None] - c.gap, 0.0), 0.0)
-        done = bool(np.all(np.abs(found - delta) <= _TIGHT * np.abs(found).max()))
-        delta = found
-        if done:
+        contact, _ = _hertz(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
+        k = np.where(c.present, 1 / (c.teeth + contact), 0.0)
+        new_delta = _spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
+        load = np.where(c.present, k * np.maximum(new_delta[:, None] - c.gap, 0.0), 0.0)
+        change = np.abs(new_delta - delta)
+        converged = bool(np.all(change <= DISPLACEMENT_TOLERANCE * np.abs(new_delta).max()))
+        delta = new_delta
+        if converged:
             break
-    contact, change = _hertz(pair, c, np.maximum(load, _LEAST * force))
-    stiff = np.where(load > 0, 1 / np.maximum(c.teeth + contact - change, 0.5 * c.teeth), 0.0)
-    return delta, np.sum(stiff, axis=1)
+    contact, decrease = _hertz(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
+    stiffness = np.where(load > 0, 1 / np.maximum(c.teeth + contact - decrease, 0.5 * c.teeth), 0.0)
+    return delta, np.sum(stiffness, axis=1)
 
 
-def _of_springs(k: Array, gap: Array, force: float) -> Array:
-    """delta (N,) of sum_i k_i max(delta - g_i, 0) = F, from the smallest gap up."""
+def _spring_displacement(k: Array, gap: Array, force: float) -> Array:
+    """Return delta (N,) that solves sum_i k_i max(delta - g_i, 0) = F, found by closing the gaps in ascending order."""
     order = np.argsort(gap, axis=1)
     g = np.take_along_axis(gap, order, axis=1)
     ks = np.take_along_axis(k, order, axis=1)
-    stiff = np.cumsum(ks, axis=1)
+    total_stiffness = np.cumsum(ks, axis=1)
     with np.errstate(invalid="ignore"):
         moment = np.cumsum(np.where(np.isfinite(g), ks * g, 0.0), axis=1)
-        tried = (force + moment) / stiff  # with the first j of them in contact
-        following = np.concatenate([g[:, 1:], np.full((len(g), 1), np.inf)], axis=1)
-    right = np.argmax(tried <= following, axis=1)
-    out: Array = tried[np.arange(len(g)), right]
+        candidate = (force + moment) / total_stiffness  # with the first j springs in contact
+        next_gap = np.concatenate([g[:, 1:], np.full((len(g), 1), np.inf)], axis=1)
+    in_contact = np.argmax(candidate <= next_gap, axis=1)
+    out: Array = candidate[np.arange(len(g)), in_contact]
     return out
 
 
 def _hertz(pair: GearPair, c: _Contacts, load: Array) -> tuple[Array, Array]:
-    """Compliance c_h of the contacts in the transverse plane, and -F dc_h/dF, by which the tangent is smaller."""
-    helix = cos(pair.pinion.base_helix_angle)
-    length = c.widths / helix
-    elastic = [(1 - gear.poisson**2) / gear.E for gear in (pair.pinion, pair.wheel)]
-    line = np.maximum(
-        load / helix / length, 1.0
-    )  # N/m, normal to the flank; of a load of nothing, a number all the same
-    a = np.sqrt(4 / pi * line * np.maximum(c.rho, 1e-9) * sum(elastic))
+    """Return the contact compliance c_h in the transverse plane and its decrease in the tangent, -F dc_h/dF."""
+    cos_helix = cos(pair.pinion.base_helix_angle)
+    length = c.widths / cos_helix
+    plane_strain = [(1 - gear.poisson**2) / gear.E for gear in (pair.pinion, pair.wheel)]
+    line_load = np.maximum(load / cos_helix / length, 1.0)  # normal to the flank; at least 1 N/m to bound the logarithm
+    a = np.sqrt(4 / pi * line_load * np.maximum(c.rho, 1e-9) * sum(plane_strain))
     total = np.zeros_like(load)
-    for gear, soft, deep in zip((pair.pinion, pair.wheel), elastic, c.depth, strict=True):
-        logs = np.log(np.maximum(2 * deep / a, 1.5))
-        total = total + soft * (logs - gear.poisson / (2 * (1 - gear.poisson)))
-    scale = 2 / (pi * c.widths * helix)
-    return scale * total, scale * sum(elastic) / 2
+    for gear, strain, depth in zip((pair.pinion, pair.wheel), plane_strain, c.depth, strict=True):
+        logs = np.log(np.maximum(2 * depth / a, 1.5))
+        total = total + strain * (logs - gear.poisson / (2 * (1 - gear.poisson)))
+    scale = 2 / (pi * c.widths * cos_helix)
+    return scale * total, scale * sum(plane_strain) / 2

@@ -1,8 +1,8 @@
-"""Mesh stiffness and transmission error over one mesh cycle: computed, or a table from elsewhere.
+"""Mesh stiffness and transmission error over one mesh cycle, computed or read from a table.
 
     force = k(tau) (d - e(tau)) while the teeth touch,   tau = 2 pi phase
 
-Both are straight between their points; a phase that is there twice is a jump.
+Both functions are piecewise linear between the points of their tables. A phase that occurs twice marks a jump.
 """
 
 from __future__ import annotations
@@ -24,26 +24,32 @@ from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.mechanics.series.fourier import Series, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 
-TOLERANCE = 1e-4
-"""By how much cubics may miss the mesh stiffness, over its mean, and the transmission error, over F/k_mean."""
+FIT_TOLERANCE = 1e-4
+"""Largest fit error of the cubics: of the mesh stiffness relative to its mean, of the transmission error relative to
+F/k_mean.
+"""
 
-MOST = 24
-"""Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
+JUMP_HARMONICS = 24
+"""Number of harmonics that represent a transmission error with jumps, because the mesh damper has no finite force at a
+jump.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshTable:
-    """A function over a mesh cycle that is straight between its points.
+    """Piecewise linear function over a mesh cycle.
 
     Parameters
     ----------
-    phase : (P,) from 0 to 1, the share of the cycle, ascending; twice the same phase is a jump.
-    value : (P,) first and last are the same, unless it jumps there.
+    phase : array_like, shape (P,)
+        Fraction of the mesh cycle, ascending from 0 to 1. A phase that occurs twice marks a jump.
+    value : array_like, shape (P,)
+        Values at these phases. The first and the last value are equal unless the function jumps there.
 
     Raises
     ------
     ValueError
-        If phases do not ascend or do not go over one whole cycle, or numbers are not finite.
+        If the phases do not ascend from 0 to 1 or a number is not finite.
 
     Examples
     --------
@@ -58,16 +64,16 @@ class MeshTable:
 
     def __post_init__(self) -> None:
         for name in ("phase", "value"):
-            row = real_numbers(f"Table: {name}", getattr(self, name), "a sequence of numbers")
-            row.flags.writeable = False
-            object.__setattr__(self, name, row)
+            values = real_numbers(f"Table: {name}", getattr(self, name), "a sequence of numbers")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
         x, y = self.phase, self.value
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2 or not np.isfinite([x, y]).all():
-            raise ValueError("Table: phase and value must be as many finite numbers, two at least")
+            raise ValueError("Table: phase and value must be finite and of equal length, two numbers at least")
         if np.any(np.diff(x) < 0) or np.any(x[2:] == x[:-2]):
-            raise ValueError("Table: phases must ascend; one that is there twice is a jump")
+            raise ValueError("Table: phases must ascend; give a phase twice for a jump and never three times")
         if x[0] != 0 or abs(x[-1] - 1) > 1e-9:
-            raise ValueError(f"Table: phases go from {x[0]:g} to {x[-1]:g}; they must go from 0 to 1, a whole cycle")
+            raise ValueError(f"Table: phases go from {x[0]:g} to {x[-1]:g}; they must go from 0 to 1, one whole cycle")
 
     @property
     def mean(self) -> float:
@@ -76,57 +82,66 @@ class MeshTable:
 
     @property
     def range(self) -> float:
-        """Largest minus smallest value."""
+        """Difference between the largest and the smallest value."""
         return float(self.value.max() - self.value.min())
 
     def __call__(self, phase: ArrayLike) -> Array:
-        """Values at shares of the cycle; on a jump the value after it."""
+        """Return the values at fractions of the cycle; at a jump, the value after it."""
         x = np.mod(np.asarray(phase, dtype=float), 1.0)
         right = np.clip(np.searchsorted(self.phase, x, side="right"), 1, len(self.phase) - 1)
-        a, b = self.phase[right - 1], self.phase[right]
+        before, after = self.phase[right - 1], self.phase[right]
         with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.where(b > a, (x - a) / (b - a), 0.0)
-        out: Array = self.value[right - 1] + share * (self.value[right] - self.value[right - 1])
+            fraction = np.where(after > before, (x - before) / (after - before), 0.0)
+        out: Array = self.value[right - 1] + fraction * (self.value[right] - self.value[right - 1])
         return out
 
     def function(self, tolerance: float = 0.0) -> Phased:
-        """The table as a function of the phase tau, with its jumps, for models; without tolerance straight as it is.
+        """Return the table as a function of the phase tau, including its jumps, for use in models.
 
-        Between jumps, as few cubics as miss no value by more than the tolerance, each through the values at its ends.
+        Between jumps the fewest cubics that keep the fit error within ``tolerance`` are used. Each cubic interpolates
+        the values at its ends. With zero tolerance the function stays piecewise linear.
 
         Parameters
         ----------
-        tolerance : [unit of the values].
+        tolerance : float, default 0.0
+            Largest fit error, in the unit of the values.
         """
         checked("Table.function", "tolerance", tolerance, NOT_NEGATIVE)
         if not self.range > tolerance:
             return Series(self.mean)
-        pieces: list[tuple[float, list[float]]] = []
+        segments: list[tuple[float, list[float]]] = []
         jumps = np.flatnonzero(np.diff(self.phase) == 0)
         ends = [-1, *jumps.tolist(), len(self.phase) - 1]
         for before, last in pairwise(ends):
-            if last > before + 1:  # a jump where the cycle begins or ends has nothing beyond it
-                _fit(2 * pi * self.phase, self.value, before + 1, last, tolerance, pieces)
-        return Periodic(tuple(begin for begin, _ in pieces), tuple(tuple(row) for _, row in pieces))
+            if last > before + 1:  # a jump at either end of the cycle leaves no segment beyond it
+                _fit(2 * pi * self.phase, self.value, before + 1, last, tolerance, segments)
+        return Periodic(
+            tuple(begin for begin, _ in segments), tuple(tuple(coefficients) for _, coefficients in segments)
+        )
 
 
-def _fit(x: Array, y: Array, first: int, last: int, tolerance: float, pieces: list[tuple[float, list[float]]]) -> None:
-    """Add the pieces of some points: one cubic if it misses none by the tolerance, else those of both halves."""
+def _fit(
+    x: Array, y: Array, first: int, last: int, tolerance: float, segments: list[tuple[float, list[float]]]
+) -> None:
+    """Append cubics for a range of points.
+
+    If one cubic does not fit within the tolerance, the range is halved.
+    """
     width = x[last] - x[first]
-    chord = (y[last] - y[first]) / width
-    row = [float(y[first]), float(chord)]
+    slope = (y[last] - y[first]) / width
+    coefficients = [float(y[first]), float(slope)]
     if last > first + 1:
         s = (x[first : last + 1] - x[first]) / width
-        missed = y[first : last + 1] - y[first] - chord * width * s
-        bends = np.column_stack([s * (1 - s), s * s * (1 - s)])  # nothing at the ends
-        a, b = np.linalg.lstsq(bends, missed, rcond=None)[0] if tolerance else (0.0, 0.0)
-        if np.abs(missed - bends @ [a, b]).max() > tolerance:
+        deviation = y[first : last + 1] - y[first] - slope * width * s
+        basis = np.column_stack([s * (1 - s), s * s * (1 - s)])  # zero at both ends
+        a, b = np.linalg.lstsq(basis, deviation, rcond=None)[0] if tolerance else (0.0, 0.0)
+        if np.abs(deviation - basis @ [a, b]).max() > tolerance:
             middle = (first + last) // 2
-            _fit(x, y, first, middle, tolerance, pieces)
-            _fit(x, y, middle, last, tolerance, pieces)
+            _fit(x, y, first, middle, tolerance, segments)
+            _fit(x, y, middle, last, tolerance, segments)
             return
-        row = [row[0], row[1] + a / width, (b - a) / width**2, -b / width**3]
-    pieces.append((float(x[first]), row))
+        coefficients = [coefficients[0], coefficients[1] + a / width, (b - a) / width**2, -b / width**3]
+    segments.append((float(x[first]), coefficients))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,14 +150,17 @@ class MeshCycle:
 
     Parameters
     ----------
-    stiffness : `MeshTable` of k(tau) [N/m], positive.
-    error : `MeshTable` of e(tau) [m], the transmission error without load: positive where material is missing.
-    force : of the mesh [N] at which both were computed; None for tables of unknown load.
+    stiffness : MeshTable
+        Mesh stiffness k(tau) [N/m], positive.
+    error : MeshTable
+        Transmission error e(tau) without load [m], positive where material is missing.
+    force : float or None, optional
+        Mesh force at which both were computed [N]. Default None: the load is unknown.
 
     Raises
     ------
     ValueError
-        If the stiffness is not positive.
+        If the mesh stiffness is not positive everywhere.
 
     Examples
     --------
@@ -161,41 +179,42 @@ class MeshCycle:
         check_fields(self)
         if self.force is not None:
             checked("MeshCycle", "force", self.force, NOT_NEGATIVE)
-        least = float(self.stiffness.value.min())
-        if least <= 0:
+        lowest = float(self.stiffness.value.min())
+        if lowest <= 0:
             where = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
-            raise ValueError(f"the mesh stiffness is {least:g} N/m at {where:g} of the cycle; it must be positive "
-                             "throughout: is the column or its unit wrong, or was a mean taken off?")  # fmt: skip
+            raise ValueError(f"the mesh stiffness is {lowest:g} N/m at {where:g} of the cycle; it must be positive "
+                             "throughout: check the column and its unit, and do not subtract the mean")  # fmt: skip
 
     @property
     def static_error(self) -> MeshTable:
-        """Static transmission error e(tau) + F/k(tau) under the force [m]; of unknown load, e(tau) alone."""
+        """Static transmission error e(tau) + F/k(tau) under the force [m]. It is e(tau) if the load is unknown."""
         x = _joined(self.stiffness.phase, self.error.phase)
         k, e = _at(self.stiffness, x), _at(self.error, x)
         return MeshTable(x, e + (self.force or 0.0) / k)
 
     def functions(self, force: float) -> tuple[float, Phased, Phased]:
-        """As models take it: k_mean [N/m], k(tau)/k_mean, and e(tau) [m], which has no jumps.
+        """Return k_mean [N/m], k(tau)/k_mean and e(tau) [m] without jumps, in the form required by the models.
 
         Parameters
         ----------
-        force : of the mesh [N], for the size of the errors that matter.
+        force : float
+            Mesh force [N], which sets the size of errors that matter.
         """
-        k = self.stiffness.function(TOLERANCE * self.stiffness.mean)
-        e = self.error.function(TOLERANCE * abs(force) / k.mean)
+        k = self.stiffness.function(FIT_TOLERANCE * self.stiffness.mean)
+        e = self.error.function(FIT_TOLERANCE * abs(force) / k.mean)
         return k.mean, k.scaled(1 / k.mean), _without_jumps(e)
 
     @property
     def peak_to_peak(self) -> float:
-        """Of the static transmission error [m]."""
+        """Peak-to-peak value of the static transmission error [m]."""
         return self.static_error.range
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a table (.csv): phase, k, e, static transmission error. `read_mesh_table` reads it again."""
-        checked_suffix(path, (".csv",), "tables of a mesh cycle are .csv")
+        """Write phase, k, e and static transmission error to a CSV table that `read_mesh_table` reads."""
+        checked_suffix(path, (".csv",), "tables of a mesh cycle are .csv files")
         x = _joined(self.stiffness.phase, self.error.phase)
         columns = [x, _at(self.stiffness, x), _at(self.error, x), self.static_error.value]
-        if any(column[0] != column[-1] for column in columns[1:]):  # a jump where the cycle begins
+        if any(column[0] != column[-1] for column in columns[1:]):  # a jump at the beginning of the cycle
             columns = [np.append(column, column[0] if i else 1.0) for i, column in enumerate(columns)]
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
             writer = csv.writer(handle)
@@ -204,21 +223,24 @@ class MeshCycle:
 
 
 def _without_jumps(e: Phased) -> Phased:
-    """An error that jumps, as that of pairs of teeth which come with a pitch error, by its first harmonics."""
+    """Return a transmission error without jumps, truncated to its first harmonics if it has any.
+
+    Pairs of teeth that enter contact with a pitch error cause such jumps.
+    """
     if not isinstance(e, Periodic) or e.continuous:
         return e
-    row = e.row(MOST)
-    return Series(float(row[0]), tuple(row[1::2].tolist()), tuple(row[2::2].tolist()))
+    coefficients = e.row(JUMP_HARMONICS)
+    return Series(float(coefficients[0]), tuple(coefficients[1::2].tolist()), tuple(coefficients[2::2].tolist()))
 
 
 def _joined(a: Array, b: Array) -> Array:
-    """Phases of two tables in one; a jump of either is one there too."""
+    """Return the union of the phases of two tables; a jump of either table remains a double phase."""
     counts = {float(x): max(int(np.sum(a == x)), int(np.sum(b == x))) for x in np.union1d(a, b)}
     return np.repeat(list(counts), list(counts.values()))
 
 
 def _at(table: MeshTable, x: Array) -> Array:
-    """Values at phases of which one that is there twice is a jump."""
+    """Return the values of a table at phases; a phase that occurs twice in ``x`` marks a jump."""
     out: Array = np.interp(x, table.phase, table.value)
     for i in range(len(x)):
         twice = np.flatnonzero(table.phase == x[i])

@@ -1,9 +1,10 @@
-"""What excites a mesh, the same in all gear models: stiffness and transmission error over a mesh cycle.
+"""Mesh excitation of all gear models: mesh stiffness and transmission error over a mesh cycle.
 
     k(tau) = 1 - eps_scale sum_l eps_l cos(l tau - eps_lag_l)          or  m + eps_scale (stiffness(tau) - m)
     e(tau) = e_scale sum_l e_l cos(l tau - e_lag_l), or sin            or  e_scale error(tau)
 
-with m the mean of stiffness. By their amplitudes, or given as functions of the phase, corners and all.
+m is the mean of ``stiffness``. The excitation is given by harmonic amplitudes or by functions of the phase, which may
+have breakpoints and jumps.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from hbgear.mechanics.structures.scales import Scales
 
 
 class MeshExcitation(Model):
-    """A model whose mesh has these fields; one that has no use for a field other than eps and e leaves it out."""
+    """Base class of models with these mesh excitation fields. A subclass may omit fields other than eps and e."""
 
     eps: tuple[float, ...] = ()
     e: tuple[float, ...] = ()
@@ -49,7 +50,7 @@ class MeshExcitation(Model):
             if f"{name}_lag" in fields:
                 lag = checked_lags(owner, name, getattr(self, name), getattr(self, f"{name}_lag"))
                 object.__setattr__(self, f"{name}_lag", lag)
-        checked_given(owner, self.stiffness, self.eps)
+        check_mesh_stiffness(owner, self.stiffness, self.eps)
         if "reference" in fields:
             object.__setattr__(self, "reference", amplitudes(owner, "reference", self.reference))
             scales_of(owner, self.reference)
@@ -60,26 +61,26 @@ class MeshExcitation(Model):
 
     @property
     def mesh_stiffness(self) -> Phased:
-        """k(tau), over its mean unless it was given."""
+        """Mesh stiffness k(tau) over its mean; a given function is returned unscaled."""
         if self.stiffness is not None:
             return self.stiffness.varied(self.eps_scale)
         return mesh_stiffness(self.eps, self.eps_scale, self.eps_lag)
 
     @property
     def transmission_error(self) -> Phased:
-        """e(tau), in half backlashes."""
+        """Transmission error e(tau), in half backlashes."""
         if self.error is not None:
             return self.error.scaled(self.e_scale)
         return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
 
-def checked_given(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) -> None:
-    """Refuse a stiffness that cannot be meant; None is none.
+def check_mesh_stiffness(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) -> None:
+    """Raise an error if a given mesh stiffness is not valid; None is valid.
 
     Raises
     ------
     ValueError
-        If it is not positive, or there are amplitudes eps beside it.
+        If it is not positive, or amplitudes eps are given as well.
     """
     if stiffness is not None:
         checked_contact(owner, stiffness)
@@ -87,13 +88,8 @@ def checked_given(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) 
             raise ValueError(f"{owner}: eps = {quoted(eps)} and a stiffness are both given; keep one, eps=() the other")
 
 
-def stiffness_of(given: Phased | None, factor: float, otherwise: Phased) -> Phased:
-    """A stiffness that was given with its alternating part times a factor; another one if none was."""
-    return otherwise if given is None else given.varied(factor)
-
-
 def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
-    """Harmonic amplitudes as a tuple of floats, entry 0 for l = 1.
+    """Return harmonic amplitudes as a tuple of floats; entry 0 is for l = 1.
 
     Raises
     ------
@@ -112,15 +108,17 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
     return out
 
 
-def lagging(values: tuple[float, ...], lag: tuple[float, ...], mean: float = 0.0) -> Series:
-    """A sum of cosines, each with a lag of its own.
+def lagged_series(values: tuple[float, ...], lag: tuple[float, ...], mean: float = 0.0) -> Series:
+    """Return a sum of cosines, each with its phase lag.
 
         mean + sum_l values[l-1] cos(l tau - lag[l-1])
 
     Parameters
     ----------
-    values : (L,) amplitudes, entry 0 for l = 1.
-    lag : (L,) phases [rad]; () for none.
+    values : tuple of float, shape (L,)
+        Amplitudes; entry 0 is for l = 1.
+    lag : tuple of float, shape (L,)
+        Phase lags [rad], or () for no lag.
     """
     if not lag:
         return Series(mean, values)
@@ -129,12 +127,12 @@ def lagging(values: tuple[float, ...], lag: tuple[float, ...], mean: float = 0.0
 
 
 def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> tuple[float, ...]:
-    """Lags as a tuple of floats, as many as amplitudes or none.
+    """Return phase lags as a tuple of floats, one for each amplitude or ().
 
     Raises
     ------
     ValueError
-        If they are others.
+        If the number of lags is neither zero nor the number of amplitudes.
     """
     out = amplitudes(owner, f"{name}_lag", lag)
     if out and len(out) != len(values):
@@ -144,43 +142,52 @@ def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> 
 
 
 def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
-    """Transmission error.
+    """Return the transmission error.
 
         e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin
 
     Parameters
     ----------
-    e : (L,) amplitudes, entry 0 for l = 1.
-    phase : "cos" or "sin".
-    scale : factor of all of them.
-    lag : (L,) phases [rad]; () for none.
+    e : tuple of float, shape (L,)
+        Amplitudes; entry 0 is for l = 1.
+    phase : {"cos", "sin"}
+        Function of the harmonics.
+    scale : float, default 1.0
+        Factor of all amplitudes.
+    lag : tuple of float, shape (L,), optional
+        Phase lags [rad]. Default (): no lag.
     """
     if phase == "cos" or not lag:
-        return (lagging(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)
-    return lagging(e, tuple(x + pi / 2 for x in lag)).scaled(scale)
+        return (lagged_series(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)
+    return lagged_series(e, tuple(x + pi / 2 for x in lag)).scaled(scale)
 
 
 def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
-    """Mesh stiffness over its mean.
+    """Return the mesh stiffness over its mean.
 
         k(tau) = 1 - scale sum_l eps[l-1] cos(l tau - lag[l-1])
 
     Parameters
     ----------
-    eps : (L,) amplitudes, entry 0 for l = 1.
-    scale : factor of all of them.
-    lag : (L,) phases [rad]; () for none.
+    eps : tuple of float, shape (L,)
+        Amplitudes; entry 0 is for l = 1.
+    scale : float, default 1.0
+        Factor of all amplitudes.
+    lag : tuple of float, shape (L,), optional
+        Phase lags [rad]. Default (): no lag.
     """
-    return lagging(tuple(-scale * amplitude for amplitude in eps), lag, 1.0)
+    return lagged_series(tuple(-scale * amplitude for amplitude in eps), lag, 1.0)
 
 
 def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
-    """`Scales` of a field ``reference``: (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), or ().
+    """Return the `Scales` of a field ``reference``, or None for ().
+
+    ``reference`` holds omega_n [rad/s], b_c [m], k_mean b_c [N] and the number of teeth of the pinion.
 
     Raises
     ------
     ValueError
-        If they are neither none nor four positive numbers.
+        If it is neither () nor four positive numbers.
     """
     if not reference:
         return None

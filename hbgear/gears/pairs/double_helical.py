@@ -5,20 +5,18 @@
     w_j on wheel j:   minus the same with r_g
     c_b = cos(beta), s_b = sin(beta), h_L = +1, h_R = -1, psi = alpha_t - phi
 
-Every mesh term follows from w_j, so that no work is lost or made. f is the backlash function with half-gap
-b = b_c (1 + W), k(tau) = 1 - sum_l eps_l cos(l tau), e(tau) = e_sign b_c sum_l e_l sin(l (tau - e_phase)),
-tau = Omega_mesh t; what the right half does lags the left by the phase ``stagger``.
+Every mesh term follows from w_j, so that the mesh conserves energy without damping. f is the backlash function with
+half-gap b = b_c (1 + W), k(tau) = 1 - sum_l eps_l cos(l tau), e(tau) = e_sign b_c sum_l e_l sin(l (tau - e_phase)),
+tau = Omega_mesh t. Stiffness and error of the right half lag the left half by the phase ``stagger``.
 
 Each node has x (along the centre line if phi = 0), y, z (along the shaft), and the rotations theta_x, theta_y, theta
-about these axes. Supports to ground act on all but theta, with no coupling between them; between the
-two nodes of a shaft, a shaft section: 12 E I/l^3 (x, y), E A/l (z), G J/l (theta). The torque T drives each pinion
-half, -T r_g/r_p holds each wheel half. One free motion is left, the rotation of the whole train.
+about these axes. Uncoupled supports to ground act on all coordinates except theta. The two nodes of a shaft are joined
+by a shaft section: 12 E I/l^3 (x, y), E A/l (z), G J/l (theta). The torque T drives each pinion half, -T r_g/r_p holds
+each wheel half. One free motion remains, the rotation of the whole train.
 
-Dimensionless form, which `DoubleHelicalPair.system` returns
------------------------------------------------------------
-Unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of force k_mean b_c. A rotation enters as r theta/b_c with
-the base radius r of its own gear. With S = diag(1 or 1/r), q = b_c S qbar and the equations multiplied by S, the
-matrices stay symmetric:
+Dimensionless form returned by `DoubleHelicalPair.system`: unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of
+force k_mean b_c. A rotation enters as r theta/b_c with the base radius r of its gear. With S = diag(1 or 1/r),
+q = b_c S qbar and the equations multiplied by S, the matrices remain symmetric:
 
     Mbar = S M S / m_c,   Cbar = S C S / (m_c omega_n),   Kbar = S K S / k_mean
     wbar = S w,           Fbar = S F / (k_mean b_c)
@@ -75,43 +73,75 @@ _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_
 
 @dataclass(frozen=True)
 class DoubleHelicalPair(MeshExcitation):
-    """Marine double-helical gear pair of Dong et al. (2022); equations at the head of this file.
+    """Marine double-helical gear pair of Dong et al. (2022); the module docstring states the equations.
 
-    Element coordinates and Omega are in units of b_c and omega_n. The defaults are the paper's Tables 1 and 2; what it
-    leaves open is marked (reading) and defaults to the choice that agrees with the most of its statements.
+    Element displacements and Omega are in units of b_c and omega_n. The defaults are Tables 1 and 2 of the paper.
+    Values that the paper does not state are marked (reading); their defaults agree with most of its statements.
 
     Parameters
     ----------
-    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
-    I_p, I_g : moment of inertia of one half, used for its three rotations alike [kg m^2].
-    m_p, m_g : mass of one half [kg].
-    outer_p, inner_p, outer_g, inner_g : diameters of the shaft section between the halves [m].
-    module : normal module [m].
-    alpha_n_deg, beta_deg : normal pressure angle and helix angle [degrees].
-    phi_deg : angle from the centre line to the x axis [degrees] (reading; not given).
-    shaft_length : length l of the shaft section between the halves [m].
-    face_width : of one half [m]; in the table, but in no equation.
-    k_mean : mean mesh stiffness of one half [N/m].
-    zeta : damping ratio of the mesh, and of all dampers the paper gives no value for.
-    k_px, k_py, k_pz, k_gx, k_gy, k_gz : support stiffness of each node [N/m]. The pinion floats: k_pz = 0.
-    c_px, c_py, c_pz, c_gx, c_gy, c_gz : support dampers [N s/m]. As published, the y supports are far over critical,
-        with damping ratios 17.6 (pinion) and 10.7 (wheel), and c_y is 32 times c_x; kept as they are.
-    k_pthx, k_pthy, k_gthx, k_gthy : tilt stiffness of each node [N m/rad]; dampers 2 zeta sqrt(k I).
-    E, poisson : Young's modulus [N/m^2] and Poisson's ratio of the shafts (reading; not given).
-    torque : T on each half of the pinion [N m] (reading: the paper's load on each half, not on both together).
-    b_c : average half backlash, the unit of length [m] (reading: half the 50 um of the test rig).
-    W : change of the half backlash, b = b_c (1 + W), >= -1.
-    eps : (L,) amplitudes of the mesh stiffness, of any length.
-    e : (L,) amplitudes of the transmission error in units of b_c, of any length.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    e_sign : +1 or -1, sign of the transmission error (reading: -1).
-    e_phase : phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
-    stagger : phase by which stiffness and error of the right half lag those of the left [rad].
-    support_damping : "tabulated", or "zeta" for c = 2 zeta sqrt(k m) instead of the c_ values.
-    tilt : False takes the tilts out of the mesh vector (they then stand still).
-    mesh_helix : "pitch" or "base", the helix angle beta in the mesh vector.
-    stiffness : k_j(tau) of the left half over k_mean, a `Series` or a `Periodic`, in place of eps, which must be ().
-    error : e(tau) of the left half in place of e, over b_c, before its sign and lag; `Series` or `Periodic`.
+    teeth_p, teeth_g : int, optional
+        Numbers of teeth of pinion and wheel.
+    I_p, I_g : float, optional
+        Moment of inertia of one half about each of its three axes [kg m^2].
+    m_p, m_g : float, optional
+        Mass of one half [kg].
+    outer_p, inner_p, outer_g, inner_g : float, optional
+        Diameters of the shaft section between the halves [m].
+    module : float, default 6e-3
+        Normal module [m].
+    alpha_n_deg, beta_deg : float, optional
+        Normal pressure angle and helix angle [degrees].
+    phi_deg : float, default 0.0
+        Angle from the centre line to the x axis [degrees] (reading: not stated).
+    shaft_length : float, default 58e-3
+        Length l of the shaft section between the halves [m].
+    face_width : float, default 55e-3
+        Face width of one half [m]; a value of the table that does not enter the equations.
+    k_mean : float, default 1.8456e9
+        Mean mesh stiffness of one half [N/m].
+    zeta : float, default 0.063
+        Damping ratio of the mesh, and of all dampers for which the paper states no value.
+    k_px, k_py, k_pz, k_gx, k_gy, k_gz : float, optional
+        Support stiffness of each node [N/m]. The pinion floats: k_pz = 0.
+    c_px, c_py, c_pz, c_gx, c_gy, c_gz : float, optional
+        Support dampers [N s/m]. As published, the y supports are far above critical damping, with damping ratios 17.6
+        (pinion) and 10.7 (wheel), and c_y is 32 times c_x; these values are kept.
+    k_pthx, k_pthy, k_gthx, k_gthy : float, optional
+        Tilt stiffness of each node [N m/rad]; its dampers are 2 zeta sqrt(k I).
+    E, poisson : float, optional
+        Young's modulus [N/m^2] and Poisson's ratio of the shafts (reading: not stated).
+    torque : float, default 1400.0
+        Torque T on each half of the pinion [N m] (reading: the load of the paper acts on each half, not on both
+        together).
+    b_c : float, default 25e-6
+        Average half backlash, the unit of length [m] (reading: half the 50 um of the test rig).
+    W : float, default 0.0
+        Change of the half backlash, b = b_c (1 + W), >= -1.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error in units of b_c.
+    eps_scale, e_scale : float, default 1.0
+        Factors of all eps_l and all e_l, for use as continuation parameters.
+    e_sign : int, default -1
+        Sign of the transmission error, +1 or -1 (reading: -1).
+    e_phase : float, default 0.0
+        Phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
+    stagger : float, default 0.0
+        Phase by which stiffness and error of the right half lag the left half [rad].
+    support_damping : {"tabulated", "zeta"}, default "tabulated"
+        Source of the support dampers: the c_ values, or "zeta" for c = 2 zeta sqrt(k m).
+    tilt : bool, default True
+        Tilts are coupled to the mesh. False removes them from the mesh vector, so that they stay zero.
+    mesh_helix : {"pitch", "base"}, default "pitch"
+        Circle whose helix angle is beta in the mesh vector.
+    stiffness : Phased or None, optional
+        Mesh stiffness k_L(tau) of the left half over k_mean, a `Series` or a `Periodic`, instead of eps, which must be
+        ().
+    error : Phased or None, optional
+        Transmission error e(tau) of the left half over b_c instead of e, before its sign and lag; a `Series` or a
+        `Periodic`.
 
     Raises
     ------
@@ -230,7 +260,7 @@ class DoubleHelicalPair(MeshExcitation):
         "alpha_n_deg": Range(above=0, below=90),
         "beta_deg": Range(above=-90, below=90),
         "poisson": Range(above=-1, high=0.5),
-        "W": Range(low=-1),  # where the half backlash b_c (1 + W) is zero
+        "W": Range(low=-1),  # W = -1: the half backlash b_c (1 + W) is zero
     }
     usual: ClassVar[Mapping[str, Range]] = {
         **dict.fromkeys(("I_p", "I_g"), Range(1e-8, 1e6)),
@@ -340,22 +370,22 @@ class DoubleHelicalPair(MeshExcitation):
 
     @checked_arguments()
     def mesh_frequency(self, Omega: Numbers) -> Numbers:
-        """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
+        """Return the mesh frequency Omega omega_n / (2 pi) [Hz]."""
         return self.scales.mesh_frequency(Omega)
 
     @checked_arguments()
     def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
-        """Omega at a mesh frequency [Hz]."""
+        """Return Omega at a mesh frequency [Hz]."""
         return self.scales.from_mesh_frequency(frequency)
 
     @checked_arguments()
     def pinion_speed(self, Omega: Numbers) -> Numbers:
-        """Pinion speed 60 mesh_frequency / teeth_p [r/min]."""
+        """Return the pinion speed 60 mesh_frequency / teeth_p [r/min]."""
         return self.scales.pinion_speed(Omega)
 
     @checked_arguments()
     def from_pinion_speed(self, speed: Numbers) -> Numbers:
-        """Omega at a pinion speed [r/min]."""
+        """Return Omega at a pinion speed [r/min]."""
         return self.scales.from_pinion_speed(speed)
 
     @property
@@ -364,15 +394,15 @@ class DoubleHelicalPair(MeshExcitation):
 
     @property
     def units(self) -> Array:
-        """(24,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad].
+        """Physical size of a coordinate of value one, shape (24,): b_c [m], for a rotation b_c / r [rad].
 
-        ``q = units * qbar``; velocities take a factor omega_n more, accelerations omega_n^2. Element coordinates are
-        in b_c [m], mesh forces in k_mean b_c [N].
+        ``q = units * qbar``. Velocities have an additional factor omega_n, accelerations omega_n^2. Element
+        displacements are in b_c [m], mesh forces in k_mean b_c [N].
         """
         return self.b_c * self._scale()
 
     def _scale(self) -> Array:
-        """Diagonal of S: 1 for translations, 1/r for rotations."""
+        """Return the diagonal of S: 1 for translations, 1/r for rotations."""
         scale = np.ones((len(NODES), len(AXES)))
         for node, name in enumerate(NODES):
             scale[node, ROTATIONS] = 1 / (self.r_p if name[0] == "p" else self.r_g)
@@ -381,7 +411,7 @@ class DoubleHelicalPair(MeshExcitation):
     # Equations of motion in SI units
 
     def _node(self, gear: str) -> tuple[Array, Array, Array]:
-        """Inertia, support dampers and support stiffness (6,) of one half of a gear, "p" or "g"."""
+        """Return inertia, support dampers and support stiffness (6,) of one half of a gear, "p" or "g"."""
         m, inertia = getattr(self, f"m_{gear}"), getattr(self, f"I_{gear}")
         M = np.array([m, m, m, inertia, inertia, inertia])
         K = np.array([getattr(self, f"k_{gear}{axis}") for axis in ("x", "y", "z", "thx", "thy")] + [0.0])
@@ -391,12 +421,14 @@ class DoubleHelicalPair(MeshExcitation):
         return M, C, K
 
     def structure(self) -> tuple[Array, Array, Array]:
-        """M, C, K (24, 24) of all but the mesh, in SI units (rows of forces N, of moments N m)."""
+        """Return M, C, K (24, 24) without the mesh, in SI units (force rows N, moment rows N m)."""
         M, C, K = np.zeros((3, 24, 24))
         for first, gear, shaft in ((0, "p", self.shaft_p), (6, "g", self.shaft_g)):
             inertia, c, k = self._node(gear)
             k_shaft = np.array([shaft.bending, shaft.bending, shaft.axial, 0.0, 0.0, shaft.torsional])
-            c_shaft = 2 * self.zeta * np.sqrt(k_shaft * inertia / 2)  # two halves against each other: half the mass
+            c_shaft = (
+                2 * self.zeta * np.sqrt(k_shaft * inertia / 2)
+            )  # two halves vibrate against each other: half the mass
             for one, other in ((first, first + 12), (first + 12, first)):
                 rows, across = np.arange(one, one + 6), np.arange(other, other + 6)
                 M[rows, rows], C[rows, rows], K[rows, rows] = inertia, c + c_shaft, k + k_shaft
@@ -411,7 +443,7 @@ class DoubleHelicalPair(MeshExcitation):
         return reactions(NODES, K / self.k_mean, C / (self.m_c * self.omega_n))
 
     def mesh_vectors(self) -> Array:
-        """w_L, w_R as columns (24, 2), in SI units."""
+        """Return w_L and w_R as columns (24, 2), in SI units."""
         c_b, s_b = cos(self.beta_mesh), sin(self.beta_mesh)
         psi = self.alpha_t - radians(self.phi_deg)
         w = np.zeros((2, 2, 2, 6))  # helix of the element, helix of the node, gear, axis
@@ -424,7 +456,7 @@ class DoubleHelicalPair(MeshExcitation):
         return w.reshape(2, 24).T
 
     def torques(self) -> Array:
-        """Constant load (24,), in SI units: T on each pinion half, -T r_g/r_p on each wheel half."""
+        """Return the constant load (24,) in SI units: T on each pinion half, -T r_g/r_p on each wheel half."""
         load = np.zeros((4, 6))
         load[:, 5] = np.tile([self.torque, -self.torque * self.r_g / self.r_p], 2)
         return load.ravel()
@@ -433,12 +465,15 @@ class DoubleHelicalPair(MeshExcitation):
 
     @property
     def transmission_error(self) -> Phased:
-        """e(tau) of the left half, in units of b_c."""
+        """Transmission error e(tau) of the left half, in units of b_c."""
         e = Series(sine=self.e) if self.error is None else self.error
         return e.scaled(self.e_sign * self.e_scale).shifted(self.e_phase)
 
     def system(self) -> System:
-        """Dimensionless equations of motion, elements "gap L" and "gap R"; scaling at the head of this file."""
+        """Return the dimensionless equations of motion with the elements "gap L" and "gap R".
+
+        The module docstring states the scaling.
+        """
         S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
         M, C, K = self.structure()
         stiffness, error = self.mesh_stiffness, self.transmission_error

@@ -1,17 +1,18 @@
 """One gear pair in space: both gears move in all six directions on their shafts and bearings, 12 degrees of freedom.
 
-    d = w^T q - e(tau),   force on q:  -w [k_mean k(tau) f(d) + c_m d'],   w = (n, r_P x n) on the pinion, -(n, r_G x n)
-    on the wheel n = (sin(alpha_wt), cos(alpha_wt), -tan(beta_b)),   turned by phi about z
+    d = w^T q - e(tau),   force on q:  -w [k_mean k(tau) f(d) + c_m d']
+    w = (n, r_P x n) on the pinion,   w = -(n, r_G x n) on the wheel
+    n = (sin(alpha_wt), cos(alpha_wt), -tan(beta_b)),   rotated by phi about z
 
-n is the normal of the driving flank over its part in the transverse plane, so that d, e, k and the half gap b are those
-along the line of action in that plane and w has the base radii at both rotations. r_P = (r_wp, 0, 0) and r_G = (-r_wg,
-0, 0), of a ring (+r_wg, 0, 0), lead from the centres of the gears to the pitch point in the middle of the face. z is
-along the shafts, the wheel lies in the direction phi from the pinion, beta_b > 0 is a right-hand pinion and the torque
-T > 0 turns it from x to y; T r_bg / r_bp holds the wheel. f is the backlash function with half gap b, k(tau) and e(tau)
-as of `SpurPair`, tau = Omega_mesh t.
+n is the normal of the driving flank divided by its component in the transverse plane. Hence d, e, k and the half gap b
+are measured along the line of action in that plane, and w has the base radii at both rotations. r_P = (r_wp, 0, 0) and
+r_G = (-r_wg, 0, 0), for a ring gear (+r_wg, 0, 0), point from the centres of the gears to the pitch point in the middle
+of the face. z is parallel to the shafts and the wheel lies in the direction phi from the pinion. beta_b > 0 is a
+right-hand pinion, and the torque T > 0 turns it from x to y; T r_bg / r_bp holds the wheel. f is the backlash function
+with half gap b. k(tau) and e(tau) are defined as in `SpurPair`, tau = Omega_mesh t.
 
-Dimensionless form, which `HelicalPair.system` returns: unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of
-force k_mean b_c; a rotation enters as r_b theta / b_c with the base radius of its gear, as in `DoubleHelicalPair`.
+Dimensionless form returned by `HelicalPair.system`: unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of force
+k_mean b_c. A rotation enters as r_b theta / b_c with the base radius of its gear, as in `DoubleHelicalPair`.
 
 References
 ----------
@@ -42,35 +43,57 @@ _NOT_NEGATIVE = ("zeta", "zeta_p", "zeta_g", "b", "k_p", "k_g", "k_pz", "k_gz", 
 
 @dataclass(frozen=True)
 class HelicalPair(MeshExcitation):
-    """Helical or spur gear pair that bends, twists and shifts its shafts; equations at the head of this file.
+    """Helical or spur gear pair on flexible shafts and bearings in space; the module docstring states the equations.
 
-    Element coordinates and Omega are in units of b_c and omega_n. `GearPair.model` makes it from a drawing; the
+    Element displacements and Omega are in units of b_c and omega_n. `GearPair.model` builds it from a drawing. The
     defaults are a pair of 25 and 40 teeth, module 3 mm, helix angle 15 degrees, 20 mm wide, with backlash 80 um.
 
     Parameters
     ----------
-    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
-    r_p, r_g : base radii [m].
-    alpha_deg : working transverse pressure angle [degrees].
-    beta_deg : helix angle at the base circle [degrees], positive for a right-hand pinion.
-    phi_deg : direction from pinion to wheel, from the x axis [degrees].
-    internal : whether the wheel is a ring.
-    m_p, m_g : masses [kg].
-    I_p, I_g : moments of inertia about the shafts [kg m^2].
-    D_p, D_g : moments of inertia about a diameter [kg m^2].
-    k_p, k_g : radial stiffness of the supports [N/m].
-    k_pz, k_gz : axial stiffness of the supports [N/m].
-    k_pt, k_gt : tilt stiffness of the supports [N m/rad].
-    zeta_p, zeta_g : damping ratios of the supports, 2 zeta sqrt(k m).
-    k_mean : mean mesh stiffness in the transverse plane [N/m].
-    zeta : damping ratio of the mesh, c_m = 2 zeta sqrt(m_c k_mean).
-    torque : T on the pinion [N m].
-    b_c : unit of length [m], the half backlash along the line of action in the transverse plane.
-    b : half backlash over b_c.
-    eps, eps_lag : (L,) amplitudes and lags of the mesh stiffness over k_mean.
-    e, e_lag : (L,) amplitudes over b_c and lags of the transmission error.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness, error : k(tau) over k_mean and e(tau) over b_c in place of eps and e, as of `SpurPair`.
+    teeth_p, teeth_g : int, optional
+        Numbers of teeth of pinion and wheel.
+    r_p, r_g : float, optional
+        Base radii [m].
+    alpha_deg : float, default 20.65
+        Working transverse pressure angle [degrees].
+    beta_deg : float, default 14.08
+        Helix angle at the base circle [degrees], positive for a right-hand pinion.
+    phi_deg : float, default 0.0
+        Direction from pinion to wheel, from the x axis [degrees].
+    internal : bool, default False
+        True if the wheel is a ring gear.
+    m_p, m_g : float, optional
+        Masses [kg].
+    I_p, I_g : float, optional
+        Moments of inertia about the shafts [kg m^2].
+    D_p, D_g : float, optional
+        Moments of inertia about a diameter [kg m^2].
+    k_p, k_g : float, default 3e8
+        Radial stiffness of the supports [N/m].
+    k_pz, k_gz : float, default 1e8
+        Axial stiffness of the supports [N/m].
+    k_pt, k_gt : float, default 5e5
+        Tilt stiffness of the supports [N m/rad].
+    zeta_p, zeta_g : float, default 0.02
+        Damping ratios of the supports, 2 zeta sqrt(k m).
+    k_mean : float, default 3.7e8
+        Mean mesh stiffness in the transverse plane [N/m].
+    zeta : float, default 0.04
+        Damping ratio of the mesh, c_m = 2 zeta sqrt(m_c k_mean).
+    torque : float, default 200.0
+        Torque T on the pinion [N m].
+    b_c : float, default 37.4e-6
+        Unit of length [m], the half backlash along the line of action in the transverse plane.
+    b : float, default 1.0
+        Half backlash over b_c.
+    eps, eps_lag : tuple of float, shape (L,), optional
+        Amplitudes and lags of the mesh stiffness over k_mean.
+    e, e_lag : tuple of float, shape (L,), optional
+        Amplitudes over b_c and lags of the transmission error.
+    eps_scale, e_scale : float, default 1.0
+        Factors of all eps_l and all e_l, for use as continuation parameters.
+    stiffness, error : Phased or None, optional
+        Mesh stiffness k(tau) over k_mean and transmission error e(tau) over b_c instead of eps and e, as in `SpurPair`.
 
     Raises
     ------
@@ -195,7 +218,7 @@ class HelicalPair(MeshExcitation):
 
     @property
     def units(self) -> Array:
-        """(12,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad]."""
+        """Physical size of a coordinate of value one, shape (12,): b_c [m], for a rotation b_c / r [rad]."""
         return self.b_c * self._scale()
 
     def _scale(self) -> Array:
@@ -204,7 +227,7 @@ class HelicalPair(MeshExcitation):
     # Equations of motion in SI units
 
     def structure(self) -> tuple[Array, Array, Array]:
-        """M, C, K (12, 12) of all but the mesh, in SI units (rows of forces N, of moments N m)."""
+        """Return M, C, K (12, 12) without the mesh, in SI units (force rows N, moment rows N m)."""
         M, C, K = [], [], []
         for g in "pg":
             m, polar, across = (getattr(self, f"{name}_{g}") for name in "mID")
@@ -223,7 +246,7 @@ class HelicalPair(MeshExcitation):
         return reactions(("pinion", "wheel"), np.diag(K) / self.k_mean, np.diag(C) / (self.m_c * self.omega_n))
 
     def mesh_vector(self) -> Array:
-        """w (12,), in SI units."""
+        """Return the direction w (12,) of the gap, in SI units."""
         alpha, phi = radians(self.alpha_deg), radians(self.phi_deg)
         ahead, across = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
         n = sin(alpha) * ahead + cos(alpha) * across - tan(radians(self.beta_deg)) * np.array([0.0, 0.0, 1.0])
@@ -232,7 +255,7 @@ class HelicalPair(MeshExcitation):
         return np.concatenate([n, np.cross(to_pinion, n), -n, -np.cross(to_wheel, n)])
 
     def torques(self) -> Array:
-        """Constant load (12,), in SI units: T on the pinion, and what holds the wheel against it."""
+        """Return the constant load (12,) in SI units: T on the pinion and the reaction on the wheel."""
         w, load = self.mesh_vector(), np.zeros(12)
         load[5], load[11] = self.torque, self.torque * w[11] / w[5]
         return load
@@ -240,7 +263,10 @@ class HelicalPair(MeshExcitation):
     # The dimensionless system
 
     def system(self) -> System:
-        """Dimensionless equations of motion, element "gap"; scaling at the head of this file."""
+        """Return the dimensionless equations of motion with the element "gap".
+
+        The module docstring states the scaling.
+        """
         S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
         M, C, K = self.structure()
         SS = np.outer(S, S)

@@ -1,9 +1,9 @@
-"""Models of a gear pair from its drawing: torsion alone, with bearings, or in space.
+"""Models of a gear pair from its drawing: torsional, with bearings, or spatial.
 
     k_mean = mean k(tau),   stiffness = k(tau)/k_mean,   error = e(tau)/b_c,   of the loaded mesh, with their jumps
     b_c = b,   omega_n = sqrt(k_mean/m_c),   F_m = T / (r_b1 k_mean b_c)
 
-All forms share the mesh, and lengths along the line of action in the transverse plane.
+All forms use the same mesh, and lengths along the line of action in the transverse plane.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ DAMPING.__set_name__(object, "damping")
 
 
 class _Mesh(NamedTuple):
-    """What every form takes from the mesh."""
+    """Data of the mesh that every form uses."""
 
     k_mean: float
     b_c: float
     fields: dict[str, Any]
-    """stiffness, error."""
+    """Fields stiffness and error of the model."""
 
 
 def build_model(
@@ -52,22 +52,29 @@ def build_model(
     cycle: MeshCycle | None = None,
     direction: Any = 0.0,
 ) -> Model:
-    """A model of a gear pair under a torque.
+    """Return a model of a gear pair under a torque.
 
     Parameters
     ----------
-    pair : `GearPair`.
-    torque : on the pinion [N m], > 0.
-    damping : damping ratio of the mesh.
-    form : "torsion", a `SpurPair`; "bearings", a `GearRotorBearing`; "spatial", a `HelicalPair`.
-    supports : of pinion and wheel, for the last two.
-    cycle : mesh stiffness and transmission error; computed by ``pair.mesh(torque)`` by default.
-    direction : from the pinion to the wheel [rad], of the form "spatial".
+    pair : GearPair
+        Gear pair with backlash.
+    torque : float or str
+        Torque on the pinion [N m], positive.
+    damping : float
+        Damping ratio of the mesh.
+    form : {"torsion", "bearings", "spatial"}, optional
+        Form of the model: a `SpurPair` (default), a `GearRotorBearing` or a `HelicalPair`.
+    supports : tuple of Support or None, optional
+        Supports of pinion and wheel; required by the forms "bearings" and "spatial".
+    cycle : MeshCycle or None, optional
+        Mesh stiffness and transmission error. Default: ``pair.mesh(torque)``.
+    direction : float or str, default 0.0
+        Direction from the pinion to the wheel [rad], for the form "spatial".
 
     Raises
     ------
     ValueError
-        If the form or a quantity is none, supports are missing, or there is no backlash.
+        If the form or a quantity is not valid, supports are missing, or there is no backlash.
     """
     if not isinstance(form, str) or form not in FORMS:
         raise ValueError(f"GearPair.model: form = {quoted(form)} must be one of {', '.join(FORMS)}")
@@ -115,22 +122,22 @@ def _bearings(
 ) -> GearRotorBearing:
     reference, m_c = _reference(pair, mesh), pair.equivalent_mass
     omega_n, b_c = reference[:2]
-    given: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for i, (gear, support) in enumerate(zip((pair.pinion, pair.wheel), supports, strict=True), 1):
         m = gear.mass_used
         kappa = support.stiffness / (m * omega_n**2)
-        given |= {
+        fields |= {
             f"mu_{i}": m_c / m, f"kappa_{i}": kappa, f"zeta_{i}": support.damping * sqrt(kappa),
             f"b_{i}": support.clearance / b_c, f"F_{i}": support.preload / (m * b_c * omega_n**2),
         }  # fmt: skip
     F_m = pair.transverse_force(torque) / (mesh.k_mean * b_c)
-    return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **given, **mesh.fields)
+    return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **fields, **mesh.fields)
 
 
 def _spatial(
     pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support], direction: float
 ) -> HelicalPair:
-    given: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for name, gear, support in zip("pg", (pair.pinion, pair.wheel), supports, strict=True):
         if support.tilt is None:
             raise ValueError("GearPair.model: the form 'spatial' needs the tilt stiffness of both supports [N m/rad]; "
@@ -138,7 +145,7 @@ def _spatial(
         if support.clearance or support.preload:
             raise ValueError("GearPair.model: the form 'spatial' has no clearance or preload in its supports; "
                              "form='bearings' has")  # fmt: skip
-        given |= {
+        fields |= {
             f"r_{name}": gear.base_diameter / 2, f"teeth_{name}": gear.teeth, f"m_{name}": gear.mass_used,
             f"I_{name}": gear.inertia_used, f"D_{name}": gear.transverse_inertia, f"k_{name}": support.stiffness,
             f"k_{name}z": support.axial, f"k_{name}t": support.tilt, f"zeta_{name}": support.damping,
@@ -146,5 +153,5 @@ def _spatial(
     return HelicalPair(
         zeta=zeta, torque=torque, k_mean=mesh.k_mean, b_c=mesh.b_c, internal=pair.wheel.internal,
         alpha_deg=degrees(pair.working_pressure_angle), beta_deg=degrees(pair.pinion.base_helix_angle),
-        phi_deg=degrees(direction), **given, **mesh.fields,
+        phi_deg=degrees(direction), **fields, **mesh.fields,
     )  # fmt: skip

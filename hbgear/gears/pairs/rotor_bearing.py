@@ -25,7 +25,7 @@ _NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
 
 @dataclass(frozen=True)
 class GearRotorBearing(MeshExcitation):
-    """Spur gear pair whose gears also move along the line of action, held by bearings with radial clearance.
+    """Spur gear pair whose gears also move along the line of action, on bearings with radial clearance.
 
         y_1'' + 2 zeta_1 y_1' + kappa_1 f_1(y_1) + mu_1 [2 zeta p' + k(tau) f(p)] = -F_1
         y_2'' + 2 zeta_2 y_2' + kappa_2 f_2(y_2) - mu_2 [2 zeta p' + k(tau) f(p)] = F_2
@@ -33,44 +33,63 @@ class GearRotorBearing(MeshExcitation):
         k(tau) = 1 - sum_l eps_l cos(l tau),   f, f_1, f_2 = backlash functions with half-gaps b, b_1, b_2
 
     y_1, y_2 are the displacements of pinion and gear, p = x + y_1 - y_2 - e(tau) is the mesh gap with x the relative
-    rotation r_1 theta_1 - r_2 theta_2. With the coordinates q = (y_1, y_2, x), the first equation over mu_1 and the
-    second over mu_2, M = diag(1/mu_1, 1/mu_2, 1) and the mesh has the direction (1, -1, 1): all is symmetric.
+    rotation r_1 theta_1 - r_2 theta_2. The coordinates are q = (y_1, y_2, x). The first equation is divided by mu_1 and
+    the second by mu_2, so that M = diag(1/mu_1, 1/mu_2, 1), the mesh has the direction (1, -1, 1), and all matrices are
+    symmetric.
 
     Units are as for `SpurPair`: all lengths (y_1, y_2, p, e_l, b, b_1, b_2) over the half backlash b_c, Omega the mesh
     frequency over omega_n = sqrt(k_mean/m_c), m_c the mass of the pair, time in 1/omega_n, F_m over k_mean b_c. In the
-    symbols usual for this model: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13, and
-    zeta_13 = mu_1 zeta, which is no number of its own, since the same mesh damper acts on the pinion and on the
-    rotation; likewise for the gear. F_1 and F_2 are F_b1 and F_b2, with signs such that both add to the mesh load.
+    usual symbols of this model: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13. zeta_13 = mu_1
+    zeta is not an independent number, because the same mesh damper acts on the pinion and on the rotation; the same
+    applies to the gear. F_1 and F_2 are F_b1 and F_b2, with signs such that both add to the mesh load.
 
-    What is from the papers: the three coordinates, backlash functions in the mesh and in both bearings, the mesh force
-    in the equations of the bearings by the ratio of masses, preloads, and (second paper) the variable mesh stiffness.
-    What is ours: the signs, which follow from y_1 and y_2 being positive in the direction in which y_1 closes the mesh
-    and work being kept (the form above is symmetric), and any number of harmonics of stiffness and error. No response
-    of the papers has been compared with: solutions are checked against time integration of the same equations, the
-    transfer function without clearance, the static state and the `SpurPair` that is left for mu_1, mu_2 -> 0.
+    From the papers: the three coordinates, the backlash functions in the mesh and in both bearings, the mesh force in
+    the equations of the bearings with the mass ratio, the preloads, and (second paper) the variable mesh stiffness.
+    Added here: the signs, with y_1 and y_2 positive in the direction in which y_1 closes the mesh and energy conserved
+    (the form above is symmetric), and any number of harmonics of stiffness and error. Responses of the papers have not
+    been compared. Solutions are verified by time integration of the same equations, the transfer function without
+    clearance, the static state and the limit mu_1, mu_2 -> 0, which is `SpurPair`.
 
-    Forces in the bearings are 1/mu_i times those in the mesh, and the corrector stops at 1e-10 of the largest force.
-    With F_i = 0.1 and b_i = 1 the mesh gap is good to 2e-9 down to mu_i = 1e-6, but only to 2e-5 at 1e-7 and below;
-    ``Settings(tolerance=1e-13)`` brings back 1e-9. Bearings with clearance but no preload cannot be solved for below
-    about mu_i = 1e-5 (`NoConvergence`). Gears that heavy stand still: use `SpurPair`.
+    The bearing forces are 1/mu_i times the mesh forces, and the corrector stops at 1e-10 of the largest force. With
+    F_i = 0.1 and b_i = 1 the relative error of the mesh gap is 2e-9 down to mu_i = 1e-6, but 2e-5 at 1e-7 and below;
+    with ``Settings(tolerance=1e-13)`` it is 1e-9 again. Bearings with clearance but without preload cannot be solved
+    below about mu_i = 1e-5 (`NoConvergence`). Gears with such large masses do not move: use `SpurPair`.
 
     Parameters
     ----------
-    zeta : damping ratio of the mesh, c/(2 m_c omega_n), >= 0.
-    zeta_1, zeta_2 : bearing dampers c_i/(2 m_i omega_n), >= 0.
-    kappa_1, kappa_2 : bearing stiffness k_i/(m_i omega_n^2) with the shaft in it, > 0.
-    mu_1, mu_2 : mass ratios m_c/m_i, > 0; as they go to zero the gears stand still and the pair is a `SpurPair`.
-    F_m : mean load of the mesh, over k_mean b_c.
-    F_1, F_2 : preloads of the bearings F_i/(m_i b_c omega_n^2), positive as the loaded mesh pushes the gears.
-    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
-    e : (L,) amplitudes of the transmission error, of any length.
-    phase : "cos" or "sin", of the transmission error.
-    b : half backlash of the mesh, >= 0.
-    b_1, b_2 : half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
-    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
-    eps_lag, e_lag, reference : as of `SpurPair`.
+    zeta : float, default 0.05
+        Damping ratio of the mesh, c/(2 m_c omega_n), >= 0.
+    zeta_1, zeta_2 : float, default 0.01
+        Bearing dampers c_i/(2 m_i omega_n), >= 0.
+    kappa_1, kappa_2 : float, default 1.25
+        Bearing stiffness k_i/(m_i omega_n^2) including the shaft, > 0.
+    mu_1, mu_2 : float, default 0.25
+        Mass ratios m_c/m_i, > 0. In the limit of zero the gears do not move sideways and the pair is a `SpurPair`.
+    F_m : float, default 0.1
+        Mean load of the mesh, over k_mean b_c.
+    F_1, F_2 : float, default 0.1
+        Preloads of the bearings F_i/(m_i b_c omega_n^2), positive in the direction in which the loaded mesh pushes the
+        gears.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness; () for a constant stiffness.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error over b_c.
+    phase : {"cos", "sin"}, default "cos"
+        Function of the harmonics of the transmission error.
+    b : float, default 1.0
+        Half backlash of the mesh, >= 0.
+    b_1, b_2 : float, default 1.0
+        Half clearances of the bearings over b_c, >= 0; 0 makes a bearing a linear spring.
+    eps_scale, e_scale : float, default 1.0
+        Factors of all eps_l and all e_l, for use as continuation parameters.
+    stiffness : Phased or None, optional
+        Mesh stiffness k(tau) over k_mean instead of eps: a `Series` or a `Periodic`, for example
+        `Periodic.rectangular`.
+    error : Phased or None, optional
+        Transmission error e(tau) over b_c instead of e: a `Series` or a `Periodic` without jumps, for example
+        `Periodic.table`.
+    eps_lag, e_lag, reference : tuple of float, optional
+        The same as in `SpurPair`.
 
     Raises
     ------
@@ -148,7 +167,7 @@ class GearRotorBearing(MeshExcitation):
     }
 
     def system(self) -> System:
-        """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""
+        """Return the equations of motion in y_1, y_2, x; the elements are "gap", "bearing 1" and "bearing 2"."""
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
         gap = Element(
             direction=[1.0, -1.0, 1.0],

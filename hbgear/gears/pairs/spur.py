@@ -1,4 +1,4 @@
-"""One spur gear pair as an oscillator of one degree of freedom.
+"""Spur gear pair as an oscillator with one degree of freedom.
 
 References
 ----------
@@ -25,37 +25,50 @@ class SpurPair(MeshExcitation):
         x'' + 2 zeta x' + k(tau) f(x) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)
         k(tau) = 1 - sum_l eps_l cos(l tau),   f = backlash function with half-gap b,   tau = Omega t
 
-    Built with the coordinate q = x + e(tau), e(tau) = sum_l e_l cos(l tau), the motion of the teeth without their
-    error: q'' = F_m - 2 zeta x' - k f(x) and q'' = x'' + e'' with -e'' = sum_l (l Omega)^2 e_l cos(l tau). The element
-    coordinate is d = q - e = x.
+    The coordinate is q = x + e(tau), e(tau) = sum_l e_l cos(l tau), the motion of the teeth without their error:
+    q'' = F_m - 2 zeta x' - k f(x) and q'' = x'' + e'' with -e'' = sum_l (l Omega)^2 e_l cos(l tau). The element
+    displacement is d = q - e = x.
 
     Units, for a pair of mass m_c, mean mesh stiffness k_mean and half backlash b_c:
 
-        x, e_l, b          lengths over b_c: b = 1, and the teeth part at x = 1 and meet on their backs at x = -1
+        x, e_l, b          lengths over b_c: b = 1, drive-side contact for x > 1, back-side contact for x < -1
         Omega              mesh frequency over omega_n = sqrt(k_mean/m_c); time is in 1/omega_n
         F_m                force over k_mean b_c: the static deflection of the mesh in half backlashes
         zeta               mesh damper over 2 m_c omega_n
         eps_l              stiffness over k_mean
 
-    With J the moment of inertia and r the base radius of each gear, m_c = 1/(r_1^2/J_1 + r_2^2/J_2). Another b keeps
-    b_c as the unit of length, to change the backlash alone.
+    With J the moment of inertia and r the base radius of each gear, m_c = 1/(r_1^2/J_1 + r_2^2/J_2). Another value of b
+    changes the backlash alone, since b_c remains the unit of length.
 
-    The defaults are one of the cases of Kahraman & Singh: e_1 Omega^2 is their F_ah omega_eh^2 with F_ah = 0.05.
+    The defaults are a case of Kahraman & Singh: e_1 Omega^2 is their F_ah omega_eh^2 with F_ah = 0.05.
 
     Parameters
     ----------
-    zeta : damping ratio of the mesh, >= 0.
-    F_m : mean load, over k_mean b_c.
-    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
-    e : (L,) amplitudes of the transmission error over b_c, of any length.
-    phase : "cos" or "sin", of the transmission error.
-    b : half backlash over b_c, >= 0.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
-    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
-    eps_lag, e_lag : (L,) phases by which each harmonic lags, cos(l tau - lag_l) [rad]; () for none.
-    reference : (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), by which the pair knows Hz, r/min, um
-        and N (`scales`); () if they are unknown. `GearPair.model` fills it in.
+    zeta : float, default 0.05
+        Damping ratio of the mesh, >= 0.
+    F_m : float, default 0.1
+        Mean load, over k_mean b_c.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness; () for a constant stiffness.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error over b_c.
+    phase : {"cos", "sin"}, default "cos"
+        Function of the harmonics of the transmission error.
+    b : float, default 1.0
+        Half backlash over b_c, >= 0.
+    eps_scale, e_scale : float, default 1.0
+        Factors of all eps_l and all e_l, for use as continuation parameters.
+    stiffness : Phased or None, optional
+        Mesh stiffness k(tau) over k_mean instead of eps: a `Series` or a `Periodic`, for example
+        `Periodic.rectangular`.
+    error : Phased or None, optional
+        Transmission error e(tau) over b_c instead of e: a `Series` or a `Periodic` without jumps, for example
+        `Periodic.table`.
+    eps_lag, e_lag : tuple of float, shape (L,), optional
+        Phase lags of the harmonics, cos(l tau - lag_l) [rad]; () for no lag.
+    reference : tuple of float, optional
+        Values (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion) that convert to Hz, r/min, um and N
+        (`scales`); () if they are unknown. `GearPair.model` sets them.
 
     Raises
     ------
@@ -107,7 +120,7 @@ class SpurPair(MeshExcitation):
     }  # fmt: skip
 
     def system(self) -> System:
-        """One coordinate q = x + e(tau) on no other spring than the mesh."""
+        """Return the equation of motion in the coordinate q = x + e(tau); the mesh is the only spring."""
         gap = Element(
             direction=[1.0],
             law=Backlash(b=self.b, stiffness=self.mesh_stiffness),

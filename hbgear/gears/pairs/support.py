@@ -1,4 +1,4 @@
-"""What holds a gear: shaft and bearings as springs and dampers."""
+"""Supports of gears: shaft and bearings as springs and dampers."""
 
 from __future__ import annotations
 
@@ -13,26 +13,34 @@ from hbgear.common.units import OptionalQuantityField, QuantityField
 from hbgear.mechanics.models import Reaction
 
 AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
-"""Directions in which a gear in space moves: across the shaft, along it (z), tilts, rotation."""
+"""Coordinates of a gear in space: across the shaft (x, y), along it (z), tilts, and rotation about it."""
 
 
 @dataclass(frozen=True)
 class Support:
-    """Shaft and bearings of one gear, as seen from the gear.
+    """Shaft and bearings of one gear, reduced to the gear.
 
     Parameters
     ----------
-    stiffness : radial, the same in all directions [N/m].
-    axial : [N/m]; 0 for a gear that floats.
-    tilt : of tilting about a diameter [N m/rad]; two bearings of half the stiffness each, a distance s apart: k s^2/4.
-    damping : damping ratio of each of them with the mass of the gear.
-    clearance : half of the radial clearance [m]; only the form "bearings" knows it.
-    preload : force on the gear along the line of action, positive as the loaded mesh pushes it [N]; likewise.
+    stiffness : float or str
+        Radial stiffness, equal in all directions [N/m].
+    axial : float or str, default 0.0
+        Axial stiffness [N/m]; 0 for a floating gear.
+    tilt : float or str, optional
+        Stiffness against tilting about a diameter [N m/rad]. For two bearings of half the stiffness each, a distance s
+        apart, it is k s^2/4.
+    damping : float or str, default 0.02
+        Damping ratio of each spring with the mass or inertia of the gear.
+    clearance : float or str, default 0.0
+        Half of the radial clearance [m]; used by the form "bearings" only.
+    preload : float or str, default 0.0
+        Force on the gear along the line of action [N], positive in the direction in which the loaded mesh pushes it;
+        used by the form "bearings" only.
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit, or out of range.
+        If a quantity has another unit or is out of range.
 
     Examples
     --------
@@ -50,18 +58,20 @@ class Support:
 
 
 def reactions(gears: Sequence[str], stiffness: Array, damping: Array) -> dict[str, Reaction]:
-    """Radial and axial forces in the supports of gears of six coordinates each, in the order of `AXES`.
+    """Return the radial and axial forces in the supports of gears with six coordinates each, in the order of `AXES`.
 
     Parameters
     ----------
-    gears : their names.
-    stiffness, damping : (6 G,) of the supports to ground.
+    gears : sequence of str
+        Names of the gears.
+    stiffness, damping : array_like, shape (6 G,)
+        Stiffness and damping of the supports to ground.
     """
-    rows = np.diag(stiffness), np.diag(damping)
-    found = {}
+    matrices = np.diag(stiffness), np.diag(damping)
+    forces = {}
     for i, name in enumerate(gears):
-        for what, axes in (("radial", [0, 1]), ("axial", [2])):
+        for direction, axes in (("radial", [0, 1]), ("axial", [2])):
             at = [6 * i + axis for axis in axes]
             if stiffness[at].any():
-                found[f"{name} {what}"] = Reaction(*(row[at] for row in rows))
-    return found
+                forces[f"{name} {direction}"] = Reaction(*(matrix[at] for matrix in matrices))
+    return forces

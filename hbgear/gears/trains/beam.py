@@ -1,12 +1,12 @@
-"""Shafts as beams: Timoshenko elements with rotary inertia, shear and gyroscopic terms, between two wheels of a train.
+"""Shafts as beams: Timoshenko elements with rotary inertia, shear and gyroscopic terms between two wheels of a train.
 
-Bending in a plane, with the displacement w and the slope phi of the section at both ends of an element of length L,
+Bending in one plane, with the displacement w and the slope phi of the section at both ends of an element of length L:
 
     w = sum_i N_i(z) q_i,   phi = sum_i P_i(z) q_i,   q = (w_1, phi_1, w_2, phi_2),   Phi = 12 E I / (kappa A G L^2)
     M = int rho A N N^T + rho I P P^T dz,   K = int E I P' P'^T + kappa A G (N' - P)(N' - P)^T dz
 
-in both planes, phi = theta_y for x and -theta_x for y; these are coupled by G = 2 int rho I P P^T dz of a shaft that
-turns. Torsion and extension have linear functions.
+The slope is phi = theta_y in the plane of x and phi = -theta_x in the plane of y. For a turning shaft, G = 2 int rho I
+P P^T dz couples both planes. Torsion and extension have linear shape functions.
 
 References
 ----------
@@ -27,29 +27,36 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.units import OptionalQuantityField, QuantityField
-from hbgear.gears.trains.train_components import joined
+from hbgear.gears.trains.train_components import check_ends
 
-_PLANES = (((0, 1.0), (4, 1.0)), ((1, 1.0), (3, -1.0)))
-"""Number among the six coordinates of a node and sign of displacement and slope, of the bending in x and in y."""
+BENDING_PLANES = (((0, 1.0), (4, 1.0)), ((1, 1.0), (3, -1.0)))
+"""For bending in x and in y: index (of six coordinates per node) and sign of the displacement and of the slope."""
 
 
 @dataclass(frozen=True)
 class Beam:
-    """A round shaft between two wheels that move in space, as Timoshenko elements with the mass of the shaft.
+    """Round shaft with distributed mass between two wheels that move in space, made of Timoshenko elements.
 
     Parameters
     ----------
-    first, second : names of the wheels; the first lies at the smaller z.
-    outer, inner : diameters [m].
-    length : [m]; that between the places z of the wheels by default.
-    E, poisson, density : of the material [Pa], [-], [kg/m^3]; 0 kg/m^3 for a shaft without mass.
-    elements : into how many elements it is divided; errors of natural frequencies fall with the square of it.
-    damping : ratio of each mode of the shaft with its two wheels, free of all else.
+    first, second : str
+        Names of the wheels; the first one has the smaller z.
+    outer, inner : float or str, optional
+        Outer diameter and inner diameter (default 0) [m].
+    length : float or str, optional
+        Length [m]. Default: the distance of the wheels in z.
+    E, poisson, density : float or str, optional
+        Young's modulus [Pa] (default 2.06e11), Poisson's ratio (default 0.3) and density [kg/m^3] (default 7850; 0 for
+        a massless shaft).
+    elements : int, default 4
+        Number of elements. The error of a natural frequency decreases as O(elements^-2).
+    damping : float or str, default 0.02
+        Modal damping ratio of the free shaft including its two wheels.
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, or the shaft ends where it begins.
+        If a quantity has another unit or is out of range, or both ends are the same wheel.
 
     Examples
     --------
@@ -71,47 +78,47 @@ class Beam:
     damping: QuantityField = QuantityField("", NOT_NEGATIVE, Range(0, 1), 0.02)
 
     def __post_init__(self) -> None:
-        joined("Beam", self.first, self.second)
+        check_ends("Beam", self.first, self.second)
         counted("Beam: elements", self.elements, 50)
         if self.inner >= self.outer:
             raise ValueError(f"Beam: inner = {self.inner:g} m must be smaller than outer = {self.outer:g} m")
 
     @property
     def name(self) -> str:
-        """For tables and errors."""
+        """Name in tables and error messages."""
         return f"{self.first}-{self.second}"
 
     @property
     def area(self) -> float:
-        """A [m^2]."""
+        """Cross-sectional area A [m^2]."""
         return pi * (self.outer**2 - self.inner**2) / 4
 
     @property
     def second_moment(self) -> float:
-        """I about a diameter [m^4]."""
+        """Second moment of area I about a diameter [m^4]."""
         return pi * (self.outer**4 - self.inner**4) / 64
 
     @property
     def shear_coefficient(self) -> float:
-        """kappa of a round section, hollow or not (Cowper 1966)."""
+        """Shear coefficient kappa of a solid or hollow round section (Cowper 1966)."""
         nu, m2 = self.poisson, (self.inner / self.outer) ** 2
         whole = (1 + m2) ** 2
         return 6 * (1 + nu) * whole / ((7 + 6 * nu) * whole + (20 + 12 * nu) * m2)
 
     @property
     def mass(self) -> float:
-        """[kg]."""
+        """Mass [kg]."""
         return self.density * self.area * self._length
 
     @property
     def torsion(self) -> float:
-        """Stiffness against twisting [N m/rad]."""
+        """Torsional stiffness [N m/rad]."""
         return self.E / (2 * (1 + self.poisson)) * 2 * self.second_moment / self._length
 
     @property
     def _length(self) -> float:
         if self.length is None:
-            raise ValueError(f"Beam {self.name}: give its length, or put its wheels at different z")
+            raise ValueError(f"Beam {self.name}: give its length, or different z of its wheels")
         return self.length
 
     @property
@@ -121,9 +128,9 @@ class Beam:
 
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """M, K and G of all nodes from first to second, six coordinates each: (6 (elements + 1),) squared.
+        """M, K and G of all nodes from first to second, six coordinates each, of order 6 (elements + 1).
 
-        G is by the speed of the shaft, counter-clockwise positive.
+        G is multiplied by the speed of the shaft, counter-clockwise positive.
         """
         own = self._element(self._length / self.elements)
         whole = np.zeros((3, *[6 * (self.elements + 1)] * 2))
@@ -132,7 +139,10 @@ class Beam:
         return whole[0], whole[1], whole[2]
 
     def dampers(self, first: Array, second: Array) -> Array:
-        """C of all nodes, with the inertias (6,) of the wheels: 2 damping M (M^-1 K)^(1/2)."""
+        """Return the damping matrix 2 damping M (M^-1 K)^(1/2) of all nodes.
+
+        ``first`` and ``second`` are the inertias (6,) of the wheels, which M contains.
+        """
         M, K, _ = self.matrices
         M = M + np.diag(np.concatenate([first, np.zeros(len(M) - 12), second]))
         squares, modes = scipy.linalg.eigh(K, M)
@@ -140,7 +150,7 @@ class Beam:
         return C
 
     def _element(self, L: float) -> Array:
-        """M, K, G (3, 12, 12) of one element of length L."""
+        """Return M, K, G (3, 12, 12) of one element of length L."""
         A, I, E = self.area, self.second_moment, self.E  # noqa: E741
         G = E / (2 * (1 + self.poisson))
         shear = self.shear_coefficient * A * G
@@ -149,13 +159,13 @@ class Beam:
         mass = self.density * A * (N * weights) @ N.T + rotary
         stiff = E * I * (dP * weights) @ dP.T + shear * ((dN - P) * weights) @ (dN - P).T
         out = np.zeros((3, 12, 12))
-        places = []
-        for (w, one), (phi, other) in _PLANES:
+        planes = []
+        for (w, one), (phi, other) in BENDING_PLANES:
             at, signs = np.array([w, phi, 6 + w, 6 + phi]), np.array([one, other, one, other])
-            places.append((at, signs))
+            planes.append((at, signs))
             for which, matrix in enumerate((mass, stiff)):
                 out[which][np.ix_(at, at)] += np.outer(signs, signs) * matrix
-        (x, signs_x), (y, signs_y) = places
+        (x, signs_x), (y, signs_y) = planes
         out[2][np.ix_(x, y)] = 2 * np.outer(signs_x, signs_y) * rotary
         out[2][np.ix_(y, x)] = -out[2][np.ix_(x, y)].T
         even, linear = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
@@ -167,7 +177,10 @@ class Beam:
 
 
 def _shapes(L: float, shear: float) -> tuple[Array, Array, Array, Array, Array]:
-    """N, P and their derivatives (4, points), and weights (points,) that integrate products of them exactly."""
+    """Return N, P and their derivatives (4, points), and Gauss weights (points,).
+
+    The quadrature integrates products of these functions exactly.
+    """
     x, w = np.polynomial.legendre.leggauss(4)
     s = (x + 1) / 2
     N = np.array([

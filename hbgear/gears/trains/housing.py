@@ -1,6 +1,8 @@
-"""The housing of a train as matrices: bearings sit on some of its coordinates instead of the ground.
+"""Housing of a train as matrices: bearings are attached to some of its coordinates instead of the ground.
 
-M q_h'' + C q_h' + K q_h + sum over seats of s f = 0,   f = k (x_wheel - s^T q_h) + c (x_wheel' - s^T q_h')
+    M q_h'' + C q_h' + K q_h + sum over seats of s f = 0,   f = k (x_wheel - s^T q_h) + c (x_wheel' - s^T q_h')
+
+s selects the coordinate of a seat.
 """
 
 from __future__ import annotations
@@ -17,26 +19,30 @@ from hbgear.gears.pairs.support import AXES
 from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.matrices import square
 
-SEATED = AXES[:3]
-"""Directions in which a bearing can sit on a housing."""
+SEAT_DIRECTIONS = AXES[:3]
+"""Directions in which a bearing can be attached to a housing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Housing:
-    """A housing, a foundation or a test rig, from an FE program or by hand, in SI.
+    """Housing, foundation or test rig, from a finite element program or by hand, in SI units.
 
     Parameters
     ----------
-    M, K : (h, h) mass [kg] and stiffness [N/m] of displacements [m], dense or scipy.sparse.
-    C : damping (h, h) [N s/m]; None without.
-    names : (h,) of the coordinates; ``h1, h2, ...`` by default.
-    seats : where bearings sit: ``{"pinion": {"x": "h1", "y": "h2"}}`` for the bearings of that wheel. Directions that
-        are not named go to the ground.
+    M, K : array_like, shape (h, h)
+        Mass [kg] and stiffness [N/m] of displacements [m], dense or scipy.sparse.
+    C : array_like, shape (h, h), optional
+        Damping matrix [N s/m]. Default None: no damping.
+    names : sequence of str, optional
+        Names of the h coordinates. Default: ``h1, h2, ...``.
+    seats : mapping of str to mapping of str to str, optional
+        Coordinates to which bearings are attached: ``{"pinion": {"x": "h1", "y": "h2"}}`` for the bearings of that
+        wheel. Other directions are attached to the ground.
 
     Raises
     ------
     ValueError
-        If matrices are not square, not finite or of other sizes, or a seat is on no coordinate.
+        If matrices are not square, not finite or of different sizes, or a seat names an unknown coordinate.
 
     Examples
     --------
@@ -61,7 +67,7 @@ class Housing:
             set_(self, name, matrix.toarray() if hasattr(matrix, "toarray") else matrix)
             if getattr(self, name).shape != self.M.shape:
                 raise ValueError(
-                    f"Housing: {name} has shape {getattr(self, name).shape}; need {self.M.shape}, that of M"
+                    f"Housing: {name} has shape {getattr(self, name).shape}; need {self.M.shape}, as M has"
                 )
         if not is_listed(self.names) or not all(isinstance(name, str) for name in self.names):
             raise ValueError(f"Housing: names = {quoted(self.names)} must be a list of names")
@@ -74,8 +80,10 @@ class Housing:
             )
         for wheel, seat in self.seats.items():
             for axis, name in seat.items():
-                if axis not in SEATED:
-                    raise ValueError(f"Housing: seat of '{wheel}': '{axis}' must be one of {', '.join(SEATED)}")
+                if axis not in SEAT_DIRECTIONS:
+                    raise ValueError(
+                        f"Housing: seat of '{wheel}': '{axis}' must be one of {', '.join(SEAT_DIRECTIONS)}"
+                    )
                 if name not in self.names:
                     raise ValueError(
                         f"Housing: seat of '{wheel}': there is no coordinate {quoted(name)}"
@@ -88,6 +96,6 @@ class Housing:
         return len(self.M)
 
     def seat(self, wheel: str, axis: int) -> Array:
-        """The coordinates (h,) that a bearing of a wheel sits on in a direction, 1 at one of them or 0."""
-        name = self.seats.get(wheel, {}).get(AXES[axis]) if axis < len(SEATED) else None
+        """Return the vector (h,) with 1 at the coordinate that supports a bearing of a wheel in a direction, else 0."""
+        name = self.seats.get(wheel, {}).get(AXES[axis]) if axis < len(SEAT_DIRECTIONS) else None
         return np.array([float(own == name) for own in self.names])

@@ -5,13 +5,13 @@ r"""Planetary gear sets: sun, ring and carrier with N planets, each a rigid body
     d_rn = y_r cos(psi_n + a_r) - x_r sin(psi_n + a_r) + u_r + zeta_n sin a_r - eta_n cos a_r - u_n - e_rn(tau)
     bearing of planet n:  x_c cos psi_n + y_c sin psi_n - zeta_n,   y_c cos psi_n - x_c sin psi_n + u_c - eta_n
 
-in the frame of the carrier: x, y of carrier, ring and sun, radial and tangential zeta, eta of a planet at psi_n, and u,
-the rotation times the base radius (of the carrier: the radius of the planets' centres). tau = Omega t is the phase
-of the meshing, the same frequency in all 2N meshes; they differ in phase by the numbers of teeth.
+The coordinates are in the frame of the carrier: x, y of carrier, ring and sun, radial and tangential displacement zeta,
+eta of a planet at psi_n, and u, the rotation times the base radius (for the carrier: the radius of the planet centres).
+tau = Omega t is the mesh phase. All 2N meshes have the same frequency; their phases follow from the numbers of teeth.
 
 If the carrier turns, M q'' becomes M q'' + Omega_c G q' - Omega_c^2 M_xy q in its frame (``carrier_rotation``).
 
-Dimensionless form, which `PlanetarySet.system` returns: unit of length b_sp (1 um without backlash), of time
+Dimensionless form returned by `PlanetarySet.system`: unit of length b_sp (1 um without backlash), of time
 sqrt(m_p/k_sp), of force k_sp times the length.
 
 References
@@ -51,9 +51,9 @@ MEMBERS = ("carrier", "ring", "sun")
 
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
-_NO_LENGTH = 1e-6  # unit of length of a set without backlash [m]
+DEFAULT_LENGTH = 1e-6  # [m], unit of length of a set without backlash
 
-_NOTHING = 1e-6  # part of a unit shape that is rounding
+SHAPE_TOLERANCE = 1e-6  # components of a mode shape with maximum 1 below this value are rounding errors
 
 _POSITIVE = ("m_s", "m_p", "m_r", "m_c", "J_s", "J_p", "J_r", "J_c", "k_sp", "k_rp", "k_p", "k_t", "r_s")
 
@@ -62,14 +62,17 @@ _NOT_NEGATIVE = ("k_s", "k_r", "k_c", "zeta", "zeta_b", "b_sp", "b_rp", "torque"
 
 @dataclass(frozen=True)
 class PlanetMode:
-    """A natural mode of a planetary set with all teeth in mesh.
+    """Natural mode of a planetary set with all teeth in contact.
 
     Parameters
     ----------
-    frequency : [Hz].
-    kind : "rotational" (the central members turn, all planets move alike), "translational" (they move sideways),
-        "planet" (they rest) or, of a set without the symmetry, "mixed".
-    multiplicity : how many modes have this frequency.
+    frequency : float
+        Natural frequency [Hz].
+    kind : {"rotational", "translational", "planet", "mixed"}
+        Kind of the mode: the central members turn and all planets move alike; the central members move sideways; the
+        central members rest; or another shape, of a set without the symmetry.
+    multiplicity : int
+        Number of modes with this frequency.
 
     Examples
     --------
@@ -85,38 +88,59 @@ class PlanetMode:
 
 @dataclass(frozen=True)
 class PlanetarySet(Model):
-    """A planetary gear set with backlash in all meshes; equations at the head of this file.
+    """Planetary gear set with backlash in all meshes; the module docstring states the equations.
 
-    The defaults are the machine of Lin and Parker (1999) with four planets; backlash, excitation and damping are ours.
+    The defaults are the machine of Lin and Parker (1999) with four planets. Backlash, excitation and damping are not
+    from the paper.
 
     Parameters
     ----------
-    teeth_s, teeth_p, teeth_r : numbers of teeth, z_r = z_s + 2 z_p but for profile shifts.
-    planets : N.
-    spacing : places psi_n of the planets [degrees], () for equal ones.
-    fixed : the member that does not turn, held by ``k_t``.
-    driver : one of the others; the third is driven.
-    torque : on the sun [N m], whoever drives; the others follow. It acts counter-clockwise.
-    r_s : base radius of the sun [m].
-    m_s, m_p, m_r, m_c : masses of sun, planet, ring and carrier [kg].
-    J_s, J_p, J_r, J_c : moments of inertia over the squares of the base radii, the carrier's over that of the planets'
-        centres [kg].
-    k_sp, k_rp : mean stiffness of the meshes of a planet with sun and ring [N/m].
-    k_s, k_r, k_c, k_p : of the bearings of sun, ring, carrier, and of a planet in the carrier [N/m].
-    k_t : what holds the fixed member against turning [N/m at its base radius].
-    alpha_s_deg, alpha_r_deg : pressure angles of the meshes with sun and ring [degrees].
-    zeta, zeta_b : damping ratios, of each mesh with the inertias it joins, of bearings with the masses they carry.
-    b_sp, b_rp : half backlashes [m].
-    eps_sp, eps_rp : amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
-    e_sp, e_rp : amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
-    eps_scale, e_scale, torque_scale : factors of them, to continue in.
-    planet_errors : of the places of the planets along their circle [m], () for none.
-    carrier_rotation : whether Coriolis and centripetal terms of the turning carrier are there.
+    teeth_s, teeth_p, teeth_r : int, optional
+        Numbers of teeth, z_r = z_s + 2 z_p except for profile shifts.
+    planets : int, default 4
+        Number N of planets.
+    spacing : tuple of float, optional
+        Positions psi_n of the planets [degrees]; () for equal spacing.
+    fixed : {"ring", "sun", "carrier"}, default "ring"
+        Member that does not turn, held by ``k_t``.
+    driver : {"ring", "sun", "carrier"}, default "sun"
+        Driving member; the third member is driven.
+    torque : float, default 300.0
+        Torque on the sun [N m], counter-clockwise, for every driver; the other torques follow from it.
+    r_s : float, default 38.7e-3
+        Base radius of the sun [m].
+    m_s, m_p, m_r, m_c : float, optional
+        Masses of sun, planet, ring and carrier [kg].
+    J_s, J_p, J_r, J_c : float, optional
+        Moments of inertia over the squares of the base radii, for the carrier over the square of the radius of the
+        planet centres [kg].
+    k_sp, k_rp : float, default 5e8
+        Mean stiffness of the meshes of a planet with sun and ring [N/m].
+    k_s, k_r, k_c, k_p : float, default 1e8
+        Stiffness of the bearings of sun, ring, carrier, and of a planet in the carrier [N/m].
+    k_t : float, default 1e9
+        Stiffness that holds the fixed member against rotation [N/m at its base radius].
+    alpha_s_deg, alpha_r_deg : float, default 24.6
+        Pressure angles of the meshes with sun and ring [degrees].
+    zeta, zeta_b : float, default 0.03
+        Damping ratios of each mesh with the inertias it joins, and of bearings with the masses they support.
+    b_sp, b_rp : float, default 20e-6
+        Half backlashes [m].
+    eps_sp, eps_rp : tuple of float, optional
+        Amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
+    e_sp, e_rp : tuple of float, optional
+        Amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
+    eps_scale, e_scale, torque_scale : float, default 1.0
+        Factors of all eps, all e and the torque, for use as continuation parameters.
+    planet_errors : tuple of float, optional
+        Tangential position errors of the planets [m]; () for none.
+    carrier_rotation : bool, default False
+        True to include the Coriolis and centripetal terms of the turning carrier.
 
     Raises
     ------
     ValueError
-        If a value is out of its range, the planets collide or cannot be put in, or tooth counts do not mesh.
+        If a value is out of its range, the planets collide or cannot be assembled, or tooth numbers do not match.
 
     Examples
     --------
@@ -225,15 +249,15 @@ class PlanetarySet(Model):
         self._check_assembly()
 
     def _check_teeth(self) -> None:
-        wanted = self.teeth_s + 2 * self.teeth_p
-        if abs(self.teeth_r - wanted) > max(2.0, 0.05 * wanted):
+        expected = self.teeth_s + 2 * self.teeth_p
+        if abs(self.teeth_r - expected) > max(2.0, 0.05 * expected):
             raise ValueError(
                 f"PlanetarySet: {self.teeth_p} teeth of a planet do not fit between {self.teeth_s} of the sun and "
-                f"{self.teeth_r} of the ring: z_r = z_s + 2 z_p = {wanted}, but for a tooth or two by profile shifts"
+                f"{self.teeth_r} of the ring: z_r = z_s + 2 z_p = {expected}, within two teeth for profile shifts"
             )
 
     def _check_assembly(self) -> None:
-        """Refuse planets that touch each other, or that do not find teeth and gaps where they are to go."""
+        """Raise an error if planets touch each other or their teeth do not match the positions."""
         psi = np.sort(np.mod(self.angles, 2 * pi))
         gaps = np.diff(np.append(psi, psi[0] + 2 * pi))
         size = (self.teeth_p + 2) / (self.teeth_s + self.teeth_p)  # tip diameter over twice the centre distance
@@ -243,35 +267,36 @@ class PlanetarySet(Model):
                 f"PlanetarySet: planets {worst:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
                 f"{self.teeth_s + self.teeth_p} they need more than {np.degrees(2 * np.arcsin(min(size, 1.0))):.4g}"
             )
-        together = self.teeth_s + self.teeth_r
-        steps = together * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
+        tooth_sum = self.teeth_s + self.teeth_r
+        steps = tooth_sum * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
         wrong = np.abs(steps - np.round(steps))
         if wrong.max() > 1e-3:
             n = int(np.argmax(wrong))
-            nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / together)
+            nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / tooth_sum)
             raise ValueError(
-                f"PlanetarySet: planet {n + 1} cannot be put in at {np.degrees(self.angles[n]):.6g} degrees: from the "
-                f"first planet on it must be a multiple of 360 / (z_s + z_r) = {360 / together:.6g}; the nearest place "
-                f"is {nearest:.6g}; equal spacing needs (z_s + z_r) / N = {together}/{self.planets} whole"
+                f"PlanetarySet: planet {n + 1} cannot be assembled at {np.degrees(self.angles[n]):.6g} degrees: the "
+                f"angle from the first planet must be a multiple of 360 / (z_s + z_r) = {360 / tooth_sum:.6g}; the "
+                f"nearest position is {nearest:.6g}; equal spacing requires that (z_s + z_r) / N = "
+                f"{tooth_sum}/{self.planets} is whole"
             )
 
-    # ---- how it turns
+    # ---- kinematics
 
     @property
     def angles(self) -> tuple[float, ...]:
-        """psi_n [rad]."""
+        """Positions psi_n of the planets [rad]."""
         if self.spacing:
             return tuple(radians(x) for x in self.spacing)
         return tuple(2 * pi * n / self.planets for n in range(self.planets))
 
     @property
     def speeds(self) -> dict[str, Fraction]:
-        """Speeds of the members over that of the driver, whose torque has the same sign as its speed."""
+        """Speeds of the members over the speed of the driver, whose torque has the same sign as its speed."""
         z = {"sun": Fraction(self.teeth_s), "ring": Fraction(self.teeth_r)}
         z["carrier"] = -z["sun"] - z["ring"]  # z_s w_s + z_r w_r = (z_s + z_r) w_c
         third = next(name for name in MEMBERS if name not in (self.fixed, self.driver))
         own = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
-        sense = -1 if self.driver == "carrier" else 1  # the torque on the sun is positive, so is that on the ring
+        sense = -1 if self.driver == "carrier" else 1  # the torques on the sun and on the ring are positive
         return {name: sense * own[name] for name in MEMBERS}
 
     @cached_property
@@ -284,14 +309,14 @@ class PlanetarySet(Model):
         for name in names:
             wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
         meshes = [Mesh("sun", name, 1e8, direction=psi) for name, psi in zip(names, self.angles, strict=True)]
-        # the centre of the ring lies on the other side of the planet's
+        # the centre of the ring lies on the opposite side of the planet
         meshes += [Mesh(name, "ring", 1e8, direction=psi + pi) for name, psi in zip(names, self.angles, strict=True)]
         speeds = self.speeds
         return kinematics(wheels, (), meshes, backward=speeds["sun"] < speeds["carrier"]).lags
 
     @property
     def lags(self) -> dict[str, float]:
-        """By how much each mesh comes after that of the first planet with the sun [rad]."""
+        """Phase lag of each mesh behind the mesh of the first planet with the sun [rad]."""
         return dict(zip(self.mesh_names, self._lags, strict=True))
 
     @property
@@ -301,14 +326,14 @@ class PlanetarySet(Model):
 
     @property
     def sharing(self) -> list[str]:
-        """The meshes of the sun."""
+        """Names of the meshes of the sun, between which the load is shared."""
         return self.mesh_names[: self.planets]
 
     @property
     def phasing(self) -> str:
-        """How the planets mesh with the sun: "in phase", "sequential", "counter" or "uneven".
+        """Phasing of the planets at the sun: "in phase", "sequential", "counter" or "uneven".
 
-        All at once; one after the other at equal steps; in two groups that take turns; otherwise.
+        The planets mesh simultaneously; one after the other at equal steps; in two alternating groups; or otherwise.
         """
         steps = np.mod(np.array(self._lags[: self.planets]) / (2 * pi) * self.planets + 1e-6, self.planets) - 1e-6
         whole = np.abs(steps - np.round(steps)).max() < 1e-4
@@ -321,7 +346,7 @@ class PlanetarySet(Model):
 
     @property
     def orders(self) -> dict[str, float]:
-        """Frequencies over Omega: of the meshing, and of the members that turn."""
+        """Frequencies over Omega of the mesh and of the members that turn."""
         speeds = self.speeds
         mesh = self.teeth_s * abs(speeds["sun"] - speeds["carrier"])
         return {"mesh": 1.0} | {name: abs(float(speed / mesh)) for name, speed in speeds.items() if speed}
@@ -331,7 +356,7 @@ class PlanetarySet(Model):
     @property
     def b_c(self) -> float:
         """Unit of length [m]."""
-        return self.b_sp or self.b_rp or _NO_LENGTH
+        return self.b_sp or self.b_rp or DEFAULT_LENGTH
 
     @property
     def omega_n(self) -> float:
@@ -340,14 +365,14 @@ class PlanetarySet(Model):
 
     @property
     def scales(self) -> Scales:
-        """Speeds are those of the driver."""
+        """Scales whose speed is the speed of the driver."""
         return Scales(self.omega_n, self.b_c, self.k_sp * self.b_c, 1 / self.orders[self.driver])
 
     # ---- matrices in SI units
 
     @property
     def dof_names(self) -> list[str]:
-        """x, y, u of carrier, ring and sun, then zeta, eta, u of the planets."""
+        """Names of the coordinates: x, y, u of carrier, ring and sun, then zeta, eta, u of the planets."""
         central = [f"{axis}_{name}" for name in MEMBERS for axis in "xyu"]
         return central + [f"{axis}_p{n + 1}" for n in range(self.planets) for axis in ("zeta", "eta", "u")]
 
@@ -358,7 +383,7 @@ class PlanetarySet(Model):
         return np.concatenate(parts)
 
     def _springs(self) -> list[tuple[float, float, Array]]:
-        """Stiffness, mass carried and direction of every linear spring."""
+        """Return stiffness, supported mass and direction of every linear spring."""
         n = 9 + 3 * self.planets
         unit = np.eye(n)
         out = []
@@ -375,7 +400,7 @@ class PlanetarySet(Model):
         return out
 
     def structure(self) -> tuple[Array, Array, Array]:
-        """M, C, K of all but the meshes, in SI units."""
+        """Return M, C, K without the meshes, in SI units."""
         M = np.diag(self._masses)
         C, K = np.zeros((2, *M.shape))
         for k, m, w in self._springs():
@@ -384,20 +409,20 @@ class PlanetarySet(Model):
         return M, C, K
 
     def mesh_vectors(self) -> Array:
-        """Directions of the gaps as columns, the sun's first, in SI units."""
+        """Return the directions of the gaps as columns, the meshes of the sun first, in SI units."""
         a_s, a_r = radians(self.alpha_s_deg), radians(self.alpha_r_deg)
         columns = []
         for ring in (False, True):
             for p, psi in enumerate(self.angles):
                 w, first, at = np.zeros(9 + 3 * self.planets), 3 if ring else 6, 9 + 3 * p
-                turned = psi + a_r if ring else psi - a_s
-                w[first : first + 3] = -sin(turned), cos(turned), 1.0
+                mesh_angle = psi + a_r if ring else psi - a_s
+                w[first : first + 3] = -sin(mesh_angle), cos(mesh_angle), 1.0
                 w[at : at + 3] = (sin(a_r), -cos(a_r), -1.0) if ring else (-sin(a_s), -cos(a_s), 1.0)
                 columns.append(w)
         return np.array(columns).T
 
     def _load(self) -> Array:
-        """Constant load: the torque on the sun, and what holds it on the members that turn."""
+        """Return the constant load: the torque on the sun and the reactions of the other members that turn."""
         F = self.torque_scale * self.torque / self.r_s
         both = cos(radians(self.alpha_s_deg)) + cos(radians(self.alpha_r_deg))
         load = np.zeros(9 + 3 * self.planets)
@@ -407,7 +432,7 @@ class PlanetarySet(Model):
         return load
 
     def modes(self) -> tuple[PlanetMode, ...]:
-        """Natural modes with all teeth in mesh at their mean stiffness, without damping, the lowest first."""
+        """Return the undamped natural modes with all teeth in contact at their mean stiffness, in ascending order."""
         M, _, K = self.structure()
         k = np.repeat([self.k_sp, self.k_rp], self.planets)
         W = self.mesh_vectors()
@@ -425,7 +450,7 @@ class PlanetarySet(Model):
     # ---- the dimensionless system
 
     def system(self) -> System:
-        """Dimensionless equations of motion, an element for each mesh."""
+        """Return the dimensionless equations of motion with one element for each mesh."""
         M, C, K = self.structure()
         length, force = self.b_c, self.k_sp * self.b_c
         errors = self.planet_errors or (0.0,) * self.planets
@@ -457,7 +482,7 @@ class PlanetarySet(Model):
         )
 
     def _rotation(self) -> SpeedTerms | None:
-        """Coriolis and centripetal terms of the frame of the carrier, dimensionless."""
+        """Return the dimensionless Coriolis and centripetal terms of the frame of the carrier."""
         s = self.orders.get("carrier", 0.0) * (1 if self.speeds["carrier"] > 0 else -1)
         if not s:
             return None
@@ -469,18 +494,18 @@ class PlanetarySet(Model):
             G[i, i + 1], G[i + 1, i] = -2 * m[i], 2 * m[i]
         inward = np.diag(np.where(sideways, m, 0.0))
 
-        def pull(Omega: float) -> Any:
+        def centripetal(Omega: float) -> Any:
             return -((s * Omega) ** 2) * inward
 
-        return SpeedTerms(G, s, stiffness=pull)
+        return SpeedTerms(G, s, stiffness=centripetal)
 
 
 def _kind(shapes: Array) -> str:
-    """The kind of modes (n, count) of one frequency."""
+    """Return the kind of the modes (n, count) of one frequency."""
     unit = shapes / np.abs(shapes).max(axis=0)
     central, planets = unit[:9].reshape(3, 3, -1), unit[9:].reshape(-1, 3, unit.shape[1])
-    sideways, turning = np.abs(central[:, :2]).max() > _NOTHING, np.abs(central[:, 2]).max() > _NOTHING
-    alike = np.abs(planets - planets[:1]).max() < _NOTHING
+    sideways, turning = np.abs(central[:, :2]).max() > SHAPE_TOLERANCE, np.abs(central[:, 2]).max() > SHAPE_TOLERANCE
+    alike = np.abs(planets - planets[:1]).max() < SHAPE_TOLERANCE
     if turning and not sideways and alike:
         return "rotational"
     if sideways and not turning:

@@ -2,16 +2,15 @@
 
     M q'' + (C + Omega G) q' + K q + sum_j w_j [k_j(tau) f(d_j) + c_j d_j'] = F,   d_j = w_j^T q - e_j(tau)
 
-q are the coordinates that the wheels have (`train_parts`), every mesh is an element with its own backlash, stiffness,
-error and phase. Omega is the frequency of which all tooth frequencies, and the turns of unbalanced wheels, are
-multiples (`phasing`): that of the teeth if there is one only, as with idlers. Bearings with a clearance are elements
-too, one in each direction.
+q are the coordinates of the wheels (`hbgear.gears.trains.train_components`). Every mesh is an element with its own
+backlash, stiffness, error and phase. All tooth frequencies, and the frequencies of rotation of unbalanced wheels, are
+multiples of Omega (`hbgear.gears.trains.train_kinematics`). With a single tooth frequency, as with idlers, Omega is
+this frequency. A bearing with a clearance is one element in each direction.
 
-Dimensionless form, which `Train.system` returns
-------------------------------------------------
-Of the first mesh: unit of length its half backlash b_c (of the first that has one), of time sqrt(m_c/k_mean), of force
-k_mean b_c, with m_c = 1 / (r_1^2/J_1 + r_2^2/J_2) of its wheels. A rotation enters as r theta/b_c with the base radius
-of the wheel, or that of the first wheel of the first mesh where there is none.
+Dimensionless form returned by `Train.system`: the unit of length is the half backlash b_c of the first mesh that has
+one. The units of time sqrt(m_c/k_mean) and force k_mean b_c belong to the first mesh, with m_c = 1 / (r_1^2/J_1 +
+r_2^2/J_2) of its wheels. A rotation enters as r theta/b_c with the base radius of the wheel. A wheel without one uses
+the base radius of the first wheel of the first mesh.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.pairs.support import AXES
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
-from hbgear.gears.trains.train_components import MOTIONS, Bearing, Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.models import Element, Load, Model, Reaction, System
@@ -41,34 +40,43 @@ from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
 
-_NO_LENGTH = 1e-6  # unit of length of a train without backlash [m]
+DEFAULT_LENGTH = 1e-6  # [m], unit of length of a train without backlash
 
 
 @dataclass(frozen=True)
 class Train(Model):
-    """Gears on shafts and bearings; equations at the head of this file.
+    """Gears on shafts and bearings; the module docstring states the equations.
 
     Parameters
     ----------
-    wheels : `Wheel`s, each with its name.
-    meshes : `Mesh`es between them, at least one; the first sets the units, and its first wheel the direction.
-    shafts, bearings : `Shaft`s and `Bearing`s.
-    beams : `Beam`s, shafts with mass between wheels that move in space.
-    housing : `Housing` that bearings sit on; the ground by default.
-    balance : name of the wheel whose torque is what holds all others; "" if the torques balance as they are.
-    gyroscopic : whether wheels that move in space, and beams, have gyroscopic terms.
-    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : factors of all torques,
-        backlashes, amplitudes of the stiffness, errors, clearances and unbalances, to continue in.
+    wheels : tuple of Wheel
+        Wheels with different names.
+    meshes : tuple of Mesh
+        Meshes between them, at least one. The first mesh sets the units, and its first wheel sets the direction of
+        rotation.
+    shafts, bearings : tuple of Shaft and tuple of Bearing, optional
+        Shafts and bearings.
+    beams : tuple of Beam, optional
+        Shafts with distributed mass between wheels that move in space.
+    housing : Housing or None, optional
+        Housing to which bearings are attached. Default None: the ground.
+    balance : str, default ""
+        Name of the wheel whose torque balances all others; "" if the given torques are in equilibrium.
+    gyroscopic : bool, default False
+        True to include the gyroscopic terms of beams and of wheels that move in space.
+    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : float, default 1.0
+        Factors of all torques, backlashes, stiffness amplitudes, errors, clearances and unbalances, for use as
+        continuation parameters.
 
     Raises
     ------
     ValueError
-        If names do not fit, gears collide, do not fit, are locked or have no common frequency, or torques do not
-        balance.
+        If a name is unknown or occurs twice, gears collide, do not match, are locked or have no common frequency, or
+        torques are not in equilibrium.
 
     Examples
     --------
-    An idler between two gears: two meshes in line, each with its own backlash.
+    An idler between two gears: two meshes, each with its own backlash.
 
     >>> import hbgear as hb
     >>> gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
@@ -126,24 +134,26 @@ class Train(Model):
         if not self.meshes:
             raise ValueError("Train: give at least one Mesh(...)")
         names = [wheel.name for wheel in self.wheels]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice:
-            raise ValueError(f"Train: two wheels are called '{twice}'; each needs a name of its own")
+        duplicate = next((name for name in names if names.count(name) > 1), None)
+        if duplicate:
+            raise ValueError(f"Train: two wheels have the name '{duplicate}'; give each wheel its own name")
         self._check_places(names)
         object.__setattr__(self, "beams", tuple(self._placed(beam) for beam in self.beams))
-        self._kinematics  # noqa: B018 refuses trains that cannot turn
+        self._kinematics  # noqa: B018 raises an error for trains that cannot turn
 
     def _check_places(self, names: list[str]) -> None:
-        asked = [(f"shaft {s.name}", name) for s in self.joints for name in (s.first, s.second)]
-        asked += [(f"bearing at {b.at}", b.at) for b in self.bearings]
-        asked += [(f"seat of the housing at {name}", name) for name in (self.housing.seats if self.housing else ())]
-        asked += [("balance", self.balance)] if self.balance else []
-        for what, name in asked:
+        references = [(f"shaft {s.name}", name) for s in self.joints for name in (s.first, s.second)]
+        references += [(f"bearing at {b.at}", b.at) for b in self.bearings]
+        references += [
+            (f"seat of the housing at {name}", name) for name in (self.housing.seats if self.housing else ())
+        ]
+        references += [("balance", self.balance)] if self.balance else []
+        for owner, name in references:
             if name not in names:
-                raise ValueError(f"Train: {what}: there is no wheel '{name}'{did_you_mean(name, names)}")
+                raise ValueError(f"Train: {owner}: there is no wheel '{name}'{did_you_mean(name, names)}")
 
     def _placed(self, beam: Beam) -> Beam:
-        """A beam with its length, between wheels that can bend it."""
+        """Return a beam with its length, after checks of the wheels at its ends."""
         ends = [next(wheel for wheel in self.wheels if wheel.name == name) for name in (beam.first, beam.second)]
         stiff = next((wheel for wheel in ends if wheel.moves != "space"), None)
         if stiff is not None:
@@ -151,35 +161,35 @@ class Train(Model):
                 f"Train: beam {beam.name}: '{stiff.name}' moves in {stiff.moves}; a beam bends and tilts the wheels at "
                 "its ends, so they need moves='space'"
             )
-        apart = ends[1].z - ends[0].z
-        if beam.length is None and apart <= 0:
+        distance = ends[1].z - ends[0].z
+        if beam.length is None and distance <= 0:
             raise ValueError(
                 f"Train: beam {beam.name}: its wheels are at z = {ends[0].z:g} and {ends[1].z:g} m; give its length, "
-                "or put the second wheel at a larger z"
+                "or a larger z of the second wheel"
             )
-        if beam.length is not None and apart and abs(apart - beam.length) > 1e-6 * beam.length:
+        if beam.length is not None and distance and abs(distance - beam.length) > 1e-6 * beam.length:
             raise ValueError(
-                f"Train: beam {beam.name} is {beam.length:g} m long and its wheels are {apart:g} m apart in z; "
+                f"Train: beam {beam.name} is {beam.length:g} m long and its wheels are {distance:g} m apart in z; "
                 "leave one out"
             )
-        return beam if beam.length is not None else dataclasses.replace(beam, length=apart)
+        return beam if beam.length is not None else dataclasses.replace(beam, length=distance)
 
-    # ---- how it turns
+    # ---- kinematics
 
     @property
     def joints(self) -> tuple[Shaft | Beam, ...]:
-        """All that joins wheels on one axis."""
+        """Connections of wheels on one axis: shafts and beams."""
         return (*self.shafts, *self.beams)
 
     @cached_property
     def _by_name(self) -> dict[str, Wheel]:
-        """The wheels, the one that holds the rest with its torque."""
+        """Wheels by name, with the torque of the balancing wheel."""
         wheels = {wheel.name: wheel for wheel in self.wheels}
         if not self.balance:
             return wheels
         holder = wheels[self.balance]
         if holder.torque:
-            raise ValueError(f"Train: '{holder.name}' holds the rest of the torques and has one of its own; keep one")
+            raise ValueError(f"Train: '{holder.name}' balances the torques and has its own torque; keep one")
         free = {name: dataclasses.replace(wheel, torque=0.0) for name, wheel in wheels.items()}
         speeds = kinematics(free, self.joints, self.meshes).speeds
         if not speeds[holder.name]:
@@ -193,41 +203,41 @@ class Train(Model):
 
     @property
     def torques(self) -> dict[str, float]:
-        """Torque on each wheel from outside [N m]."""
+        """External torque on each wheel [N m]."""
         return {name: self.torque_scale * wheel.torque for name, wheel in self._by_name.items()}
 
     @property
     def orders(self) -> dict[str, float]:
-        """Frequencies over Omega: of every mesh, and of every wheel that turns."""
+        """Frequencies over Omega of every mesh and of every wheel that turns."""
         found = self._kinematics
         meshes = {mesh.name: float(order) for mesh, order in zip(self.meshes, found.orders, strict=True)}
         return meshes | {name: abs(float(speed / found.ratio)) for name, speed in found.speeds.items() if speed}
 
     @property
     def sharing(self) -> list[str]:
-        """All meshes."""
+        """Names of all meshes, between which the load is shared."""
         return [mesh.name for mesh in self.meshes]
 
     @property
     def lags(self) -> dict[str, float]:
-        """By how much each mesh comes after the first one [rad of its own tau]."""
+        """Phase lag of each mesh behind the first one, in its own tau [rad]."""
         return {mesh.name: lag for mesh, lag in zip(self.meshes, self._kinematics.lags, strict=True)}
 
     # ---- units
 
     @property
     def k_mean(self) -> float:
-        """Unit of stiffness, of the first mesh [N/m]."""
+        """Unit of stiffness, from the first mesh [N/m]."""
         return self.meshes[0].k_mean
 
     @property
     def b_c(self) -> float:
         """Unit of length, the half backlash of the first mesh that has one [m]."""
-        return next((mesh.half_backlash for mesh in self.meshes if mesh.half_backlash), _NO_LENGTH)
+        return next((mesh.half_backlash for mesh in self.meshes if mesh.half_backlash), DEFAULT_LENGTH)
 
     @property
     def m_c(self) -> float:
-        """Unit of mass, of the first mesh [kg]."""
+        """Unit of mass, from the first mesh [kg]."""
         return self._equivalent_mass(self.meshes[0])
 
     def _equivalent_mass(self, mesh: Mesh) -> float:
@@ -241,40 +251,41 @@ class Train(Model):
 
     @property
     def scales(self) -> Scales:
-        """Of the first wheel of the first mesh, as the pinion."""
+        """Scales whose pinion is the first wheel of the first mesh."""
         teeth = 1 / abs(self.orders[self.meshes[0].first])
         return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, teeth)
 
     @cached_property
     def _coordinates(self) -> list[tuple[str, int]]:
-        """Wheel, or node of a beam, and number among `AXES` of every coordinate; of the housing "" and its number."""
-        wheels = [(wheel.name, axis) for wheel in self.wheels for axis in MOTIONS[wheel.moves]
+        """Name and axis of every coordinate: wheel or beam node and index in `AXES`; "" and index for the housing."""
+        wheels = [(wheel.name, axis) for wheel in self.wheels for axis in WHEEL_COORDINATES[wheel.moves]
                   if not (wheel.held and axis == 5)]  # fmt: skip
         nodes = [(node, axis) for beam in self.beams for node in beam.nodes for axis in range(6)]
         return wheels + nodes + [("", i) for i in range(self.housing.n if self.housing else 0)]
 
     @property
     def units(self) -> Array:
-        """(n,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad]."""
+        """Physical size of a coordinate of value one, shape (n,): b_c [m], for a rotation b_c / r [rad]."""
         radii = {wheel.name: wheel.base_radius for wheel in self.wheels}
-        usual = radii[self.meshes[0].first]
+        default_radius = radii[self.meshes[0].first]
         return np.array([
-            self.b_c / ((radii.get(name) or usual) if name and axis > 2 else 1.0) for name, axis in self._coordinates
+            self.b_c / ((radii.get(name) or default_radius) if name and axis > 2 else 1.0)
+            for name, axis in self._coordinates
         ])  # fmt: skip
 
     # ---- matrices in SI units
 
     def _onto(self, parts: Mapping[str, Array]) -> Array:
-        """A vector of the coordinates from those (6,) of some wheels, (h,) of the housing under ""."""
+        """Return a vector of all coordinates from vectors (6,) of wheels and (h,) of the housing, under ""."""
         return np.array([parts[name][axis] if name in parts else 0.0 for name, axis in self._coordinates])
 
     def _from_seat(self, bearing: Bearing, axis: int) -> Array:
-        """Displacement (n,) of a wheel in a direction from what its bearing sits on."""
+        """Return the displacement (n,) of a wheel relative to the seat of its bearing, in one direction."""
         seat = {"": -self.housing.seat(bearing.at, axis)} if self.housing else {}
         return self._onto({bearing.at: np.eye(6)[axis], **seat})
 
     def structure(self) -> tuple[Array, Array, Array]:
-        """M, C, K (n, n) of all but the meshes and the springs of bearings with a clearance, in SI units."""
+        """Return M, C, K (n, n) in SI units, without the meshes and the springs of bearings with a clearance."""
         n, masses = len(self._coordinates), {wheel.name: wheel.masses for wheel in self.wheels}
         M = np.diag(self._onto(masses))
         C, K = np.zeros((2, n, n))
@@ -304,15 +315,15 @@ class Train(Model):
         return M, C, K
 
     def _add(self, whole: Array, beam: Beam, own: Array) -> None:
-        """Add a matrix of all nodes of a beam to one of all coordinates."""
-        at = {place: i for i, place in enumerate(self._coordinates)}
+        """Add a matrix of all nodes of a beam to a matrix of all coordinates."""
+        at = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
         nodes = [(name, axis) for name in (beam.first, *beam.nodes, beam.second) for axis in range(6)]
-        some = [i for i, place in enumerate(nodes) if place in at]  # a wheel that is held does not turn
-        places = [at[nodes[i]] for i in some]
-        whole[np.ix_(places, places)] += own[np.ix_(some, some)]
+        some = [i for i, coordinate in enumerate(nodes) if coordinate in at]  # a held wheel has no rotation
+        indices = [at[nodes[i]] for i in some]
+        whole[np.ix_(indices, indices)] += own[np.ix_(some, some)]
 
     def mesh_vectors(self) -> Array:
-        """Directions of the gaps as columns (n, m), in SI units."""
+        """Return the directions of the gaps as columns (n, m), in SI units."""
         found, columns = self._kinematics, []
         for mesh, side, angles in zip(self.meshes, found.sides, found.angles, strict=True):
             outer, inner = inner_first(mesh, self._by_name)
@@ -321,9 +332,9 @@ class Train(Model):
         return np.array(columns).T
 
     def _speed_terms(self, scale: Array) -> SpeedTerms | None:
-        """Gyroscopic terms and tables of bearings, dimensionless; over Omega, not over the speed of a wheel."""
+        """Return gyroscopic terms and bearing tables, dimensionless and over Omega instead of a wheel speed."""
         found, n = self._kinematics, len(self._coordinates)
-        at = {place: i for i, place in enumerate(self._coordinates)}
+        at = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
         G = np.zeros((n, n))
         for wheel in self.wheels if self.gyroscopic else ():
             i, j = at.get((wheel.name, 3)), at.get((wheel.name, 4))
@@ -341,14 +352,16 @@ class Train(Model):
         return SpeedTerms(gyroscopic, 1.0, tables["damping_table"], tables["table"])
 
     def _tables(self, name: str, factor: Array) -> MatrixTable | None:
-        """The tables of all bearings as one over Omega, of the frequencies that all have."""
+        """Return the tables of all bearings as one table over Omega, for the common range of frequencies."""
         found = [(bearing, getattr(bearing, name)) for bearing in self.bearings if getattr(bearing, name)]
         if not found:
             return None
         per_speed = {b.at: self.orders.get(b.at, 0.0) * self.omega_n for b, _ in found}  # rad/s at Omega = 1
-        still = next((name for name, speed in per_speed.items() if not speed), None)
-        if still is not None:
-            raise ValueError(f"Train: the bearing at '{still}' has a table over a speed, but the wheel does not turn")
+        stationary = next((name for name, speed in per_speed.items() if not speed), None)
+        if stationary is not None:
+            raise ValueError(
+                f"Train: the bearing at '{stationary}' has a table over a speed, but the wheel does not turn"
+            )
         scaled = [(bearing, table, np.asarray(table.Omega) / per_speed[bearing.at]) for bearing, table in found]
         low, high = max(each[0] for *_, each in scaled), min(each[-1] for *_, each in scaled)
         if low >= high:
@@ -368,22 +381,25 @@ class Train(Model):
 
     @property
     def reactions(self) -> dict[str, Reaction]:
-        """Radial and axial forces in the bearings, over k_mean b_c; not of tables over the speed and clearances."""
+        """Radial and axial bearing forces over k_mean b_c, without bearings with speed tables or radial clearances."""
         masses, found = {wheel.name: wheel.masses for wheel in self.wheels}, {}
         for bearing in self.bearings:
             if bearing.table is not None or bearing.damping_table is not None:
                 continue
             k, c = bearing.stiffness / self.k_mean, bearing.dampers(masses[bearing.at]) / (self.m_c * self.omega_n)
-            for what, axes in (("radial", (0, 1)), ("axial", (2,))):
-                if k[list(axes)].any() and not (bearing.clearance and what == "radial"):
+            for owner, axes in (("radial", (0, 1)), ("axial", (2,))):
+                if k[list(axes)].any() and not (bearing.clearance and owner == "radial"):
                     rows = np.array([self._from_seat(bearing, axis) for axis in axes])
-                    found[f"{bearing.at} {what}"] = Reaction(k[list(axes), None] * rows, c[list(axes), None] * rows)
+                    found[f"{bearing.at} {owner}"] = Reaction(k[list(axes), None] * rows, c[list(axes), None] * rows)
         return found
 
     # ---- the dimensionless system
 
     def system(self) -> System:
-        """Dimensionless equations of motion, an element for each mesh; scaling at the head of this file."""
+        """Return the dimensionless equations of motion with one element for each mesh.
+
+        The module docstring states the scaling.
+        """
         S, found = self.units / self.b_c, self._kinematics
         SS, m_c, omega_n = np.outer(S, S), self.m_c, self.omega_n
         M, C, K = self.structure()
@@ -417,7 +433,7 @@ class Train(Model):
         )
 
     def _clearances(self, scale: Array) -> list[Element]:
-        """Bearings with a clearance: a spring beyond a gap, and a damper, in each direction by itself."""
+        """Return the elements of bearings with a clearance: a spring beyond a gap and a damper, for each direction."""
         found = []
         for bearing in self.bearings:
             c = bearing.dampers(self._by_name[bearing.at].masses) / (self.m_c * self.omega_n)
@@ -429,7 +445,10 @@ class Train(Model):
         return found
 
     def _unbalances(self, scale: Array) -> list[Load]:
-        """F = U omega^2 (cos theta, sin theta) of every unbalanced wheel, theta = turned + angle + omega t."""
+        """Return the load F = U omega^2 (cos theta, sin theta) of every unbalanced wheel.
+
+        theta = turned + angle + omega t is the angle of the unbalance.
+        """
         found = []
         for wheel in self.wheels:
             if not wheel.unbalance or not self.unbalance_scale:
@@ -437,22 +456,22 @@ class Train(Model):
             speed = self._kinematics.speeds[wheel.name] / self._kinematics.ratio
             size = self.unbalance_scale * wheel.unbalance * (float(speed) * self.omega_n) ** 2
             turn = size * np.exp(1j * (self._kinematics.turned[wheel.name] + wheel.unbalance_angle))
-            sense = 1.0 if speed > 0 else -1.0
+            direction = 1.0 if speed > 0 else -1.0
             x, y = (scale * self._onto({wheel.name: np.eye(6)[axis]}) for axis in (0, 1))
             order = abs(int(speed))
-            cosine, sine = turn.real * x + turn.imag * y, sense * (turn.real * y - turn.imag * x)
+            cosine, sine = turn.real * x + turn.imag * y, direction * (turn.real * y - turn.imag * x)
             found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
         return found
 
 
 def in_order(function: Phased, order: int, lag: float) -> Phased:
-    """f(order tau - lag) of a function of tau."""
-    late: Phased = function.shifted(lag) if lag else function
+    """Return f(order tau - lag) of a function f(tau)."""
+    shifted: Phased = function.shifted(lag) if lag else function
     if order == 1:
-        return late
-    if isinstance(late, Series):
-        c = to_complex(stretch(late.row(), order))
-        return Series(late.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
-    phases = [(phase + TURN * i) / order for i in range(order) for phase in late.phases]
-    rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in late.coefficients] * order
+        return shifted
+    if isinstance(shifted, Series):
+        c = to_complex(stretch(shifted.row(), order))
+        return Series(shifted.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
+    phases = [(phase + TURN * i) / order for i in range(order) for phase in shifted.phases]
+    rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in shifted.coefficients] * order
     return Periodic(tuple(phases), tuple(rows))

@@ -1,7 +1,7 @@
-"""What a train is made of: wheels, the shafts between them, bearings and meshes. Numbers in SI.
+"""Components of a train: wheels, shafts, bearings and meshes. Numbers are in SI units.
 
-A wheel has the coordinates x, y, z (along its axis) and the rotations about these, all positive to the right hand;
-bearings and shafts act between them.
+A wheel has the coordinates x, y, z (along its axis) and the right-handed rotations about these axes. Bearings and
+shafts act on these coordinates.
 """
 
 from __future__ import annotations
@@ -21,53 +21,67 @@ from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import shaft_stiffness
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
-from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagging, mesh_stiffness
+from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagged_series, mesh_stiffness
 from hbgear.mechanics.laws.laws import checked_contact
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 
-MOTIONS = {"torsion": (5,), "plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5)}
-"""Coordinates that a wheel has by the way it moves."""
+WHEEL_COORDINATES = {"torsion": (5,), "plane": (0, 1, 5), "space": (0, 1, 2, 3, 4, 5)}
+"""Indices of the coordinates of a wheel for each value of `Wheel.moves`."""
 
 
-def _named(owner: str, *names: Any) -> None:
+def _check_names(owner: str, *names: Any) -> None:
+    """Raise an error if a name is not a non-empty text."""
     for name in names:
         if not isinstance(name, str) or not name:
-            raise ValueError(f"{owner}: {quoted(name)} is no name of a wheel; need a text such as 'pinion'")
+            raise ValueError(f"{owner}: {quoted(name)} is not the name of a wheel; give a text such as 'pinion'")
 
 
-def joined(owner: str, first: Any, second: Any) -> None:
-    """Refuse what joins a wheel with itself, or no wheels."""
-    _named(owner, first, second)
+def check_ends(owner: str, first: Any, second: Any) -> None:
+    """Raise an error if the two ends are not names of two different wheels."""
+    _check_names(owner, first, second)
     if first == second:
-        raise ValueError(f"{owner}: it ends at '{second}', where it begins; name two wheels")
+        raise ValueError(f"{owner}: both ends are '{second}'; name two wheels")
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A gear, or anything else that turns: a rotor, a flange, a machine.
+    """Gear or other turning body of a train: a rotor, a flange, a machine.
 
     Parameters
     ----------
-    name : by which shafts, bearings and meshes know it.
-    inertia : about its axis [kg m^2].
-    mass : [kg]; needed if it moves sideways.
-    tilt_inertia : about a diameter [kg m^2]; half of the inertia by default, that of a thin disc.
-    teeth, base_radius : of a gear; 0 and 0 m of anything else.
-    internal : of a ring.
-    x, y, z : where its centre is [m].
-    moves : "torsion", turning alone; "plane", sideways too; "space", along its axis and tilting too.
-    torque : on it from outside [N m], counter-clockwise positive.
-    held : whether it cannot turn.
-    angle : of the middle of a tooth, when its shaft is at 0 [rad].
-    unbalance : mass times eccentricity [kg m], of a wheel that can move sideways. Omega is then the frequency of which
-        the turns of that wheel are a multiple too.
-    unbalance_angle : where it is, when its shaft is at 0 [rad].
+    name : str
+        Name by which shafts, bearings and meshes refer to it.
+    inertia : float or str
+        Moment of inertia about its axis [kg m^2].
+    mass : float or str, default 0.0
+        Mass [kg]; required if the wheel moves sideways.
+    tilt_inertia : float or str, optional
+        Moment of inertia about a diameter [kg m^2]. Default: half of ``inertia``, the value of a thin disc.
+    teeth, base_radius : int and float or str, default 0
+        Number of teeth and base radius [m] of a gear; 0 for other wheels.
+    internal : bool, default False
+        True for a ring gear.
+    x, y, z : float or str, default 0.0
+        Position of the centre [m].
+    moves : {"torsion", "plane", "space"}, default "torsion"
+        Motion: rotation only; "plane", also sideways; "space", also along the axis and tilting.
+    torque : float or str, default 0.0
+        External torque [N m], counter-clockwise positive.
+    held : bool, default False
+        True if the wheel cannot turn.
+    angle : float or str, default 0.0
+        Angle of the middle of a tooth when the shaft is at angle 0 [rad].
+    unbalance : float or str, default 0.0
+        Mass times eccentricity [kg m] of a wheel that can move sideways. The frequency of rotation of this wheel is
+        then also a multiple of Omega.
+    unbalance_angle : float or str, default 0.0
+        Angle of the unbalance when the shaft is at angle 0 [rad].
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, or something is missing.
+        If a quantity has another unit or is out of range, or a required quantity is missing.
 
     Examples
     --------
@@ -96,14 +110,14 @@ class Wheel:
     unbalance_angle: QuantityField = QuantityField("rad", ANY, Range(-100, 100), 0.0)
 
     def __post_init__(self) -> None:
-        _named("Wheel", self.name)
+        _check_names("Wheel", self.name)
         counted(f"{self.name}: teeth", self.teeth, 10_000, least=0)
         check(self.name, "internal", self.internal, bool)
         check(self.name, "held", self.held, bool)
-        if not isinstance(self.moves, str) or self.moves not in MOTIONS:
-            raise ValueError(f"{self.name}: moves = {quoted(self.moves)} must be one of {', '.join(MOTIONS)}")
+        if not isinstance(self.moves, str) or self.moves not in WHEEL_COORDINATES:
+            raise ValueError(f"{self.name}: moves = {quoted(self.moves)} must be one of {', '.join(WHEEL_COORDINATES)}")
         if (self.teeth > 0) != (self.base_radius > 0):
-            raise ValueError(f"{self.name}: a gear needs teeth and base_radius, anything else neither; "
+            raise ValueError(f"{self.name}: a gear needs teeth and base_radius, other wheels neither; "
                              f"got {self.teeth} teeth and {self.base_radius:g} m")  # fmt: skip
         if self.moves != "torsion" and not self.mass:
             raise ValueError(f"{self.name} moves in {self.moves}: give its mass [kg]")
@@ -112,7 +126,7 @@ class Wheel:
 
     @classmethod
     def of(cls, name: str, gear: Gear, **others: Any) -> Wheel:
-        """The wheel of a `Gear`, with its teeth, base radius, inertias and mass; other fields as they are given."""
+        """Return the wheel of a `Gear`: its teeth, base radius, inertias and mass; ``others`` are further fields."""
         check("Wheel.of", "gear", gear, Gear)
         own = {
             "inertia": gear.inertia_used, "mass": gear.mass_used, "tilt_inertia": gear.transverse_inertia,
@@ -122,28 +136,34 @@ class Wheel:
 
     @property
     def masses(self) -> Array:
-        """Inertias (6,) of its coordinates."""
+        """Inertias (6,) of the six coordinates."""
         tilt = 0.5 * self.inertia if self.tilt_inertia is None else self.tilt_inertia
         return np.array([self.mass] * 3 + [tilt, tilt, self.inertia])
 
 
 @dataclass(frozen=True)
 class Shaft:
-    """What joins two wheels on one axis: springs between their coordinates, each with a damper.
+    """Massless connection of two wheels on one axis: springs between their coordinates, each with a damper.
 
     Parameters
     ----------
-    first, second : names of the wheels.
-    torsion : [N m/rad].
-    bending : between their displacements sideways [N/m].
-    axial : [N/m].
-    tilt : between their tilts [N m/rad].
-    damping : ratio of each spring with the two inertias that it joins.
+    first, second : str
+        Names of the wheels.
+    torsion : float or str, default 0.0
+        Torsional stiffness [N m/rad].
+    bending : float or str, default 0.0
+        Stiffness between the lateral displacements [N/m].
+    axial : float or str, default 0.0
+        Axial stiffness [N/m].
+    tilt : float or str, default 0.0
+        Stiffness between the tilts [N m/rad].
+    damping : float or str, default 0.02
+        Damping ratio of each spring with the two inertias that it joins.
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, or the shaft ends where it begins.
+        If a quantity has another unit or is out of range, or both ends are the same wheel.
 
     Examples
     --------
@@ -162,11 +182,11 @@ class Shaft:
     damping: QuantityField = QuantityField("", NOT_NEGATIVE, Range(0, 5), 0.02)
 
     def __post_init__(self) -> None:
-        joined("Shaft", self.first, self.second)
+        check_ends("Shaft", self.first, self.second)
 
     @property
     def name(self) -> str:
-        """For tables and errors."""
+        """Name in tables and error messages."""
         return f"{self.first}-{self.second}"
 
     @classmethod
@@ -183,13 +203,13 @@ class Shaft:
 
     @property
     def stiffness(self) -> Array:
-        """Springs (6,) between the coordinates."""
+        """Stiffnesses (6,) between the coordinates."""
         return np.array([self.bending, self.bending, self.axial, self.tilt, self.tilt, self.torsion])
 
 
 @dataclass(frozen=True)
 class _Section:
-    """Sizes of a shaft section as quantities."""
+    """Dimensions of a shaft section, with units."""
 
     outer: QuantityField = QuantityField("m", POSITIVE, Range(1e-4, 20))
     length: QuantityField = QuantityField("m", POSITIVE, Range(1e-4, 1e3))
@@ -200,27 +220,35 @@ class _Section:
 
 @dataclass(frozen=True)
 class Bearing:
-    """Springs and dampers from a wheel to the ground.
+    """Springs and dampers between a wheel and the ground or the housing.
 
     Parameters
     ----------
-    at : name of the wheel.
-    x, y, z : stiffness [N/m].
-    tilt_x, tilt_y : stiffness against tilting [N m/rad].
-    turn : stiffness against turning [N m/rad]; of a flange, not of a bearing.
-    damping : ratio of the dampers with the inertias of the wheel, where none is given.
-    c_x, c_y, c_z : dampers [N s/m].
-    table, damping_table : `MatrixTable` of stiffness [N/m] and dampers [N s/m] in x and y, (T, 2, 2), over the speed of
-        the wheel [rad/s], beside the others.
-    clearance : radial, half of the diametral one [m]. The springs in x and y then act beyond it only, each direction
-        by itself: the hole is a square around the round one, and on its diagonal contact begins at 2^(1/2) of the
+    at : str
+        Name of the wheel.
+    x, y, z : float or str, default 0.0
+        Stiffness [N/m].
+    tilt_x, tilt_y : float or str, default 0.0
+        Stiffness against tilting [N m/rad].
+    turn : float or str, default 0.0
+        Stiffness against rotation [N m/rad], for a flange.
+    damping : float or str, default 0.02
+        Damping ratio with the inertias of the wheel, for directions without a given damper.
+    c_x, c_y, c_z : float or str, optional
+        Damping coefficients [N s/m].
+    table, damping_table : MatrixTable or None, optional
+        Stiffness [N/m] and damping [N s/m] in x and y, (T, 2, 2), over the speed of the wheel [rad/s], added to the
+        other springs and dampers.
+    clearance : float or str, default 0.0
+        Radial clearance [m], half of the diametral one. The springs in x and y act only beyond it, each direction
+        separately: the hole is the square around the round one, and on its diagonal contact begins at 2^(1/2) times the
         clearance. The dampers always act.
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, a table is not of x and y, or there is a clearance without
-        springs in x or y, or with a table of them.
+        If a quantity has another unit or is out of range, a table is not for x and y, or a clearance is given without
+        springs in x or y or with a stiffness table.
 
     Examples
     --------
@@ -245,7 +273,7 @@ class Bearing:
     clearance: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 1e-2), 0.0)
 
     def __post_init__(self) -> None:
-        _named("Bearing", self.at)
+        _check_names("Bearing", self.at)
         if self.clearance and (self.table is not None or not (self.x or self.y)):
             raise ValueError(f"Bearing: at '{self.at}', clearance = {self.clearance:g} m needs springs x or y that act "
                              "beyond it, and no table of the stiffness")  # fmt: skip
@@ -253,21 +281,21 @@ class Bearing:
             table = getattr(self, name)
             check("Bearing", name, table, MatrixTable | None)
             if table is not None and table.matrices.shape[1:] != (2, 2):
-                raise ValueError(f"Bearing: {name} has matrices of shape {table.matrices.shape[1:]}; need (2, 2), of x "
-                                 "and y")  # fmt: skip
+                raise ValueError(f"Bearing: {name} has matrices of shape {table.matrices.shape[1:]}; need (2, 2), for "
+                                 "x and y")  # fmt: skip
 
     @property
     def name(self) -> str:
-        """For tables and errors."""
+        """Name in tables and error messages."""
         return self.at
 
     @property
     def stiffness(self) -> Array:
-        """Springs (6,)."""
+        """Stiffnesses (6,) of the six coordinates."""
         return np.array([self.x, self.y, self.z, self.tilt_x, self.tilt_y, self.turn])
 
     def dampers(self, masses: Array) -> Array:
-        """Dampers (6,) of a wheel of these inertias (6,)."""
+        """Return the damping coefficients (6,) for a wheel with these inertias (6,)."""
         c: Array = 2 * self.damping * np.sqrt(self.stiffness * masses)
         for i, given in enumerate((self.c_x, self.c_y, self.c_z)):
             c[i] = c[i] if given is None else given
@@ -276,32 +304,44 @@ class Bearing:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Two gears that mesh, the first driving the second.
+    """Pair of meshing gears; the first one drives the second.
 
         k(tau) = k_mean [1 - sum_l eps[l-1] cos(l tau - eps_lag[l-1])],   e(tau) = sum_l e[l-1] cos(l tau - e_lag[l-1])
 
-    tau is the phase of its own meshing.
+    tau is the phase of this mesh.
 
     Parameters
     ----------
-    first, second : names of the wheels.
-    k_mean : mean stiffness along the line of action in the transverse plane [N/m].
-    half_backlash : b along the line of action [m].
-    eps, eps_lag : amplitudes of the stiffness over its mean, and their lags [rad].
-    e, e_lag : amplitudes of the transmission error [m], and their lags [rad].
-    stiffness, error : functions in their place, a `Series` or `Periodic`: k(tau)/k_mean and e(tau) [m].
-    damping : ratio of the mesh with the equivalent mass of the two wheels.
-    pressure_angle : in the transverse plane, at work [rad]; of the places of the wheels by default, or else 20 deg.
-    helix_angle : at the base circle [rad], positive of a right-handed first wheel.
-    direction : from the first to the second wheel [rad]; of their places by default.
-    lag : by which this mesh comes after the first one of the train [rad of its own tau]; of the numbers of teeth by
-        default.
-    pitch_phase : tau at which a pair of teeth touches in the pitch point [rad].
+    first, second : str
+        Names of the wheels.
+    k_mean : float or str
+        Mean stiffness along the line of action in the transverse plane [N/m].
+    half_backlash : float or str, default 0.0
+        Half backlash b along the line of action [m].
+    eps, eps_lag : tuple of float, optional
+        Amplitudes of the stiffness over its mean and their phase lags [rad].
+    e, e_lag : tuple of float, optional
+        Amplitudes of the transmission error [m] and their phase lags [rad].
+    stiffness, error : Phased or None, optional
+        Functions instead of the amplitudes, a `Series` or a `Periodic`: k(tau)/k_mean and e(tau) [m].
+    damping : float or str, default 0.05
+        Damping ratio of the mesh with the equivalent mass of the two wheels.
+    pressure_angle : float or str, optional
+        Working pressure angle in the transverse plane [rad]. Default: from the positions of the wheels, else 20 deg.
+    helix_angle : float or str, default 0.0
+        Helix angle at the base circle [rad], positive for a right-hand first wheel.
+    direction : float or str, optional
+        Direction from the first to the second wheel [rad]. Default: from their positions.
+    lag : float or str, optional
+        Phase lag of this mesh behind the first mesh of the train, in its own tau [rad]. Default: from the tooth
+        numbers.
+    pitch_phase : float or str, default 0.0
+        Value of tau at which a pair of teeth is in contact at the pitch point [rad].
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, or two things are given where one can be.
+        If a quantity has another unit or is out of range, or both amplitudes and a function are given.
 
     Examples
     --------
@@ -329,7 +369,7 @@ class Mesh:
     pitch_phase: QuantityField = QuantityField("rad", ANY, Range(-1e4, 1e4), 0.0)
 
     def __post_init__(self) -> None:
-        _named("Mesh", self.first, self.second)
+        _check_names("Mesh", self.first, self.second)
         if self.first == self.second:
             raise ValueError(f"Mesh: '{self.first}' cannot mesh with itself; name two wheels")
         for name in ("eps", "e"):
@@ -344,15 +384,15 @@ class Mesh:
         if self.stiffness is not None:
             checked_contact("Mesh", self.stiffness)
         if any(abs(x) > 5e-3 for x in self.e):
-            raise ValueError(f"Mesh: e = {self.e} is in m, and beyond any machine: give 5e-6 for 5 um")
+            raise ValueError(f"Mesh: e = {self.e} is in m and too large for any machine; give 5e-6 for 5 um")
 
     @classmethod
     def of(cls, first: str, second: str, pair: GearPair, torque: Any, damping: Any = 0.05, *,
            cycle: MeshCycle | None = None, **others: Any) -> Mesh:  # fmt: skip
-        """The mesh of a `GearPair` whose pinion is the first wheel, under a torque on it.
+        """Return the mesh of a `GearPair` whose pinion is the first wheel, under a torque on the pinion.
 
-        Stiffness, error, backlash, angles and the phase of the pitch point are those of ``pair.mesh(torque)``, or of a
-        cycle that is given.
+        Stiffness, error, backlash, angles and the phase of the pitch point follow from ``pair.mesh(torque)``, or from
+        ``cycle`` if it is given.
         """
         check("Mesh.of", "pair", pair, GearPair)
         cycle = pair.mesh(torque) if cycle is None else cycle
@@ -368,15 +408,15 @@ class Mesh:
 
     @property
     def name(self) -> str:
-        """For tables and legends: "pinion-wheel"."""
+        """Name in tables and legends: "pinion-wheel"."""
         return f"{self.first}-{self.second}"
 
     def stiffness_used(self, scale: float = 1.0) -> Phased:
-        """k(tau)/k_mean, its alternating part times a factor."""
+        """Return k(tau)/k_mean with its alternating part times a factor."""
         if self.stiffness is not None:
             return self.stiffness.varied(scale)
         return mesh_stiffness(self.eps, scale, self.eps_lag)
 
     def error_used(self) -> Phased:
-        """e(tau) [m]."""
-        return lagging(self.e, self.e_lag) if self.error is None else self.error
+        """Return e(tau) [m]."""
+        return lagged_series(self.e, self.e_lag) if self.error is None else self.error

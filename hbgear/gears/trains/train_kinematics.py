@@ -1,11 +1,11 @@
-"""How a train turns: speeds, tooth frequencies and phases of its meshes, from tooth counts and places.
+"""Kinematics of a gear train: speeds, tooth frequencies and mesh phases from tooth counts and positions.
 
-    z_1 omega_1 = -+ z_2 omega_2  (+ of a ring),   f_j = z |omega| = order_j f,   f their common one
+    z_1 omega_1 = -+ z_2 omega_2  (+ for a ring),   f_j = z |omega| = order_j f,   f the common frequency
     tau_j = sgn(omega) z (theta + angle + flank - alpha) = order_j tau - lag_j
 
-of any of the two gears of mesh j: a flank that carries load passes the pitch point, which lies in the direction alpha
-from the centre, at tau_j = 0. The loaded flanks of a gear that is driven in one mesh and drives in another are half a
-pitch apart (an idler); those of a gear that drives twice are the same.
+The second equation holds for both gears of mesh j. A loaded flank passes the pitch point, which lies in the direction
+alpha from the centre, at tau_j = 0. The loaded flanks of an idler, which is driven in one mesh and drives in another,
+are half a pitch apart. A gear that drives in two meshes uses the same flanks in both.
 
 References
 ----------
@@ -26,39 +26,52 @@ import numpy as np
 from hbgear.common.text.messages import did_you_mean
 from hbgear.gears.trains.train_components import Mesh, Wheel
 
-MOST_ORDERS = 60
-"""Order of a mesh over the common frequency above which the balance has too many unknowns."""
+MAX_ORDER = 60
+"""Largest order of a mesh over the common frequency; above it the harmonic balance has too many unknowns."""
 
-_USUAL_ANGLE = radians(20.0)
+DEFAULT_PRESSURE_ANGLE = radians(20.0)
+"""Pressure angle of a mesh without a given angle or positions of its wheels [rad]."""
 
-_FIT = 1e-3  # relative difference between the radii and the teeth of two gears that is rounding of a drawing
+RADIUS_TOLERANCE = 1e-3
+"""Accepted relative difference between the ratios of radii and of teeth, caused by rounding in drawings."""
 
 
 class Joint(Protocol):
-    """What joins two wheels on one axis: a `Shaft` or a `Beam`."""
+    """Protocol of a connection of two wheels on one axis: a `Shaft` or a `Beam`."""
 
     @property
     def first(self) -> str:
-        """A wheel."""
+        """Name of the first wheel."""
 
     @property
     def second(self) -> str:
-        """The other."""
+        """Name of the second wheel."""
 
     @property
     def torsion(self) -> float:
-        """Stiffness against twisting [N m/rad]."""
+        """Torsional stiffness [N m/rad]."""
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """How a train turns.
+    """Speeds, orders and phases of a train.
 
-    speeds : of each wheel by name over that of the first wheel of the first mesh, counter-clockwise positive.
-    orders : of each mesh, multiples of the common frequency. ratio : common frequency over the speed of that wheel.
-    sides : +1 or -1 of each mesh: whether the outer wheel pushes counter-clockwise.
-    lags : of each mesh [rad], of its own tau. angles : of the line of action of each, pressure angle and direction.
-    turned : angle of each wheel that turns at tau = 0 [rad].
+    Attributes
+    ----------
+    speeds : mapping of str to Fraction
+        Speed of each wheel over the speed of the first wheel of the first mesh, counter-clockwise positive.
+    orders : tuple of int
+        Tooth frequency of each mesh as a multiple of the common frequency.
+    ratio : Fraction
+        Common frequency over the speed of that wheel.
+    sides : tuple of int
+        For each mesh, +1 if the outer wheel pushes counter-clockwise, else -1.
+    lags : tuple of float
+        Phase lag of each mesh in its own tau [rad].
+    angles : tuple of tuple of float
+        Pressure angle and direction of the line of centres for each mesh [rad].
+    turned : mapping of str to float
+        Angle of each turning wheel at tau = 0 [rad].
     """
 
     speeds: Mapping[str, Fraction]
@@ -71,7 +84,7 @@ class Kinematics:
 
 
 def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
-    """The wheels of a mesh, the first of them with external teeth."""
+    """Return the wheels of a mesh; the first one has external teeth."""
     a, b = wheels[mesh.first], wheels[mesh.second]
     return (b, a) if a.internal else (a, b)
 
@@ -79,12 +92,14 @@ def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
 def kinematics(
     wheels: Mapping[str, Wheel], shafts: Sequence[Joint], meshes: Sequence[Mesh], backward: bool = False
 ) -> Kinematics:
-    """How a train turns; backward if the second wheel of the first mesh drives the first.
+    """Return the kinematics of a train.
+
+    ``backward`` states that the second wheel of the first mesh drives the first.
 
     Raises
     ------
     ValueError
-        If it cannot, or its meshes have no common frequency within reach, or gears do not fit.
+        If the train cannot turn, its meshes have no common frequency up to `MAX_ORDER`, or gears do not match.
     """
     for mesh in meshes:
         _check_gears(mesh, wheels)
@@ -92,19 +107,21 @@ def kinematics(
     speeds = _speeds(wheels, groups, meshes)
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
     unbalanced = [name for name, wheel in wheels.items() if wheel.unbalance]
-    still = next((name for name in unbalanced if not speeds[name]), None)
-    if still is not None:
-        raise ValueError(f"'{still}' has an unbalance and does not turn; join it to what turns, or leave it out")
+    stationary = next((name for name in unbalanced if not speeds[name]), None)
+    if stationary is not None:
+        raise ValueError(
+            f"'{stationary}' has an unbalance and does not turn; join it to a wheel that turns, or omit the unbalance"
+        )
     ratio = frequencies[0]
     for one in (*frequencies, *(abs(speeds[name]) for name in unbalanced)):
         ratio = _common(ratio, one)
     orders = tuple(int(one / ratio) for one in frequencies)
-    if max(orders) > MOST_ORDERS:
-        told = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
+    if max(orders) > MAX_ORDER:
+        orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
             f"the tooth frequencies{' and the turns of the unbalanced wheels' if unbalanced else ''} have no simple "
-            f"ratio: over their common frequency they are {told}; at most "
-            f"{MOST_ORDERS} can be computed with all harmonics: give tooth counts with a simpler ratio"
+            f"ratio: over their common frequency they are {orders_text}; at most "
+            f"{MAX_ORDER} can be computed with all harmonics: give tooth counts with a simpler ratio"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
     sides = _sides(wheels, groups, meshes, speeds)
@@ -115,7 +132,7 @@ def kinematics(
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
-    """The largest fraction of which both are multiples."""
+    """Return the largest common divisor of two fractions."""
     while b:
         a, b = b, a % b
     return a
@@ -132,7 +149,7 @@ def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
         raise ValueError(f"mesh {mesh.name}: two rings cannot mesh; one of them must be a gear with external teeth")
     if b.internal and a.teeth >= b.teeth:
         raise ValueError(f"mesh {mesh.name}: {a.name} with {a.teeth} teeth does not fit into {b.name} with {b.teeth}")
-    if abs(a.base_radius * b.teeth - b.base_radius * a.teeth) > _FIT * a.base_radius * b.teeth:
+    if abs(a.base_radius * b.teeth - b.base_radius * a.teeth) > RADIUS_TOLERANCE * a.base_radius * b.teeth:
         raise ValueError(
             f"mesh {mesh.name}: base radii {a.base_radius:g} and {b.base_radius:g} m are not in the ratio of the "
             f"teeth, {a.teeth}:{b.teeth}; gears that mesh have the same base pitch"
@@ -140,7 +157,7 @@ def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
 
 
 def _groups(wheels: Mapping[str, Wheel], shafts: Sequence[Joint]) -> dict[str, int]:
-    """Number of the rotor that each wheel belongs to: shafts with torsional stiffness join them."""
+    """Return the number of the rotor of each wheel; shafts with torsional stiffness join wheels to rotors."""
     groups = {name: i for i, name in enumerate(wheels)}
     for shaft in shafts:
         if shaft.torsion:
@@ -150,17 +167,17 @@ def _groups(wheels: Mapping[str, Wheel], shafts: Sequence[Joint]) -> dict[str, i
 
 
 def _speeds(wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh]) -> dict[str, Fraction]:
-    """Speeds over that of the first wheel of the first mesh."""
+    """Return the speeds over the speed of the first wheel of the first mesh."""
     known = {groups[meshes[0].first]: Fraction(1)}
-    waiting = list(meshes)
-    while waiting:
-        at = next((m for m in waiting if groups[m.first] in known or groups[m.second] in known), None)
+    pending = list(meshes)
+    while pending:
+        at = next((m for m in pending if groups[m.first] in known or groups[m.second] in known), None)
         if at is None:
             raise ValueError(
-                f"mesh {waiting[0].name} does not turn with the first one: join their wheels by a shaft with torsional "
+                f"mesh {pending[0].name} does not turn with the first one: join their wheels by a shaft with torsional "
                 "stiffness or by a mesh"
             )
-        waiting.remove(at)
+        pending.remove(at)
         a, b = at.first, at.second
         if groups[a] not in known:
             a, b = b, a
@@ -181,7 +198,7 @@ def _speeds(wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequ
 
 
 def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
-    """Pressure angle, and direction from the centre of the outer wheel to the pitch point."""
+    """Return the pressure angle and the direction from the centre of the outer wheel to the pitch point."""
     a, b = inner_first(mesh, wheels)
     distance = hypot(b.x - a.x, b.y - a.y)
     if mesh.direction is not None:
@@ -189,19 +206,22 @@ def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
     else:
         phi = atan2(b.y - a.y, b.x - a.x) if distance else (pi if b.internal else 0.0)
     phi += pi if b.internal else 0.0
-    apart = abs(b.base_radius - a.base_radius) if b.internal else a.base_radius + b.base_radius
+    base_distance = abs(b.base_radius - a.base_radius) if b.internal else a.base_radius + b.base_radius
     if not distance:
-        return (_USUAL_ANGLE if mesh.pressure_angle is None else mesh.pressure_angle), phi
-    if distance <= apart:
+        return (DEFAULT_PRESSURE_ANGLE if mesh.pressure_angle is None else mesh.pressure_angle), phi
+    if distance <= base_distance:
         raise ValueError(
-            f"mesh {mesh.name}: the wheels are {distance:g} m apart, their base circles need more than {apart:g} m: "
-            "they collide; check x and y of both"
+            f"mesh {mesh.name}: the wheels are {distance:g} m apart, their base circles need more than "
+            f"{base_distance:g} m: they collide; check x and y of both"
         )
-    alpha = acos(apart / distance)
-    if mesh.pressure_angle is not None and abs(apart / cos(mesh.pressure_angle) / distance - 1) > _FIT:
+    alpha = acos(base_distance / distance)
+    if (
+        mesh.pressure_angle is not None
+        and abs(base_distance / cos(mesh.pressure_angle) / distance - 1) > RADIUS_TOLERANCE
+    ):
         raise ValueError(
             f"mesh {mesh.name}: with the pressure angle {mesh.pressure_angle:.4g} rad the wheels are "
-            f"{apart / cos(mesh.pressure_angle):.6g} m apart, by their places {distance:.6g} m; leave one out"
+            f"{base_distance / cos(mesh.pressure_angle):.6g} m apart, by their positions {distance:.6g} m; omit one"
         )
     return (alpha if mesh.pressure_angle is None else mesh.pressure_angle), phi
 
@@ -209,7 +229,7 @@ def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
 def _sides(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction]
 ) -> tuple[int, ...]:
-    """Which way the outer wheel of each mesh pushes under the torques of the train, +1 where none does."""
+    """Return the direction in which the outer wheel of each mesh pushes under the torques; +1 without a torque."""
     rotors = sorted({groups[name] for name in wheels})
     A = np.zeros((len(rotors), len(meshes)))
     for j, mesh in enumerate(meshes):
@@ -235,48 +255,51 @@ def _lags(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction],
     sides: Sequence[int], angles: Sequence[tuple[float, float]],
 ) -> tuple[tuple[float, ...], dict[str, float]]:  # fmt: skip
-    """By how much each mesh comes after the first, in its own tau from 0 to 2 pi; angles of the wheels at tau = 0."""
-    at: dict[int, float] = {}  # angle of each rotor when tau = 0
+    """Return the phase lag of each mesh in its own tau (0 to 2 pi) and the angles of the wheels at tau = 0."""
+    at: dict[int, float] = {}  # angle of each rotor at tau = 0
     lags: dict[int, float] = {}
 
-    def sees(j: int, name: str) -> tuple[float, float]:
-        """Sign times teeth, and the angle that a rotor must have for mesh j to be in the pitch point of a wheel."""
+    def mesh_position(j: int, name: str) -> tuple[float, float]:
+        """Return signed tooth number and the angle of the rotor at which mesh j is in the pitch point of a wheel."""
         wheel, (a, b) = wheels[name], inner_first(meshes[j], wheels)
         pushes = sides[j] * (-1 if b.internal and wheel is b else 1)
         alpha = angles[j][1] + (0.0 if wheel is a or b.internal else pi)
         turn = 1 if speeds[name] > 0 else -1
         return turn * wheel.teeth, alpha - wheel.angle - pushes * pi / (2 * wheel.teeth)
 
-    def note(j: int, phase: float) -> None:
+    def record_mesh(j: int, phase: float) -> None:
+        """Store the lag of mesh j and the angles of its rotors."""
         lags[j] = (-phase - meshes[j].pitch_phase) % (2 * pi)
         for name in (meshes[j].first, meshes[j].second):
-            z, there = sees(j, name)
+            z, there = mesh_position(j, name)
             at.setdefault(groups[name], there + phase / z)
 
-    note(0, -meshes[0].pitch_phase)
+    record_mesh(0, -meshes[0].pitch_phase)
     while len(lags) < len(meshes):
         for j, mesh in enumerate(meshes):
             known = next((name for name in (mesh.first, mesh.second) if groups[name] in at), None)
             if j not in lags and known:
-                z, there = sees(j, known)
-                note(j, z * (at[groups[known]] - there))
+                z, there = mesh_position(j, known)
+                record_mesh(j, z * (at[groups[known]] - there))
     given = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
     turned = {name: at[group] for name, group in groups.items() if group in at}
     return tuple(0.0 if abs(lag - 2 * pi) < 1e-9 else lag for lag in given), turned
 
 
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:
-    """Direction (2, 6) of the gap of a mesh in the coordinates of both wheels, the outer one first.
+    """Return the direction (2, 6) of the gap of a mesh in the coordinates of both wheels, the outer one first.
 
-    n = rotated by phi (sin alpha, side cos alpha),   m_x n_y - m_y n_x = side,   arms r_a m, -r_b m (of a ring r_b m)
-    w_a = [c n, s, s r_a m_y, -s r_a m_x, side c r_a],   w_b = minus the same with its own arm;   s = -side sin beta_b
+        n = (sin alpha, side cos alpha) rotated by phi,   m_x n_y - m_y n_x = side
+        w_a = [c n, s, s r_a m_y, -s r_a m_x, side c r_a],   w_b = the negative with its arm,   s = -side sin beta_b
+
+    The arms are r_a m of the outer wheel and -r_b m of the inner wheel, or r_b m of a ring.
     """
     alpha, phi = angles
     c, s = cos(mesh.helix_angle), -side * sin(mesh.helix_angle)
     along, across = sin(alpha), side * cos(alpha)
     n = np.array([cos(phi) * along - sin(phi) * across, sin(phi) * along + cos(phi) * across])
     m = side * np.array([n[1], -n[0]])
-    rows = []
+    directions = []
     for sign, arm in ((1.0, outer.base_radius), (-1.0, inner.base_radius if inner.internal else -inner.base_radius)):
-        rows.append(sign * np.array([c * n[0], c * n[1], s, s * arm * m[1], -s * arm * m[0], side * c * arm]))
-    return np.array(rows)
+        directions.append(sign * np.array([c * n[0], c * n[1], s, s * arm * m[1], -s * arm * m[0], side * c * arm]))
+    return np.array(directions)

@@ -12,7 +12,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
-from hbgear.design.uncertainty.uncertainty_band import ResponseBand, touching
+from hbgear.design.uncertainty.uncertainty_band import ResponseBand, ellipse_contact
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.branch_sections import stretches
 from hbgear.plot.curves import name_axes
@@ -89,7 +89,7 @@ def _shade(found: ResponseBand, sigmas: float) -> Path:
     middle = np.column_stack([np.interp(at, rows, x) for x in middle.T])
     angle = np.interp(at, rows, angle)
     covariance = np.column_stack([np.interp(at, rows, x) for x in found.covariance[known].reshape(-1, 4).T])
-    away = sigmas * touching(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
+    away = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
     u, v = (middle + away) * size, (middle - away) * size
     corners = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.study import Cases
-from hbgear.design.studies.sweep_statistics import Swept, swept_cases
+from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.frequency_units import same_scales, scales
 from hbgear.plot.style import COLOURS, MEASURES, axes_or_new, dress, heighten, scaled_axes, styled
 
@@ -63,7 +63,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     >>> axes = hb.plot.envelope(found)
     """
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
-    swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
+    swept = {direction: sweep_responses(found, Omega, direction) for direction in (1, -1)}
     up, down = swept[1].amplitude, swept[-1].amplitude
     own = ax is None
     same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
@@ -117,7 +117,7 @@ def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
     >>> hb.plot.percentiles(found, np.array([0.9, 1.0])).shape
     (5, 2)
     """
-    return _percentiles(swept_cases(found, Omega, direction).amplitude)
+    return _percentiles(sweep_responses(found, Omega, direction).amplitude)
 
 
 def _percentiles(amplitude: Array) -> Array:
@@ -164,7 +164,7 @@ def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return out
 
 
-def _shares(ax: Axes, Omega: Array, swept: dict[int, Swept]) -> Axes:
+def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
     """Narrow axes above: the share of cases that have jumped by then, for each direction."""
     top = ax.inset_axes((0.0, 1.03, 1.0, 0.17), sharex=ax, label="share")
     for here, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
