@@ -442,7 +442,7 @@ def test_a_million_cases_without_a_terminal(million, capsys):
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.toml").write_text(STUDY.format(count=2))
-    monkeypatch.setattr("hbgear.cli.commands.study._PATIENCE", 0.5)
+    monkeypatch.setattr("hbgear.cli.commands.study.SCHEDULER_TIMEOUT", 0.5)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err

@@ -88,7 +88,7 @@ def test_formats_and_figure(run):
     assert values[0] == 0.5 and values[-1] == 1.6 and len(values) == loadmat("d.mat")["values"].size
     code, out, _ = run(*QUICK, "--plot", "d.png")
     assert code == 0 and Path("d.png").read_bytes().startswith(b"\x89PNG")
-    assert "no jumps known: traced without stability" in out
+    assert "jumps unknown: traced without stability" in out
 
 
 def test_values_take_the_type_of_the_field(run):
@@ -361,7 +361,7 @@ def refused(run, args, *words):
         ("trace duffing --samples 1000000000000", ["samples", "at most"]),
         ("map spur-pair --in b=-1:1", ["b must not be negative"]),
         ("map spur-pair --in b=0.5:1 --seeds 1000000000", ["seeds", "more than 1,000"]),
-        ("survey duffing --places 1000000000000", ["frequencies", "more than"]),
+        ("survey duffing --frequencies 1000000000000", ["frequencies", "more than"]),
         ("survey duffing --guesses 1000000000000", ["guesses", "more than"]),
         ("trace spur-pair --set phase=tan", ["'tan'", "'cos' or 'sin'"]),
         ("trace double-helical --set teeth_p=2.5", ["teeth_p=2.5", "whole number"]),

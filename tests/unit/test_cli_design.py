@@ -59,7 +59,7 @@ def test_critical_is_that_of_the_library(run):
 
 def test_derivatives_of_a_critical_value(run):
     line = "critical spur-pair zeta --set zeta=0.1 --harmonics 6 --from 1.0 --to 0.6"
-    code, out, err = run(f"{line} --sensitivity --most 2 -o moved.csv --plot moved.png")
+    code, out, err = run(f"{line} --sensitivity --max-rows 2 -o moved.csv --plot moved.png")
     assert (code, err) == (0, "")
     found = hb.analysis.sensitivity(
         hb.analysis.critical_parameter(hb.SpurPair(zeta=0.1), "zeta", harmonics=6, frequencies=(1.0, 0.6)),
@@ -75,7 +75,7 @@ def test_derivatives_of_a_critical_value(run):
     assert os.path.getsize("moved.png") > 10_000
     code, out, _ = run(line)
     assert code == 0 and "percent of each" not in out
-    code, _, err = run(f"{line} --sensitivity --of omega")
+    code, _, err = run(f"{line} --sensitivity --sort-by omega")
     assert code == 2 and "did you mean 'Omega'" in err
     code, _, err = run(f"{line} --sensitivity -o moved.npz")
     assert code == 2 and ".csv" in err
