@@ -214,7 +214,7 @@ def test_a_table_that_is_not_there(tmp_path):
     with pytest.raises(ValueError, match=r"none.csv' cannot be read as a table of a mesh cycle: No such file or"):
         hb.io.read_mesh_table(tmp_path / "none.csv")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match="it is no text"):
+    with pytest.raises(ValueError, match="it is not text"):
         hb.io.read_mesh_table(tmp_path / "b.csv")
 
 

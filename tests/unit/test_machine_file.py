@@ -199,7 +199,7 @@ def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
     monkeypatch.setattr(cli_files, "_pyplot", None)  # is not called
     assert run(*words, "there.png")[0] == 0
     assert (tmp_path / "here.png").read_bytes() == (tmp_path / "there.png").read_bytes()
-    with cli_files.artist() as by, pytest.raises(TypeError), cli_files.outputs() as out:
+    with cli_files.drawing_process() as by, pytest.raises(TypeError), cli_files.outputs() as out:
         out.figure(tmp_path / "none.png", partial(int), by)
 
 
@@ -239,7 +239,7 @@ def test_errors_of_a_file_are_a_line_each(run, file):
 
 
 def test_speed_needs_a_machine(run):
-    assert "does not know its speeds" in run("speed", "duffing")[2]
+    assert "has no scales, so its speeds" in run("speed", "duffing")[2]
 
 
 def test_a_helical_ring_on_the_command_line(run, tmp_path):

@@ -225,8 +225,8 @@ def test_data_cannot_end_its_script():
         ("Omega, x [um]\n1,2", "does not know its unit of length"),
         ("n, x\n1,2", "'n' has no unit"),
         ("n [Hz], x\n1,2", "may be the mesh frequency or turns per second"),
-        ("Omega, x [kg]\n1,2", "has a unit that is not known for the amplitude; accepted are um"),
-        ("n [furlong], x\n1,2", "has a unit that is not known for the frequency"),
+        ("Omega, x [kg]\n1,2", "has an unknown unit for the amplitude; accepted are um"),
+        ("n [furlong], x\n1,2", "has an unknown unit for the frequency"),
     ],
 )
 def test_measured_points_that_are_none(text, message):

@@ -364,9 +364,9 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
         yield "no tip relief: 10 um", paired(**relieved)
     lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
                for name in ("pinion", "wheel")}  # fmt: skip
-    yield "inertia of solid gears only: 20 % less", paired(**lighter)
+    yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
     tangent = pair.mesh(machine.torque, linearized="tangent")
-    yield "mesh stiffness as secant: tangent", made(cycle=tangent)
+    yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
 
 
 def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:

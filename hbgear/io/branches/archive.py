@@ -139,8 +139,6 @@ def archive_of(
     if not Path(path).is_file():
         os.stat(path)  # raises if it is missing
         raise Damaged("it is a folder" if Path(path).is_dir() else "it is not a regular file")
-        os.stat(path)  # raises if it is missing
-        raise Damaged("it is a folder" if Path(path).is_dir() else "it is no regular file")
     with open(path, "rb") as handle:
         yield Archive(handle, spare, times)
 
