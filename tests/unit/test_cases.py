@@ -431,11 +431,11 @@ def million(tmp_path, monkeypatch):
 
 def test_a_million_cases_are_asked_about(million, capsys):
     code, asked, computed = million(terminal=True)
-    assert code == 3 and computed == [] and "1,000,001 cases. Go on?" in asked[0]
+    assert code == 3 and computed == [] and "1,000,001 cases. Continue?" in asked[0]
 
 
 def test_a_million_cases_without_a_terminal(million, capsys):
-    assert million(terminal=False) == (2, [], []) and "give --yes" in capsys.readouterr().err
+    assert million(terminal=False) == (2, [], []) and "confirm them with --yes" in capsys.readouterr().err
     assert million("--yes", terminal=False) == (2, [], [1_000_001])
 
 

@@ -587,3 +587,29 @@ def test_unlikely_input_is_computed_with_a_warning(run, args, words):
 
 def test_the_models_tell_their_ranges(run):
     assert "zeta, b must not be negative" in run("models")[1]
+
+
+@pytest.mark.parametrize(
+    ("former", "present"),
+    [
+        ("answers no.npz", "results no.npz"),
+        ("survey duffing --places 0", "survey duffing --frequencies 0"),
+        ("survey duffing --places=0", "survey duffing --frequencies=0"),
+        ("sweep duffing --longest 10", "sweep duffing --max-periods 10"),
+        ("sweep duffing --over no.npz", "sweep duffing --curve no.npz"),
+        ("basins duffing --omega 0.9 --longest 0", "basins duffing --omega 0.9 --max-periods 0"),
+    ],
+)
+def test_former_names_of_commands_and_options_still_work(run, former, present):
+    """They do the same, here refuse the same value with the same message."""
+    code, out, err = run(*former.split())
+    assert code == 2 and "No such" not in err
+    assert (code, out, err) == run(*present.split())
+
+
+def test_former_names_are_not_in_the_help(run):
+    text = "".join(run(*line.split())[1] for line in ("--help", "survey --help", "sweep --help", "basins --help"))
+    for name in ("answers", "--places", "--longest", "--over"):
+        assert name not in text
+    for name in ("results", "--frequencies", "--max-periods", "--curve"):
+        assert name in text

@@ -70,7 +70,9 @@ def test_derivatives_of_a_critical_value(run):
     table = [words for words in lines if len(words) == 2 + len(found.quantities) and words[0] in shares]
     assert [words[0] for words in table] == list(shares)[:2] and "percent per percent of a parameter" in out
     assert [float(words[2]) for words in table] == pytest.approx(list(shares.values())[:2], abs=6e-5)
-    assert "e[0]" in shares and "1 more with less effect" in out  # e[0], e_scale and F_m; b is a unit
+    assert (
+        "e[0]" in shares and "1 more parameters with smaller derivatives" in out
+    )  # e[0], e_scale and F_m; b is a unit
     assert np.genfromtxt("moved.csv", delimiter=",", names=True, dtype=None, encoding=None).dtype.names[2] == "d_zeta"
     assert os.path.getsize("moved.png") > 10_000
     code, out, _ = run(line)

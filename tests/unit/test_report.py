@@ -219,7 +219,7 @@ def test_data_cannot_end_its_script():
     ("text", "message"),
     [
         ("", "has no rows of numbers"),
-        ("a,b\n1,2\n3,4", "column 'b' is not known; accepted are frequency"),
+        ("a,b\n1,2\n3,4", "column 'b' is unknown; accepted are frequency"),
         ("Omega,x\n1,2\n3,x", "line 3: 'x' in the column 'x' must be a number"),
         ("f [Hz], x\n1,2", "does not know its units"),
         ("Omega, x [um]\n1,2", "does not know its unit of length"),
