@@ -1,8 +1,8 @@
-"""The command ``hbgear``: trace, look at and draw response curves. Everything it does, the library does.
+"""The command ``hbgear``: trace, inspect and draw response curves. Each command calls a function of the library.
 
-Exit codes: 0 the end was reached; 2 bad input, with one line that says what to do; 3 stopped early, what was traced is
-saved all the same. Ctrl-C and SIGTERM stop any command early. What is slow to import (matplotlib, rich) is imported
-when it is needed.
+Exit codes: 0, the end was reached; 2, bad input, with one line that states how to fix it; 3, stopped early, and all
+results up to that point are saved. Ctrl-C and SIGTERM stop any command. Modules that are slow to import (matplotlib,
+rich) are imported when they are needed.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import hbgear as hb
 from hbgear.analysis.summary import facts_of, text_at
@@ -34,7 +35,6 @@ from hbgear.cli.support import (
     BAD_INPUT,
     STOPPED_EARLY,
     At,
-    Beside,
     Changes,
     Element,
     File,
@@ -44,34 +44,35 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    OtherCurves,
     Output,
     OwnModel,
     Within,
     bar,
+    check_landing,
     chosen_model,
     defaults_text,
+    discard_unwritable,
     element_of,
     equation_of,
     exit_code,
-    known_landing,
-    landed_as,
     loaded,
     longer_span,
     model_at,
     path_of,
     point_of,
+    print_message,
     print_table,
     print_text,
     problem_in,
     problem_of,
     ranges_of,
-    say,
+    show_all_branches,
     show_jumps,
-    show_whole,
-    silence_broken,
     start_of,
     summary_of,
     traced,
+    with_landings,
 )
 from hbgear.common.atomic_write import CannotWrite
 from hbgear.common.process.signals import sigterm_like_ctrl_c
@@ -85,23 +86,53 @@ RENAMED = {
     "--omega-from": "--omega-from is now --from",
     "--omega-to": "--omega-to is now --to",
 }
+"""Options of version 0.1 that are refused, with the option that replaces each."""
 
 
-_CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
+COMMAND_ALIASES = {"answers": "results"}
+"""Earlier names of commands that still work, without an entry in the help."""
 
 
-_NARROW = 60  # columns of a terminal, below which help has no frames: they would cut its words
+OPTION_ALIASES = {
+    "survey": {"--places": "--frequencies"},
+    "sweep": {"--longest": "--max-periods", "--over": "--curve"},
+    "basins": {"--longest": "--max-periods"},
+}
+"""Options of version 0.2 that still work, without an entry in the help, by command."""
+
+
+CTRL_C_CODE = 130
+"""Exit code that typer returns for a Ctrl-C that no command handles."""
+
+
+MIN_FRAME_WIDTH = 60
+"""Width of a terminal [columns] below which help is printed without frames, which would cut words."""
 
 _columns = shutil.get_terminal_size().columns
 
+
+class _Commands(TyperGroup):
+    """The commands, with their earlier names and options."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the command and its arguments, with earlier names replaced by the present ones."""
+        if args:
+            args = [COMMAND_ALIASES.get(args[0], args[0]), *args[1:]]
+            options = OPTION_ALIASES.get(args[0], {})
+            for i, (option, equals, value) in enumerate(arg.partition("=") for arg in args):
+                args[i] = options.get(option, option) + equals + value
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
+    cls=_Commands,
     name="hbgear",
-    rich_markup_mode=None if _columns < _NARROW else "rich",
+    rich_markup_mode=None if _columns < MIN_FRAME_WIDTH else "rich",
     help="Nonlinear frequency response of gear drives with backlash.",
     pretty_exceptions_enable=False,
     context_settings={
         "help_option_names": ["-h", "--help"],
-        "terminal_width": _columns - 1 if _columns < _NARROW else None,
+        "terminal_width": _columns - 1 if _columns < MIN_FRAME_WIDTH else None,
     },
 )
 
@@ -109,32 +140,32 @@ app = typer.Typer(
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
     with sigterm_like_ctrl_c(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # those of libraries are not for users of a command
-        warnings.showwarning = lambda message, *_, **__: say("warning", message)
-        sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
+        warnings.simplefilter("ignore", DeprecationWarning)  # of libraries: users of a command cannot act on them
+        warnings.showwarning = lambda message, *_, **__: print_message("warning", message)
+        sys.exit(_exit_code_of_output(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
 
 
-def _printed(code: int) -> int:
-    """The exit code, 2 if what was printed did not get to where it goes."""
+def _exit_code_of_output(code: int) -> int:
+    """Return the exit code: 2 if the output could not be written."""
     if STDOUT_CLOSED and code != BAD_INPUT:
-        return _unprinted("standard output is closed")
+        return _report_unwritable("standard output is closed")
     try:
         sys.stdout.flush()
     except OSError as error:
-        code = _unprinted(error.strerror)
-    silence_broken(sys.stderr)
+        code = _report_unwritable(error.strerror)
+    discard_unwritable(sys.stderr)
     return code
 
 
-def _unprinted(reason: str | None) -> int:
-    """Say that the result could not be printed; the exit code."""
-    say("error", f"the result could not be printed ({reason}); files that were asked for are written")
-    silence_broken(sys.stdout)
+def _report_unwritable(reason: str | None) -> int:
+    """Print an error: the result could not be printed. Return the exit code."""
+    print_message("error", f"the result could not be printed ({reason}); the output files are written")
+    discard_unwritable(sys.stdout)
     return BAD_INPUT
 
 
-def _takes_nothing() -> bool:
-    """Whether standard output takes nothing."""
+def _is_unwritable() -> bool:
+    """Return whether standard output refuses to be written."""
     try:
         sys.stdout.write("\n")
         sys.stdout.flush()
@@ -146,24 +177,24 @@ def _takes_nothing() -> bool:
 def _run(args: list[str]) -> int:
     try:
         code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
-        if code == _CTRL_C:
+        if code == CTRL_C_CODE:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
         of_stream = isinstance(error, OSError) and error.errno is not None and error.filename is None
-        if of_stream and not isinstance(error, CannotWrite) and _takes_nothing():
-            return _unprinted(getattr(error, "strerror", None))
+        if of_stream and not isinstance(error, CannotWrite) and _is_unwritable():
+            return _report_unwritable(getattr(error, "strerror", None))
         for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
-            say("error", problem)
+            print_message("error", problem)
         return BAD_INPUT
-    except (KeyboardInterrupt, typer.Abort):  # where there was nothing to keep, or No was the answer
-        say("error", "stopped before it was done")
+    except (KeyboardInterrupt, typer.Abort):  # nothing to keep, or the user refused to continue
+        print_message("error", "stopped before the end")
         return STOPPED_EARLY
-    except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
+    except Exception as error:  # typer: an unknown option or command; any other exception is a bug
         if not hasattr(error, "format_message"):
             raise
-        said = RENAMED.get(getattr(error, "option_name", ""), error.format_message().rstrip("."))
-        say("error", f"{said}; see hbgear --help or hbgear COMMAND --help")
+        message = RENAMED.get(getattr(error, "option_name", ""), error.format_message().rstrip("."))
+        print_message("error", f"{message}; see hbgear --help or hbgear COMMAND --help")
         return BAD_INPUT
 
 
@@ -201,12 +232,12 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
 @app.command()
 def models(
     model: Annotated[
-        str | None, typer.Argument(metavar="[MODEL]", help="Only this one, such as FILE.py:NAME of your own.")
+        str | None, typer.Argument(metavar="[MODEL]", help="Only this model, such as your own FILE.py:NAME.")
     ] = None,
 ) -> None:
-    """List the models, their equations and their parameters with defaults; VALUE where one has to be given.
+    """List the models, their equations and their parameters with defaults; VALUE marks a required parameter.
 
-    Beside those of hbgear there are the models of installed packages with entry points hbgear.models.
+    The list includes models of installed packages with entry points hbgear.models.
     """
     rows = []
     for name in [*model_registry.MODELS, *installed()] if model is None else [model]:
@@ -215,7 +246,7 @@ def models(
         except ValueError as error:
             if model is not None:
                 raise
-            say("warning", error)  # one broken package leaves the others
+            print_message("warning", error)  # a broken package does not hide the others
             continue
         lines = [summary_of(cls), equation_of(cls), defaults_text(cls), ranges_of(cls)]
         about = "\n".join(line for line in lines if line or cls.__module__.startswith("hbgear."))
@@ -237,23 +268,24 @@ def trace(
     ] = None,
     harmonics: Harmonics = "16",
     tolerance: Annotated[
-        float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
+        float, typer.Option(help="Largest estimated error of the motion for --harmonics auto.")
     ] = 1e-6,
     orders: Annotated[
-        str, typer.Option(help="meshes: harmonics of every mesh of a train, and their combinations, instead of all.")
+        str,
+        typer.Option(help="meshes: only the harmonics of each mesh of a train and their combinations; default: all."),
     ] = "",
     samples: Annotated[
-        int | None, typer.Option(min=1, help="N per period, at least 2H+1.", show_default="chosen from H")
+        int | None, typer.Option(min=1, help="Samples N per period, at least 2H+1.", show_default="chosen from H")
     ] = None,
     sampled: Annotated[
-        bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")
+        bool, typer.Option("--sampled", help="Sample contact forces (AFT) instead of projecting them exactly.")
     ] = False,
     measure: Measure = "pp2",
     element: Element = "0",
     output: Output = None,
     plot: Plot = None,
     stability: Annotated[
-        bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
+        bool, typer.Option("--stability/--no-stability", help="Compute Floquet multipliers and jumps.")
     ] = True,
     max_points: Annotated[
         int, typer.Option(min=2, help="Number of points after which the trace stops.")
@@ -265,18 +297,19 @@ def trace(
     accuracy: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Largest relative error of special points, solved for with more harmonics if need be; 0: any."
+            min=0.0,
+            help="Target relative error of special points, reached with more harmonics where needed; 0: no target.",
         ),
     ] = 1e-5,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
 
-    Linear algebra is limited to one thread: the matrices are too small to gain from more. Ctrl-C stops the trace and
-    keeps what it has. Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
+    Linear algebra uses one thread: the matrices are too small to gain from more. Ctrl-C stops the trace and keeps all
+    points. Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
-    known_landing(landing)
+    check_landing(landing)
     machine = chosen_model(model, changes)
     point, nu = None, 1
     if start is not None:
@@ -287,11 +320,11 @@ def trace(
         machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance, orders=orders or None
     )
     parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
-    if point is not None:  # its values of the parameters would count before those of --set
+    if point is not None:  # otherwise its parameter values would override those of --set
         held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
     problem.check_parameter(parameter)
     which = element_of(element)
-    problem.layout.check_measure(measure, which)  # before the work
+    problem.layout.check_measure(measure, which)  # before the computation
 
     started = time.perf_counter()
     try:
@@ -305,16 +338,16 @@ def trace(
             steps=hb.StepControl(max_points=max_points, predictor_points=predictor_points),
             accuracy=accuracy or None,
         )
-    except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
-        say("error", "interrupted while starting or finishing; nothing was kept")
+    except KeyboardInterrupt:  # outside the trace, which keeps its points
+        print_message("error", "interrupted before the first point or after the last; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
-    branch, done = landed_as(landing, branch)
+    branch, done = with_landings(landing, branch)
     with outputs() as out:
         out.branch(output, branch)
         out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
         print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-        show_whole(branch, measure, which)
+        show_all_branches(branch, measure, which)
     raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
 
 
@@ -324,10 +357,10 @@ def extend(
     model: OwnModel = None,
     first: Annotated[
         float | None,
-        typer.Option("--from", help="Omega at which a longer span begins.", show_default="that of the curve"),
+        typer.Option("--from", help="Omega at which a longer span begins.", show_default="from the curve"),
     ] = None,
     last: Annotated[
-        float | None, typer.Option("--to", help="Omega at which a longer span ends.", show_default="that of the curve")
+        float | None, typer.Option("--to", help="Omega at which a longer span ends.", show_default="from the curve")
     ] = None,
     within: Annotated[
         str | None,
@@ -335,27 +368,27 @@ def extend(
             "--in",
             metavar="NAME=FROM:TO",
             help="A longer span of a curve in another parameter than Omega.",
-            show_default="that of the curve",
+            show_default="from the curve",
         ),
     ] = None,
     harmonics: Annotated[
-        str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
+        str | None, typer.Option(help="H of the new points, or auto.", show_default="from the curve")
     ] = None,
     samples: Annotated[
-        int | None, typer.Option(min=1, help="N per period to go on with.", show_default="that of the curve")
+        int | None, typer.Option(min=1, help="Samples N per period.", show_default="from the curve")
     ] = None,
     measure: Measure = "pp2",
     element: Element = "0",
     output: Output = None,
     plot: Plot = None,
     max_points: Annotated[
-        int, typer.Option(min=2, help="Stop after so many more points.")
+        int, typer.Option(min=2, help="Largest number of points to add.")
     ] = hb.StepControl().max_points,
 ) -> None:
-    """Follow a saved curve on from its last point; the result is the whole curve.
+    """Continue a saved curve from its last point; the result is the whole curve.
 
-    By default as far as it was to go: --from and --to, or --in of a curve in another parameter, give a longer span.
-    Exit codes: as of hbgear trace.
+    By default to the end of its span; --from and --to, or --in for a curve in another parameter, set a longer span.
+    Exit codes: as for hbgear trace.
     """
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
@@ -370,17 +403,17 @@ def extend(
         out.branch(output, whole)
         out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
         print_text(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
-        show_whole(whole, measure, which)
+        show_all_branches(whole, measure, which)
     raise typer.Exit(exit_code(whole))
 
 
 @app.command()
 def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
-    """Say what a saved curve is, how it ended, what is on it and how accurate it is."""
+    """Summarise a saved curve: model, status, special points, jumps and accuracy."""
     branch, which = loaded(file, measure, element)
     rows = [[name, text] for name, text in facts_of(branch, measure) if text]
     print_table(["", str(file)], rows)
-    show_whole(branch, measure, which)
+    show_all_branches(branch, measure, which)
 
 
 @app.command()
@@ -388,25 +421,25 @@ def jumps(
     file: File,
     model: OwnModel = None,
     landing: Landing = "nearest",
-    beside: Beside = None,
+    other_branches: OtherCurves = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Where a slow sweep jumps, from which amplitude to which, and how it was decided where it lands.
+    """List the jumps of a slow sweep, with the amplitudes before and after, and how the landing was determined.
 
-    Of several stable motions it is the nearest, or with --landing integrate the one in which the motion left settles,
-    whatever its period. Exit codes: 0 done, 2 bad input, 3 interrupted.
+    By default a jump lands on the nearest stable motion; with --landing integrate, on the motion that integration in
+    time reaches, with any period. Exit codes: 0 done, 2 bad input, 3 interrupted.
     """
-    known_landing(landing)
+    check_landing(landing)
     branch, which = loaded(file, measure, element)
-    others = [hb.load(path) for path in beside or ()]
+    others = [hb.load(path) for path in other_branches or ()]
     problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
-    branch, done = landed_as(landing, branch, problem, others)
+    branch, done = with_landings(landing, branch, problem, others)
     if others:
-        names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in beside or ()]
+        names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in other_branches or ()]
         show_jumps(branch, measure, which, [*branch.others, *others], names)
     else:
-        show_whole(branch, measure, which, show_jumps)
+        show_all_branches(branch, measure, which, show_jumps)
     raise typer.Exit(0 if done else STOPPED_EARLY)
 
 
@@ -421,7 +454,7 @@ def plot_command(
     point: Annotated[
         str | None,
         typer.Option(
-            help="Portrait of one point: a label such as LP1, or a value of the parameter.",
+            help="Draw one point: a label such as LP1, or a value of the parameter.",
             autocompletion=cli_complete.labels,
         ),
     ] = None,

@@ -1,6 +1,6 @@
-"""What the shell offers while a command is typed: models, their parameters, labels of a saved curve.
+"""Shell completion: models, their parameters, labels of a saved curve.
 
-Whatever fails here is nothing to offer: the command itself says what is wrong.
+An error during completion offers nothing: the command itself prints it.
 """
 
 from __future__ import annotations
@@ -15,51 +15,51 @@ from hbgear.mechanics.model_lookup import installed
 
 
 def models(incomplete: str) -> list[str]:
-    """Names of models."""
+    """Return names of models."""
     return [name for name in [*model_registry.MODELS, *installed()] if name.startswith(incomplete)]
 
 
 def fields(incomplete: str) -> list[str]:
-    """Fields of the model that was named, each with the = that follows."""
+    """Return fields of the given model, each followed by =."""
     model = _model()
     names = kinds_of(model) if model else ()
     return [f"{name}=" for name in names if name.startswith(incomplete)]
 
 
 def parameters(incomplete: str) -> list[str]:
-    """Parameters of the model that was named."""
+    """Return parameters of the given model."""
     model = _model()
     names = [*parameters_of(model), *entries_among(model, defaults_of(model))] if model else []
     return [name for name in names if name.startswith(incomplete)]
 
 
 def assigned(incomplete: str) -> list[str]:
-    """Omega and the parameters of the model that was named, each with the = that follows."""
+    """Return Omega and the parameters of the given model, each followed by =."""
     return [f"{name}=" for name in ["Omega", *parameters("")] if name.startswith(incomplete)]
 
 
 def labels(incomplete: str) -> list[str]:
-    """Labels of the special points of the file that was named."""
+    """Return labels of the special points of the given file."""
     return [p.label for p in _special() if p.label.startswith(incomplete)]
 
 
 def crossings(incomplete: str) -> list[str]:
-    """Labels of its points where another branch leaves."""
+    """Return labels of its points from which another branch leads."""
     return [p.label for p in _special() if p.kind in ("PD", "BP") and p.label.startswith(incomplete)]
 
 
 def amplitudes(incomplete: str) -> list[str]:
-    """Measures of amplitude."""
+    """Return measures of amplitude."""
     return [name for name in (*measures.MEASURES, "H1", "H2") if name.startswith(incomplete)]
 
 
 def _words() -> list[str]:
-    """What has been typed; an option that still lacks its value keeps click from telling the arguments before it."""
+    """Return the words typed so far; click drops arguments before an option whose value is still missing."""
     return os.environ.get("_TYPER_COMPLETE_ARGS", os.environ.get("COMP_WORDS", "")).split()
 
 
 def _model() -> type[hb.mechanics.Model] | None:
-    """The class of hbgear that was named; no code of others is run while a command is typed."""
+    """Return the class of the given model of hbgear; completion runs no code of others."""
     return next((model_registry.MODELS[word] for word in _words() if word in model_registry.MODELS), None)
 
 

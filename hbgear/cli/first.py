@@ -1,8 +1,8 @@
-"""The first command: half of the kernels of a curve are compiled in a process of their own.
+"""The first command: half of the kernels are compiled in a second process.
 
-That process stores them, and a kernel that is stored is loaded when it is first called. Those that follow the curve
-are compiled meanwhile where it is traced, which takes longer. If the other process is late or fails, its half is
-compiled here too.
+The second process stores the compiled kernels; this process loads each one at its first call. The kernels that trace
+the curve, which take longer, are compiled meanwhile in this process. If the second process is late or fails, its half
+is compiled here too.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from hbgear.common.process.threads import processors
 
 
 @contextmanager
-def compiled_beside() -> Iterator[None]:
-    """If this is a command, of two processors or more, and nothing is stored: compile while the block runs."""
+def compile_in_parallel() -> Iterator[None]:
+    """Compile in a second process while the block runs, if this is a command with two processors and an empty cache."""
     from hbgear.common.process.compiling import nothing_stored
 
     if not startup.IS_COMMAND or processors() < 2 or not nothing_stored():
@@ -29,13 +29,13 @@ def compiled_beside() -> Iterator[None]:
     from hbgear.design.studies.processes import executor_of
 
     with executor_of(None, 1, 1) as pool:
-        pool.submit(_observed)
+        pool.submit(_compile_point_kernels)
         yield
 
 
-def _observed() -> None:
-    """Ask for what is computed at every point of a curve; kernels are the same for all models without corners."""
-    logging.getLogger("hbgear").setLevel(logging.ERROR)  # the process that traces says that kernels are compiled
+def _compile_point_kernels() -> None:
+    """Compile the kernels evaluated at every point; models without breakpoints share them."""
+    logging.getLogger("hbgear").setLevel(logging.ERROR)  # the tracing process already reports the compilation
     from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)

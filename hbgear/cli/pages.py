@@ -20,8 +20,8 @@ from hbgear.cli.support import (
     OwnModel,
     bar,
     chosen_model,
+    print_message,
     problem_in,
-    say,
     span_of,
 )
 from hbgear.common.optional import needed
@@ -36,14 +36,14 @@ Measured = Annotated[
     typer.Option(
         "--measured",
         metavar="FILE",
-        help="A table of measured points whose line of names states units, such as 'n [r/min], dte [um], direction'; "
-        "can be repeated.",
+        help="A table of measured points whose header states units, such as 'n [r/min], dte [um], direction'; "
+        "repeatable.",
     ),
 ]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
+    """Add the commands of this module."""
     app.command()(report)
     app.command()(explore)
 
@@ -53,18 +53,18 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="The page, .html.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
     validate: Annotated[
-        int, typer.Option(min=0, help="So many points of each curve are held against integration in time first.")
+        int, typer.Option(min=0, help="Number of points of each curve to validate by time integration.")
     ] = 0,
     model: OwnModel = None,
     measured: Measured = None,
     study: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FOLDER", help="Of hbgear study, or its table.npz: shown too; can be repeated."),
+        typer.Option(metavar="FOLDER", help="Also show this folder of hbgear study, or its table.npz; repeatable."),
     ] = None,
 ) -> None:
-    """Write one page with curves, motions, jumps and accuracy, which any browser opens without a network.
+    """Write one page with curves, motions, jumps and accuracy; any browser opens it without a network.
 
-    Exit codes: 0 done, 2 bad input, 3 a validation was interrupted (the page has what was checked).
+    Exit codes: 0 done, 2 bad input, 3 a validation was interrupted (the page contains the validated points).
     """
     from hbgear.web.page import check_installed
 
@@ -97,16 +97,16 @@ def explore(
     first: First = None,
     last: Last = None,
     harmonics: Annotated[
-        int | None, typer.Option(min=1, max=256, help="H to begin with.", show_default="16, or that of the curve")
+        int | None, typer.Option(min=1, max=256, help="H at the start.", show_default="16, or from the curve")
     ] = None,
     model: OwnModel = None,
     allow_code: AllowCode = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 for any that is free.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any free port.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
-    """Open a page with every parameter as a slider, and the response curve drawn anew while one moves.
+    """Open a page with a slider for each parameter; the response curve is traced again while a slider moves.
 
-    It is served by this machine to this machine alone, and ends with Ctrl-C, which leaves nothing behind.
+    The page is reachable from this machine only. Ctrl-C ends the server; nothing is stored.
     Exit codes: 0 ended by Ctrl-C, 2 bad input.
     """
     import webbrowser
@@ -122,7 +122,7 @@ def explore(
     server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
     if browser and not webbrowser.open(server.address):
-        say("warning", "no browser could be opened; open the address above in one")
+        print_message("warning", "no browser could be opened; open the address above in one")
     with suppress(KeyboardInterrupt):
         server.run()
     print("ended")
@@ -131,7 +131,7 @@ def explore(
 def explored(
     what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
-    """What is explored, the span and harmonics to begin with, and the curve of a file."""
+    """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
     from hbgear.design.studies.samples import Grid
     from hbgear.design.studies.study_file import is_study, read_study
     from hbgear.io.machines.machine_file import read_machine
@@ -139,7 +139,7 @@ def explored(
 
     if what.endswith(".npz"):
         if changes:
-            raise ValueError("--set: the values are those of the curve; move them on the page")
+            raise ValueError("--set: the curve defines the values; change them on the page")
         branch = hb.load(what)
         cls = None if own is None else model_registry.model_class(own)
         problem = model_registry.rebuild_problem(branch.meta, cls)
@@ -158,7 +158,7 @@ def explored(
             return ModelSubject(first, name), study.work.span, study.work.harmonics, None
         machine_file = read_machine(what)
         if changes:
-            raise ValueError("--set: the values are those of the file; move them on the page")
+            raise ValueError("--set: the file defines the values; change them on the page")
         return MachineSubject(machine_file), machine_file.model().default_span, 16, None
     machine = chosen_model(what, changes)
     return ModelSubject(machine, what), span_of(machine, None, None), 16, None

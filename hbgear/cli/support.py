@@ -1,4 +1,4 @@
-"""What the commands share: reading options, progress, tables, files."""
+"""Shared parts of the commands: options, progress, tables, files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.summary import jump_table, reliability_lines, special_table, text_of
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.first import compiled_beside
+from hbgear.cli.first import compile_in_parallel
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.interpolation import crossings_at
@@ -33,17 +33,19 @@ if TYPE_CHECKING:
 
 
 BAD_INPUT = 2
+"""Exit code of bad input."""
 
 
 STOPPED_EARLY = 3
+"""Exit code of a command that was stopped or interrupted."""
 
 
 Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help=f"One of: {', '.join(model_registry.MODELS)}; a machine FILE.toml (see hbgear gear -o), trains and "
-        "matrices too; or your own FILE.py:NAME or MODULE:NAME, whose code is run.",
+        help=f"One of: {', '.join(model_registry.MODELS)}; FILE.toml of a machine (see hbgear gear -o), train or "
+        "structure; or your own FILE.py:NAME or MODULE:NAME, whose code is run.",
         autocompletion=cli_complete.models,
     ),
 ]
@@ -54,7 +56,7 @@ OwnModel = Annotated[
     typer.Option(
         "--model",
         metavar="FILE.py:NAME",
-        help="The model of the curve if it is none of hbgear; its code is run. Loading a curve runs no code.",
+        help="The model of the curve if it is not part of hbgear; its code is run. Loading a curve runs no code.",
     ),
 ]
 
@@ -79,13 +81,13 @@ Landing = Annotated[
     typer.Option(
         "--landing",
         metavar="nearest|integrate",
-        help="How it is decided where a jump lands: the nearest stable motion, or where integration in time ends.",
+        help="How to determine where a jump lands: the nearest stable motion, or the end of an integration in time.",
     ),
 ]
 
-Beside = Annotated[
+OtherCurves = Annotated[
     list[Path] | None,
-    typer.Option("--with", metavar="FILE", help="A further saved curve on which jumps may land; can be repeated."),
+    typer.Option("--with", metavar="FILE", help="Another saved curve on which jumps may land; repeatable."),
 ]
 
 Measure = Annotated[
@@ -96,10 +98,10 @@ Measure = Annotated[
 ]
 
 
-Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
+Element = Annotated[str, typer.Option(help="Element, by number from 0 or by name.")]
 
 
-Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; trace also takes auto.")]
+Harmonics = Annotated[str, typer.Option(help="Harmonics H of the excitation frequency; trace also accepts auto.")]
 
 
 Changes = Annotated[
@@ -113,10 +115,10 @@ Changes = Annotated[
 ]
 
 
-First = Annotated[float | None, typer.Option("--from", help="Omega to begin at.", show_default="the model's")]
+First = Annotated[float | None, typer.Option("--from", help="Omega at the start.", show_default="from the model")]
 
 
-Last = Annotated[float | None, typer.Option("--to", help="Omega to end at.", show_default="the model's")]
+Last = Annotated[float | None, typer.Option("--to", help="Omega at the end.", show_default="from the model")]
 
 
 Within = Annotated[
@@ -124,7 +126,7 @@ Within = Annotated[
     typer.Option(
         "--in",
         metavar="NAME=FROM:TO",
-        help="Change this field of the model instead of Omega; see --at.",
+        help="Vary this field of the model instead of Omega; see --at.",
         autocompletion=cli_complete.assigned,
     ),
 ]
@@ -134,20 +136,20 @@ At = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="Hold a parameter, such as Omega=0.9; repeatable.",
+        help="Fix a parameter, such as Omega=0.9; repeatable.",
         autocompletion=cli_complete.assigned,
     ),
 ]
 
 
-def say(kind: str, text: object) -> None:
-    """One line on standard error; a word of thousands of letters, as damaged files have them, is not told in full."""
-    with suppress(OSError):  # of a standard error that takes nothing: the exit code remains
+def print_message(kind: str, text: object) -> None:
+    """Print one line on standard error; long words, which damaged files contain, are shortened."""
+    with suppress(OSError):  # standard error cannot be written: the exit code remains
         print(f"hbgear: {kind}: {' '.join(shortened(word, 1000) for word in str(text).split())}", file=sys.stderr)
 
 
-def silence_broken(stream: Any) -> None:
-    """Send a stream that takes nothing to the null device, else Python tries again when it ends."""
+def discard_unwritable(stream: Any) -> None:
+    """Redirect a stream that cannot be written to the null device; otherwise Python tries again at exit."""
     try:
         stream.flush()
     except OSError:
@@ -158,7 +160,7 @@ def silence_broken(stream: Any) -> None:
 
 
 def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
-    """``name=value`` pairs, each name once."""
+    """Return ``name=value`` pairs; each name occurs once."""
     pairs: list[tuple[str, str]] = []
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
@@ -171,7 +173,7 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
 
 
 def fields_of(cls: type[hb.mechanics.Model], changes: list[str]) -> dict[str, Any]:
-    """Values of --set, by the types of the fields of the model; of entries of tuples too, as ``e[0]``."""
+    """Return the values of --set, converted to the types of the fields, with entries of tuples such as ``e[0]``."""
     values: dict[str, Any] = {}
     for name, text in assignments("--set", changes):
         if is_entry(name):
@@ -183,13 +185,13 @@ def fields_of(cls: type[hb.mechanics.Model], changes: list[str]) -> dict[str, An
 
 
 def range_of(text: str, first: float | None = None, last: float | None = None) -> tuple[str, tuple[float, float]]:
-    """Name and range of --in."""
+    """Return the name and the range of --in."""
     name, equals, ends = (part.strip() for part in text.partition("="))
     low, colon, high = (part.strip() for part in ends.partition(":"))
     if not (name and equals and low and colon and high):
-        meant = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
+        example = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
         raise ValueError(
-            f"--in {text}: need its range too, such as --in {name or 'zeta'}={meant} (--from and --to are in Omega)"
+            f"--in {text}: need its range too, such as --in {name or 'zeta'}={example} (--from and --to are in Omega)"
         )
     return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
 
@@ -198,7 +200,10 @@ def path_of(
     model: hb.mechanics.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
     known: bool = False,
 ) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
-    """What changes, from where to where, and what is held: Omega, or what --in says at an Omega given or known."""
+    """Return the continuation parameter, its span and the fixed parameters.
+
+    The parameter is Omega, or that of --in; then Omega must be fixed by --at or ``known`` from a starting point.
+    """
     held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
     if within is None:
         parameter, span = "Omega", span_of(model, first, last)
@@ -206,18 +211,18 @@ def path_of(
         parameter, span = range_of(within, first, last)
         if first is not None or last is not None:
             raise ValueError(
-                f"--in {within}: it is {parameter} that changes, so leave out --from and --to, which are in Omega"
+                f"--in {within}: {parameter} is the continuation parameter; omit --from and --to, which are in Omega"
             )
     if parameter in held:
         instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
-        raise ValueError(f"--at {parameter}: it is what changes along the curve; use {instead}")
+        raise ValueError(f"--at {parameter}: {parameter} is the continuation parameter; use {instead}")
     if parameter != "Omega" and not known and "Omega" not in held:
-        raise ValueError(f"going along {parameter} needs a frequency that is held: --at Omega=0.9")
+        raise ValueError(f"--in {parameter}=...: a fixed frequency is required: --at Omega=0.9")
     return parameter, span, held
 
 
 def value_of(what: str, text: str, kind: Any) -> Any:
-    """Text as a value of a field's type."""
+    """Convert a text to the type of a field; ``what`` names it in errors."""
     if kind is bool:
         if text.lower() not in ("true", "false"):
             raise ValueError(f"{what}={text}: need true or false")
@@ -239,7 +244,7 @@ def value_of(what: str, text: str, kind: Any) -> Any:
 
 
 def number_of(what: str, text: str) -> float:
-    """The finite number a text stands for; ``what`` names it in the error."""
+    """Convert a text to a finite number; ``what`` names it in errors."""
     try:
         value = float(text)
     except ValueError:
@@ -250,22 +255,22 @@ def number_of(what: str, text: str) -> float:
 
 
 def loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str]:
-    """A saved branch and the element meant; a wrong measure or element is refused before anything is printed."""
+    """Load a branch and resolve its element; an unknown measure or element is refused before anything is printed."""
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude(measure, which)
     return branch, which
 
 
-def known_landing(landing: str) -> None:
-    """Refuse a --landing that is none, before any work."""
+def check_landing(landing: str) -> None:
+    """Refuse an unknown --landing before any computation."""
     if landing not in LANDINGS:
         raise ValueError(f"--landing {landing}: need {' or '.join(LANDINGS)}")
 
 
-def landed_as(
+def with_landings(
     landing: str, branch: hb.Branch, problem: Any = None, others: Sequence[hb.Branch] = ()
 ) -> tuple[hb.Branch, bool]:
-    """The branch with its jumps decided as --landing says, and whether they are; as it was after Ctrl-C or an error."""
+    """Return the branch with landings as --landing requires, and True; unchanged with False after Ctrl-C or errors."""
     if landing == "nearest" or not branch.jumps():
         return branch, True
     from hbgear.time.jump_integration import integrate_jumps
@@ -274,36 +279,36 @@ def landed_as(
         with bar("jumps") as progress:
             return integrate_jumps(branch, others, problem=problem, progress=progress), True
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
-        why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
-        say("error", f"{why}; they go to the nearest motions")
+        reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
+        print_message("error", f"{reason}; the nearest motions are shown as landings")
         return branch, False
 
 
 def element_of(text: str) -> int | str:
-    """The number or the name of an element, as given on the command line."""
+    """Return the number or the name of an element given on the command line."""
     return int(text) if text.isdecimal() else text
 
 
 def span_of(model: hb.mechanics.Model, first: float | None, last: float | None) -> tuple[float, float]:
-    """The span of Omega given, with the ends that are missing from the model's default."""
+    """Return the span of Omega; an end that is not given is taken from the model."""
     a, b = model.default_span
     return a if first is None else first, b if last is None else last
 
 
 def longer_span(branch: hb.Branch, within: str | None, first: float | None, last: float | None) -> tuple[float, float]:
-    """The span of a curve's trace with the ends that are given, in its own parameter."""
+    """Return the span of a curve, in its own parameter, with the given ends replaced."""
     a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
     if within is not None:
         name, (first, last) = range_of(within)
         if name != branch.parameter:
-            raise ValueError(f"--in {within}: this curve is in {branch.parameter}, and goes on in it")
+            raise ValueError(f"--in {within}: this curve is in {branch.parameter}; give a longer span of it")
     elif branch.parameter != "Omega" and (first is not None or last is not None):
         raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
     return float(a if first is None else first), float(b if last is None else last)
 
 
-def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
-    """What a file says of how it was traced, with other harmonics or samples."""
+def metadata_with(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
+    """Return the metadata of a file with other harmonics or samples."""
     balance = dict(meta.get("balance", {}))
     if harmonics is not None:
         balance = {**balance, "harmonics": harmonics_of(harmonics), "samples": None, "auto": None}
@@ -313,14 +318,14 @@ def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> 
 
 
 def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
-    """A saved curve and the point of it that --start means: a label, a value of its parameter, or the last row."""
-    file, colon, place = (text, "", "") if os.path.exists(text) else text.rpartition(":")
+    """Return a saved curve and its point given by --start: a label, a value of its parameter, or the last point."""
+    file, colon, which = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     branch = hb.load(file if colon else text)
-    return branch, point_of(branch, place, "--start") if colon else branch[-1]
+    return branch, point_of(branch, which, "--start") if colon else branch[-1]
 
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.mechanics.Model:
-    """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
+    """Return the model of a saved curve at one of its points with the values of --set; its class must be ``name``."""
     own = type(chosen_model(name, None)) if name.endswith(".toml") else model_registry.model_class(name)
     about, cls = branch.meta.get("model", {}), own
     if model_registry.is_description(about) and about["class"] != cls.__name__:
@@ -331,7 +336,7 @@ def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] |
 
 
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
-    """Special point by label, or the row nearest to a value; where the curve passes several times, a stable one."""
+    """Return a special point by label, or the point nearest to a value; of several crossings, a stable one."""
     try:
         value = float(text)
     except ValueError:
@@ -341,15 +346,15 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
         raise ValueError(
             f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
-    near = [place.nearest for place in crossings_at(branch, value)] or [0]  # of a single point
+    near = [crossing.nearest for crossing in crossings_at(branch, value)] or [0]  # of a single point
     return branch[min(near, key=lambda i: branch[i].stable is not True)]
 
 
 def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
-    """The model of MODEL, by its name or of a machine's file, with the values of --set."""
+    """Return the model of MODEL, by name or from a file, with the values of --set."""
     if name.endswith(".toml"):
-        made_of_it = _model_in(name)
-        return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
+        model = _model_in(name)
+        return model.replace(**fields_of(type(model), changes or []))
     cls = model_registry.model_class(name)
     fields = fields_of(cls, changes or [])
     missing = [field for field in required_of(cls) if field not in fields]
@@ -360,7 +365,7 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
 
 
 def _model_in(path: str) -> hb.mechanics.Model:
-    """The model in a file: of a train, of matrices or receptances, or of a gear pair."""
+    """Return the model of a file: a train, a structure (matrices or receptances), or a gear pair."""
     from hbgear.io.machines.machine_file import read_machine
     from hbgear.io.machines.structure_file import is_structure, read_structure
     from hbgear.io.machines.train_file import is_train, read_train
@@ -371,18 +376,18 @@ def _model_in(path: str) -> hb.mechanics.Model:
 
 
 def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:
-    """The problem a saved curve was traced with, its model that of --model, with other harmonics or samples."""
+    """Rebuild the problem of a saved curve, with the model class of --model, other harmonics or samples."""
     cls = None if name is None else model_registry.model_class(name)
-    return model_registry.rebuild_problem(retold(branch.meta, harmonics, samples), cls)
+    return model_registry.rebuild_problem(metadata_with(branch.meta, harmonics, samples), cls)
 
 
 def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
-    """Harmonic balance with the harmonics of --harmonics, a number or auto."""
+    """Return a harmonic balance with the harmonics of --harmonics, a number or auto."""
     return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
 
 
 def harmonics_of(text: str) -> int | str:
-    """The value of --harmonics."""
+    """Return the value of --harmonics."""
     if text != "auto" and not (text.isdecimal() and int(text) >= 1):
         raise ValueError(f"--harmonics {text}: need a whole number of at least 1, or auto")
     return text if text == "auto" else int(text)
@@ -393,7 +398,7 @@ def harmonics_of(text: str) -> int | str:
 
 @contextmanager
 def bar(what: str) -> Iterator[ProgressCallback | None]:
-    """Shows progress on a terminal: a bar where the share done is known, the time gone, the text; nothing elsewhere."""
+    """Show progress on a terminal: a bar where the fraction is known, the elapsed time and a text."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -413,12 +418,12 @@ def bar(what: str) -> Iterator[ProgressCallback | None]:
 
 
 def exit_code(branch: hb.Branch) -> int:
-    """0 if this curve and all others of its span were followed as far as they go, else 3."""
+    """Return 0 if this curve and all others of its span were traced to their ends, else 3."""
     return 0 if all(one.status.complete for one in (branch, *branch.others)) else STOPPED_EARLY
 
 
-def end_of(result: Any, *parts: Any) -> None:
-    """Say it if a result is not complete, and end the command with the exit code that follows from it and its parts.
+def finish(result: Any, *parts: Any) -> None:
+    """Print a message if a result is not complete, and end the command with the exit code of it and its parts.
 
     Raises
     ------
@@ -426,14 +431,14 @@ def end_of(result: Any, *parts: Any) -> None:
         With 3 if any has a status that is not complete, else 0.
     """
     if not result.status.complete:
-        say("stopped early", result.message)
+        print_message("stopped early", result.message)
     raise typer.Exit(0 if all(one.status.complete for one in (result, *parts)) else STOPPED_EARLY)
 
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
-    """A curve, traced with a progress bar."""
-    beside = compiled_beside() if options.get("stability", True) else nullcontext()
-    with bar(parameter) as progress, beside:
+    """Trace a curve with a progress bar."""
+    other_branches = compile_in_parallel() if options.get("stability", True) else nullcontext()
+    with bar(parameter) as progress, other_branches:
         return hb.trace(problem, parameter, span, progress=progress, **options)
 
 
@@ -441,14 +446,14 @@ def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float
 
 
 def print_text_table(table: Table) -> None:
-    """A table; wide enough for all of it where no terminal sets the width."""
+    """Print a table, with a width of 140 columns where no terminal sets the width."""
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 140, highlight=False).print(table)
 
 
 def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> None:
-    """A table of texts; on a terminal too narrow for its words, a line for each cell instead."""
+    """Print a table of texts; on a terminal that is too narrow, one line for each cell."""
     width = shutil.get_terminal_size().columns
     if sys.stdout.isatty() and _least_width(headers, rows) > width:
         print(listed(headers, rows, title, width))
@@ -456,19 +461,19 @@ def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> N
         print_text_table(table_of(headers, rows, title))
 
 
-_BETWEEN = 3  # characters around a column of a table
+_COLUMN_MARGIN = 3  # characters around a column of a table
 
 
 def _least_width(headers: list[str], rows: list[list[str]]) -> int:
-    """Characters that a table needs: whole cells, and whole words in its last column."""
+    """Return the characters that a table needs: whole cells, and whole words in its last column."""
     columns = list(zip(headers, *rows, strict=True))
     widths = [max(len(line) for cell in column for line in cell.splitlines() or [""]) for column in columns[:-1]]
     last = max(len(word) for cell in columns[-1] for word in cell.split() or [""])
-    return sum(widths) + last + _BETWEEN * len(columns)
+    return sum(widths) + last + _COLUMN_MARGIN * len(columns)
 
 
 def print_text(text: str) -> None:
-    """A sentence; on a terminal in lines that end between words."""
+    """Print a sentence; on a terminal, lines end between words."""
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
         wrapped = (textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
@@ -478,7 +483,7 @@ def print_text(text: str) -> None:
 
 
 def listed(headers: list[str], rows: list[list[str]], title: str, width: int) -> str:
-    """The cells of a table one below the other, each after its header, for a width that the table does not fit."""
+    """Return the cells of a table one below the other, each after its header, for a narrow terminal."""
     lines = [title] if title else []
     for row in rows:
         lines += [""] if lines else []
@@ -491,7 +496,7 @@ def listed(headers: list[str], rows: list[list[str]], title: str, width: int) ->
 
 
 def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Table:
-    """A table for the terminal."""
+    """Return a table for the terminal."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -504,74 +509,76 @@ def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Tabl
     return table
 
 
-def show_whole(branch: hb.Branch, measure: str, element: int | str, show: Callable[..., None] | None = None) -> None:
-    """Tables of a curve and of the others of its span, as of `show_branch` or what else is given to show them."""
+def show_all_branches(
+    branch: hb.Branch, measure: str, element: int | str, show: Callable[..., None] | None = None
+) -> None:
+    """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
     curves = (branch, *branch.others)
     for number, curve in enumerate(curves, 1):
         if number > 1:
             print_text(f"\nbranch {number}: {len(curve)} points; {curve.message}")
         others = [i for i in range(len(curves)) if i != number - 1]
-        beside, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
-        (show or show_branch)(curve, measure, element, beside, names)
+        other_branches, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
+        (show or show_branch)(curve, measure, element, other_branches, names)
 
 
 def show_branch(
     branch: hb.Branch,
     measure: str,
     element: int | str,
-    beside: Sequence[hb.Branch] = (),
+    other_branches: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
 ) -> None:
-    """Tables of special points and jumps (see `show_jumps`), and whether they can be trusted."""
+    """Print the tables of special points and jumps (see `show_jumps`), and the reliability of the curve."""
     if not branch.special:
         print_text("no special points")
-        show_doubts(branch)
+        show_reliability(branch)
         return
     headers, rows = special_table(branch, measure, element)
     print_table(headers, rows, "special points")
-    show_jumps(branch, measure, element, beside, names)
-    show_doubts(branch)
+    show_jumps(branch, measure, element, other_branches, names)
+    show_reliability(branch)
 
 
-def show_doubts(branch: hb.Branch) -> None:
-    """A line that says whether a curve can be trusted, and what to do if not."""
+def show_reliability(branch: hb.Branch) -> None:
+    """Print the estimated errors and warnings of a curve, and how to fix them."""
     lines = reliability_lines(branch)
     for line in lines:
         print_text(line)
     if branch.warnings and lines:
-        print_text("  more harmonics decide it: --harmonics 32 or auto")
+        print_text("  use more harmonics: --harmonics 32 or auto")
 
 
 def show_jumps(
     branch: hb.Branch,
     measure: str,
     element: int | str,
-    beside: Sequence[hb.Branch] = (),
+    other_branches: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
 ) -> None:
-    """Print the jumps of a branch as a table, or that there are none; see `jump_table`."""
+    """Print the jumps of a branch as a table, or that it has none; see `jump_table`."""
     if not branch.jumps():
-        print_text("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
+        print_text("no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability")
         return
-    headers, rows, notes = jump_table(branch, measure, element, beside, names)
+    headers, rows, notes = jump_table(branch, measure, element, other_branches, names)
     print_table(headers, rows, "jumps of a slow sweep")
     for note in notes:
         print_text(note)
 
 
 def summary_of(cls: type) -> str:
-    """First line of the docstring of a class, up to a semicolon."""
+    """Return the first line of the docstring of a class, up to a semicolon."""
     return next(iter((inspect.getdoc(cls) or "").splitlines()), "").partition(";")[0].rstrip(".")
 
 
 def defaults_text(cls: type[hb.mechanics.Model]) -> str:
-    """Fields as --set takes them, with their defaults; without one it has to be given."""
-    usual = defaults_of(cls)
-    return ", ".join(f"{name}={text_of(usual[name]) if name in usual else 'VALUE'}" for name in kinds_of(cls))
+    """Return the fields in the form of --set, with their defaults; VALUE for a required field."""
+    defaults = defaults_of(cls)
+    return ", ".join(f"{name}={text_of(defaults[name]) if name in defaults else 'VALUE'}" for name in kinds_of(cls))
 
 
 def ranges_of(cls: type[hb.mechanics.Model]) -> str:
-    """What the values of its parameters must be, the parameters of one range together."""
+    """Return the ranges of the parameters, the parameters of one range together."""
     names: dict[str, list[str]] = {}
     for name, allowed in cls.ranges.items():
         names.setdefault(str(allowed), []).append(name)
@@ -579,7 +586,7 @@ def ranges_of(cls: type[hb.mechanics.Model]) -> str:
 
 
 def equation_of(cls: type) -> str:
-    """First indented line of the docstring of the class, or of its module if that is of hbgear."""
+    """Return the first indented line of the docstring of the class, or of its module within hbgear."""
     module = inspect.getmodule(cls) if cls.__module__.startswith("hbgear.") else None
     for text in (inspect.getdoc(cls), inspect.getdoc(module) if module else None):
         for line in (text or "").partition("\nParameters\n")[0].splitlines():

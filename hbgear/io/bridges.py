@@ -1,7 +1,7 @@
-"""Machines of other programs as linear structures: ROSS and openTorsion, through their public attributes.
+"""Linear structures from other programs: ROSS and openTorsion, through their public attributes.
 
-Neither is imported, so neither is needed to read what the other made. Springs that stand for the teeth of gears are
-taken out of K and returned as `Matrices.meshes`: an element with backlash comes in their place.
+Neither program is imported, so neither is required. Springs that model gear teeth are removed from K and returned as
+`Matrices.meshes`: an element with backlash replaces them.
 """
 
 from __future__ import annotations
@@ -17,34 +17,37 @@ from hbgear.common.argument_checks import given
 from hbgear.common.arrays import Array
 from hbgear.io.matrices import Matrices, skew
 
-_ONE = 1e-9  # part of a coupling of gears beside its largest eigenvalue that is rounding
+_RANK_ONE_TOLERANCE = 1e-9
+"""Part of a coupling matrix of gears, relative to its largest eigenvalue, that counts as rounding."""
 
-_SAME = 1e-12  # difference of bearings at two speeds that is none
+_SPEED_TOLERANCE = 1e-12
+"""Relative difference of a bearing matrix between two speeds that counts as zero."""
 
 _AXES = {4: ("x", "y", "alpha", "beta"), 6: ("x", "y", "z", "alpha", "beta", "theta")}
-"""Coordinates of a node of ROSS by their number."""
+"""Coordinates of a node of ROSS, by their number."""
 
 
 def from_ross(rotor: Any) -> Matrices:
-    """A rotor or multi-rotor of ROSS.
+    """Return the matrices of a rotor or multi-rotor of ROSS.
 
-    M, G and the bearings K(speed), C(speed) are ROSS's own; the speed is that of the shaft, of the driving rotor of a
-    multi-rotor. Its gear mesh is in ``meshes["gears"]``, not in K. A multi-rotor that is made of multi-rotors has
-    several, called "gears_1_4" by the nodes of the gears.
+    M, G and the bearings K(speed), C(speed) are those of ROSS; the speed is that of the shaft, or of the driving shaft
+    of a multi-rotor. Its gear mesh is in ``meshes["gears"]``, not in K. A multi-rotor made of multi-rotors has
+    several meshes, named "gears_1_4" by the nodes of the gears.
 
     Parameters
     ----------
-    rotor : `ross.Rotor` or `ross.MultiRotor`.
+    rotor : ross.Rotor or ross.MultiRotor
+        The rotor.
 
     Returns
     -------
-    `Matrices`
-        Coordinates are called x_0, y_0, z_0, alpha_0, beta_0, theta_0, x_1, ... by node.
+    Matrices
+        The structure; its coordinates are named x_0, y_0, z_0, alpha_0, beta_0, theta_0, x_1, ... by node.
 
     Raises
     ------
     TypeError
-        If it is no rotor.
+        If ``rotor`` is not a rotor.
     ValueError
         If its gears are not coupled along one line, or by a spring that cannot be found.
 
@@ -67,8 +70,8 @@ def from_ross(rotor: Any) -> Matrices:
         K = K - spring.taken
 
     def over(matrix: Any, first: Array) -> Any:
-        """The part of a matrix above its first value at a speed; None if there is none at any speed."""
-        if all(np.abs(np.asarray(matrix(w)) - first).max() <= _SAME * np.abs(first).max()
+        """Return the change of a matrix with speed, relative to its first value; None if it is constant."""
+        if all(np.abs(np.asarray(matrix(w)) - first).max() <= _SPEED_TOLERANCE * np.abs(first).max()
                for table in tables for w in table):  # fmt: skip
             return None
 
@@ -91,7 +94,7 @@ def from_ross(rotor: Any) -> Matrices:
 
 
 def _speeds_of(bearing: Any) -> Array | None:
-    """Speeds at which the coefficients of a bearing are given; its newer name is speed."""
+    """Return the speeds of the coefficients of a bearing, in the attribute ``frequency`` or, in newer ROSS, speed."""
     for name in ("frequency", "speed"):
         table = getattr(bearing, name, None)
         if table is not None and not callable(table):
@@ -101,7 +104,7 @@ def _speeds_of(bearing: Any) -> Array | None:
 
 @dataclass(frozen=True)
 class _Spring:
-    """The teeth of a pair of gears: direction (n,) of the gap, stiffness, and the matrix (n, n) to take out of K."""
+    """The teeth of a gear pair: direction (n,) of the gap, stiffness, and the matrix (n, n) to remove from K."""
 
     direction: Array
     stiffness: float
@@ -109,10 +112,10 @@ class _Spring:
 
 
 def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
-    """Pairs of gears of a multi-rotor and of the multi-rotors in it, whose coordinates begin with number ``first``.
+    """Yield the gear pairs of a multi-rotor, and of multi-rotors in it; its coordinates begin at number ``first``.
 
-    The spring of a pair is the difference between K of both rotors coupled and K of each alone. It is zero where ROSS
-    computes the force of the backlash itself.
+    The spring of a pair is the difference between K of both rotors coupled and K of each rotor alone. It is zero where
+    ROSS computes the force of the backlash itself.
     """
     mesh, parts = getattr(rotor, "mesh", None), getattr(rotor, "rotors", None)
     if mesh is None:
@@ -124,7 +127,7 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
     alone = block_diag(driving.K(speed), driven.K(speed * ratio))
     coupling = np.asarray(rotor.K(speed), dtype=float) - alone
     k = float(mesh.stiffness)
-    inside = np.abs(coupling).max() > _ONE * k
+    inside = np.abs(coupling).max() > _RANK_ONE_TOLERANCE * k
     own = _direction(coupling / k if inside else _coupling(rotor, mesh, len(alone)))
     direction, taken = np.zeros(n), np.zeros((n, n))
     here = slice(first, first + len(alone))
@@ -137,7 +140,7 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
 
 
 def _coupling(rotor: Any, mesh: Any, n: int) -> Array:
-    """The matrix w w^T (n, n) of a pair of gears, of any version of ROSS."""
+    """Return the matrix w w^T (n, n) of a gear pair, for all versions of ROSS."""
     for name in ("compute_coupling_matrix", "coupling_matrix", "K_coupling"):
         found = getattr(rotor, name, None)
         if found is not None:
@@ -146,37 +149,38 @@ def _coupling(rotor: Any, mesh: Any, n: int) -> Array:
             out = np.zeros((n, n))
             out[np.ix_(dofs, dofs)] = small
             return out
-    raise ValueError("the gears of the rotor are coupled by no spring, and it has no coupling matrix; need one of them")
+    raise ValueError("no spring couples the gears of the rotor, and it has no coupling matrix; need one of them")
 
 
 def _named(springs: list[_Spring], number: int) -> dict[str, tuple[Array, float]]:
-    """Direction and stiffness by name: "gears" of one pair, "gears_1_4" by the nodes of several."""
+    """Return direction and stiffness by name: "gears" for one pair, "gears_1_4" by the nodes for several."""
     names = ["gears"] if len(springs) == 1 else []
     for spring in springs if not names else []:
-        nodes = dict.fromkeys(int(i) // number for i in np.flatnonzero(np.abs(spring.direction) > _ONE))
+        nodes = dict.fromkeys(int(i) // number for i in np.flatnonzero(np.abs(spring.direction) > _RANK_ONE_TOLERANCE))
         names.append("_".join(["gears", *map(str, nodes)]))
     return {name: (spring.direction, spring.stiffness) for name, spring in zip(names, springs, strict=True)}
 
 
 def from_opentorsion(assembly: Any) -> Matrices:
-    """A drive train of openTorsion.
+    """Return the matrices of a drive train of openTorsion.
 
     Parameters
     ----------
-    assembly : `opentorsion.Assembly`.
+    assembly : opentorsion.Assembly
+        The drive train.
 
     Returns
     -------
-    `Matrices`
-        Coordinates are called theta_0, theta_1, ... by node; rigid gears take some of them away. Elastic gears are in
-        ``meshes``, called "1-2" by their nodes, and not in K; their dampers stay in C.
+    Matrices
+        The structure; its coordinates are named theta_0, theta_1, ... by node; rigid gears remove some of them.
+        Elastic gears are in ``meshes``, named "1-2" by their nodes, and not in K; their dampers stay in C.
 
     Raises
     ------
     TypeError
-        If it is no assembly.
+        If ``assembly`` is not an assembly.
     ValueError
-        If the matrices are not those of its elements.
+        If the matrices do not match its elements.
 
     Examples
     --------
@@ -190,7 +194,7 @@ def from_opentorsion(assembly: Any) -> Matrices:
         if not hasattr(assembly, name):
             raise TypeError(f"from_opentorsion needs an opentorsion.Assembly; got {given(assembly)}")
     M, K, C = (np.array(getattr(assembly, name), dtype=float) for name in ("M", "K", "C"))
-    kept = np.eye(len(M))  # angles of the nodes by the coordinates that rigid gears leave
+    kept = np.eye(len(M))  # angles of the nodes in terms of the coordinates that rigid gears leave
     if getattr(assembly, "gear_elements", None):
         kept = np.asarray(assembly.T(assembly.E()), dtype=float)
     if kept.shape[1:] != M.shape[:1]:
@@ -210,26 +214,27 @@ def from_opentorsion(assembly: Any) -> Matrices:
 
 
 def _nodes(kept: Array) -> list[int]:
-    """For each coordinate the node whose angle it is."""
+    """Return, for each coordinate, the node whose angle it is."""
     rows = [np.flatnonzero((kept == unit).all(axis=1)) for unit in np.eye(kept.shape[1])]
     if not all(len(row) for row in rows):
-        raise ValueError("a coordinate of the assembly is the angle of no node; need the T(E()) of openTorsion")
+        raise ValueError("a coordinate of the assembly is not the angle of a node; need the T(E()) of openTorsion")
     return [int(row[0]) for row in rows]
 
 
 def _direction(coupling: Array) -> Array:
-    """w of a matrix w w^T, its largest entry positive.
+    """Return w of a matrix w w^T, with a positive largest entry.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If the matrix does not have this form.
     """
     values, vectors = np.linalg.eigh(0.5 * (coupling + coupling.T))
-    if np.abs(coupling - coupling.T).max() > _ONE * values[-1] or np.abs(values[:-1]).max() > _ONE * values[-1]:
+    rounding = _RANK_ONE_TOLERANCE * values[-1]
+    if np.abs(coupling - coupling.T).max() > rounding or np.abs(values[:-1]).max() > rounding:
         raise ValueError("the gears are not coupled along one line of action; their spring cannot become a gap")
     w: Array = np.sqrt(values[-1]) * vectors[:, -1]
-    w[np.abs(w) < _ONE * np.abs(w).max()] = 0.0
-    largest = np.flatnonzero(np.abs(w) > 0.999 * np.abs(w).max())[0]  # of those that are alike but for rounding
+    w[np.abs(w) < _RANK_ONE_TOLERANCE * np.abs(w).max()] = 0.0
+    largest = np.flatnonzero(np.abs(w) > 0.999 * np.abs(w).max())[0]  # the first of equal entries
     w *= np.sign(w[largest])
     return w

@@ -1,7 +1,7 @@
-"""Jump maps that are not complete, as .npz files from which `jump_map` goes on.
+"""Incomplete jump maps as .npz files, from which `jump_map` continues.
 
-The file is that of a branch, see `npz`: the first response curve, with the other ones and the fold curves as others of
-its span. Its header says in "map" of which map they are: parameter, span, frequencies.
+The file has the format of a branch, see `npz`: the first response curve, with the other response curves and the fold
+curves as the other curves of its span. The entry "map" of its header identifies the map: parameter, span, frequencies.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from hbgear.mechanics.models import differing_fields
 
 
 def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
-    """Write the response curves and fold curves of a jump map to an .npz, whole or not at all.
+    """Write the response curves and fold curves of a jump map to an .npz, completely or not at all.
 
     Raises
     ------
     ValueError
-        If it has no response curve yet, or the path has another ending.
+        If it has no response curve yet, or the path does not end in .npz.
     """
     if not found.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
@@ -39,23 +39,36 @@ def read_map(
     path: str | os.PathLike[str], problem: HarmonicBalance, parameter: str, span: tuple[float, float],
     frequencies: tuple[float, float],
 ) -> JumpMap:  # fmt: skip
-    """The part of a jump map that `save_map` wrote, for ``known`` of `jump_map`; without arms.
+    """Read the part of a jump map that `save_map` wrote, for ``known`` of `jump_map`; it has no arms.
 
     Parameters
     ----------
-    path : of the file.
-    problem, parameter, span, frequencies : of the map that is to go on, as of `jump_map`.
+    path : str or path-like
+        Path of the file.
+    problem : HarmonicBalance
+        Problem of the map to continue.
+    parameter : str
+        Design parameter of the map to continue.
+    span : (float, float)
+        Range of the design parameter.
+    frequencies : (float, float)
+        Span of Omega.
+
+    Returns
+    -------
+    JumpMap
+        The curves of the file, with the status ``interrupted``.
 
     Raises
     ------
     ValueError
-        If it cannot be read, or is of another map.
+        If the file cannot be read, or belongs to another map.
     """
     first = load(path)
-    wanted = {**problem.describe(), "map": _settings(parameter, span, frequencies)}
-    others = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
-    for name, meaning in others.items():
-        if not _is_same(_plain(first.meta.get(name)), _plain(wanted[name])):
+    expected = {**problem.describe(), "map": _settings(parameter, span, frequencies)}
+    differences = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
+    for name, meaning in differences.items():
+        if not _is_same(_plain(first.meta.get(name)), _plain(expected[name])):
             about = quoted(first.meta.get("map"))
             raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({about}): give another output file, or "
                              "remove this one")  # fmt: skip
@@ -80,7 +93,7 @@ def _is_same(written: Any, own: Any) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists, whichever a file has."""
+    """Return a value with tuples as lists; files contain either."""
     if isinstance(value, dict):
         return {name: _plain(each) for name, each in value.items()}
     return [_plain(each) for each in value] if isinstance(value, list | tuple) else value

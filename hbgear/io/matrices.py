@@ -1,4 +1,4 @@
-"""Matrices of other programs as linear structures: Matrix Market (.mtx), MATLAB (.mat), NumPy (.npy, .npz).
+"""Linear structures from matrices of other programs: Matrix Market (.mtx), MATLAB (.mat), NumPy (.npy, .npz).
 
 M q'' + [C + s Omega G + C_b(Omega)] q' + [K + K_b(Omega)] q
 """
@@ -31,28 +31,34 @@ from hbgear.mechanics.structures.receptances import vector_along
 from hbgear.mechanics.structures.speed_terms import OverSpeed, SpeedTerms
 
 NAMES = ("M", "K", "C", "G")
-"""Matrices that a structure may have; the first two it must."""
+"""Matrices of a structure; M and K are required."""
 
-_SKEW = 1e-6  # part of a gyroscopic matrix that is symmetric by the digits of a file
+SYMMETRIC_PART_TOLERANCE = 1e-6
+"""Symmetric part of a gyroscopic matrix, relative to its largest entry, that counts as rounding of the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
     """A linear structure from another program; with elements and loads it becomes a `System`.
 
-    Parameters
+    Attributes
     ----------
-    M, K : (n, n), dense or scipy.sparse.
-    C, G : damping and gyroscopic matrix (n, n), the latter by the speed of the shaft in radians; None without.
-    dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
-    damping, stiffness : what is added to C and K, a function of the speed of the shaft; None if nothing is.
-    meshes : of gears that the program couples by a spring, which K is without, by name: direction w (n,) of the gap,
-        and stiffness k, its spring being k w w^T.
+    M, K : array_like or sparse array, shape (n, n)
+        Mass and stiffness matrix.
+    C, G : array_like or sparse array, shape (n, n), optional
+        Damping matrix, and gyroscopic matrix per shaft speed in rad/s; default None, no such forces.
+    dof_names : sequence of str, shape (n,), optional
+        Names of the coordinates; default ``q1, q2, ...``.
+    damping, stiffness : callable or MatrixTable, optional
+        Matrices to add to C and K, functions of the shaft speed; default None.
+    meshes : dict of str to (array, float), optional
+        Meshes of gears that the program couples by a spring k w w^T, which K excludes: the direction w (n,) of the gap
+        and the stiffness k, by name.
 
     Raises
     ------
     ValueError
-        If a matrix is not square, not of the size of M or not finite, or names do not fit or are not different.
+        If a matrix is not square, has another size than M or is not finite, or if names are missing or repeated.
 
     Examples
     --------
@@ -88,7 +94,7 @@ class Matrices:
             raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need one for each")
         twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
         if twice is not None:
-            raise ValueError(f"Matrices: two coordinates are called {quoted(twice)}; each needs a name of its own")
+            raise ValueError(f"Matrices: two coordinates are called {quoted(twice)}; give each another name")
         object.__setattr__(self, "dof_names", names)
         for name in ("damping", "stiffness"):
             given = getattr(self, name)
@@ -103,17 +109,24 @@ class Matrices:
         return int(self.M.shape[0])
 
     def along(self, coordinates: Mapping[str | int, float]) -> Array:
-        """A vector (n,) with these values of coordinates, by name or number from 0, and 0 else; see `vector_along`."""
+        """Return a vector (n,) with the given entries, by name or number from 0, and zeros; see `vector_along`."""
         return vector_along(tuple(self.dof_names), coordinates)
 
     def system(self, elements: Sequence[Element], load: Load | Sequence[Load] = (), ratio: float = 1.0) -> System:
-        """The `System` with these elements and loads.
+        """Return the `System` with these elements and loads.
 
         Parameters
         ----------
-        elements, load : as of `System`; their vectors are made by `along`.
-        ratio : speed of the shaft over Omega, 1 for unbalance, 1/z for the meshing of z teeth; only where something
-            depends on speed.
+        elements, load : sequence
+            Elements and loads as for `System`; `along` makes their vectors.
+        ratio : float, optional
+            Shaft speed over Omega: 1 for unbalance (default), 1/z for meshing of z teeth. It has an effect only on
+            speed-dependent terms.
+
+        Returns
+        -------
+        System
+            The system.
         """
         checked("system", "ratio", ratio, ANY)
 
@@ -133,23 +146,27 @@ def from_matrices(
     source: str | os.PathLike[str] | Mapping[str, Any], names: Mapping[str, str] | None = None,
     dof_names: Sequence[str] = (),
 ) -> Matrices:  # fmt: skip
-    """A linear structure from matrices of another program.
+    """Return a linear structure from matrices of another program.
 
     Parameters
     ----------
-    source : a file with all matrices, .mat (version 7.3 needs ``hbgear[matlab]``) or .npz; or for each of M, K and, if
-        there are any, C and G a file of its own (.mtx, .mat, .npy) or the matrix itself.
-    names : how a .mat or .npz file calls the matrices, such as ``{"K": "stiffness"}``; by default as we do.
-    dof_names : names of the coordinates.
+    source : path-like or dict
+        A file with all matrices, .mat (version 7.3 needs ``hbgear[matlab]``) or .npz; or, for each of M, K and
+        optionally C and G, its own file (.mtx, .mat, .npy) or the matrix itself.
+    names : dict of str to str, optional
+        Names of the matrices in a .mat or .npz file, such as ``{"K": "stiffness"}``; default M, K, C, G.
+    dof_names : sequence of str, optional
+        Names of the coordinates.
 
     Returns
     -------
-    `Matrices`
+    Matrices
+        The structure.
 
     Raises
     ------
     ValueError
-        If a file cannot be read, has no such matrix, or matrices do not fit.
+        If a file cannot be read or lacks a matrix, or if matrices have different sizes.
 
     Examples
     --------
@@ -189,21 +206,21 @@ def from_matrices(
 
 
 def skew(G: Any) -> Any:
-    """A gyroscopic matrix without what it has of a symmetric one by rounding.
+    """Return a gyroscopic matrix without its symmetric part, which must be rounding.
 
     Raises
     ------
     ValueError
-        If it has more.
+        If the symmetric part is larger.
     """
     G = square("G", G)
-    if abs(G + G.T).max() > _SKEW * abs(G).max():
-        raise ValueError("G must be skew-symmetric, G^T = -G, the gyroscopic matrix; what dissipates belongs in C")
+    if abs(G + G.T).max() > SYMMETRIC_PART_TOLERANCE * abs(G).max():
+        raise ValueError("G must be skew-symmetric, G^T = -G, the gyroscopic matrix; dissipative terms belong in C")
     return 0.5 * (G - G.T)
 
 
 def _one(value: Any, name: str) -> Any:
-    """A matrix, as it is or out of a file of its own."""
+    """Return a matrix, given directly or in its own file."""
     if not isinstance(value, str | os.PathLike):
         return value
     suffix = Path(value).suffix.lower()
@@ -225,13 +242,13 @@ def _market(path: Any) -> Any:
 
 
 def _arrays(path: str | os.PathLike[str]) -> dict[str, Array]:
-    """All arrays of an .npz file by name."""
+    """Return all arrays of an .npz file by name."""
     with archive_of(path, SPARE, TIMES) as archive:
         return {name: archive.array(name) for name in archive.names}
 
 
 def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """All matrices of a .mat or .npz file by name."""
+    """Return all matrices of a .mat or .npz file by name."""
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
         return _read(path, lambda: _arrays(path))  # type: ignore[no-any-return]
@@ -240,12 +257,12 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
         found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else _read_matlab(path))
         return {name: value for name, value in found.items() if not name.startswith("__")}
-    raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in files of their own (.mtx, .npy) are given by "
+    raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in separate files (.mtx, .npy) are given by "
                      "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
 
 
 def _read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Variables of a file of version 7 or before."""
+    """Return the variables of a file of version 7 or earlier."""
     check_mat(path)
     check_matlab(path)
     found: dict[str, Any] = scipy.io.loadmat(path)
@@ -264,6 +281,6 @@ def _read(path: Any, read: Any) -> Any:
         raise ValueError(f"'{path}' cannot be read as matrices: {error.strerror or 'it is damaged'}") from None
     except (Damaged, DamagedFileError, TooMuch) as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error}") from None
-    except Exception:  # of a damaged file the readers raise errors of every class
-        what = f"it is damaged, or no {Path(path).suffix.lower()} file"
-        raise ValueError(f"'{path}' cannot be read as matrices: {what}") from None
+    except Exception:  # damaged files raise errors of every class
+        reason = f"it is damaged, or not a {Path(path).suffix.lower()} file"
+        raise ValueError(f"'{path}' cannot be read as matrices: {reason}") from None

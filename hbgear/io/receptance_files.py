@@ -20,10 +20,17 @@ from hbgear.io.tables.receptance_table import read_response
 from hbgear.mechanics.structures.receptances import Receptances
 
 _POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
-_ORDINATES = {8: "receptance", 11: "mobility", 12: "accelerance"}  # of data set 58
+"""Power of i w by which each quantity is divided."""
+
+_ORDINATES = {8: "receptance", 11: "mobility", 12: "accelerance"}
+"""Quantities of data set 58 by the type of the ordinate."""
+
 _AXES = {1: "x", 2: "y", 3: "z", 4: "theta_x", 5: "theta_y", 6: "theta_z"}
-_FRF = 4  # type of function of data set 58
-_SAME = 1e-6  # difference of the lines of two functions, relative, that is rounding
+_FRF = 4
+"""Type of a frequency response function in data set 58."""
+
+LINE_TOLERANCE = 1e-6
+"""Difference between the frequencies of two functions, relative to the largest one, that counts as rounding."""
 
 Function = tuple[Array, ComplexArray]
 """Frequencies [Hz] and receptances [m/N]."""
@@ -36,25 +43,33 @@ def from_receptances(
     quantity: Literal["receptance", "mobility", "accelerance"] | None = None,
     names: Mapping[str, str] | None = None,
 ) -> Receptances:
-    """Receptances of a structure that was measured: displacements by forces, with angular frequencies in rad/s.
+    """Return measured receptances of a structure: displacements per force, with angular frequencies in rad/s.
 
     Parameters
     ----------
-    source : a universal file (.uff, .unv) with functions of data set 58; or tables by response and force, such as
-        ``{("pinion", "pinion"): "pp.csv", ("case", "pinion"): "cp.csv", ...}``, each a table with the columns
-        frequency, real and imaginary part, or frequency, magnitude and phase, in the units that its line of names
-        states: ``frequency [kHz]; |H| [dB re 1 mm/N]; phase [rad]``. Without units they are in Hz, SI and degrees,
-        without a line of names frequency [Hz], real and imaginary part. What is missing of H_ij is taken from H_ji.
-    static : matrix at rest; "lowest" for the real part at the lowest frequency; None if the lines begin at 0 Hz.
-    quantity : what was measured per force; by default as the universal file or the units of the table say, of tables
-        without units "receptance".
-    names : for coordinates of a universal file, which are called by node and direction: ``{"12x": "pinion"}``. Others
-        are left out then.
+    source : path-like or dict
+        A universal file (.uff, .unv) with functions of data set 58; or tables by response and force, such as
+        ``{("pinion", "pinion"): "pp.csv", ("case", "pinion"): "cp.csv", ...}``. A table has the columns frequency, real
+        and imaginary part, or frequency, magnitude and phase, in the units of its header:
+        ``frequency [kHz]; |H| [dB re 1 mm/N]; phase [rad]``. Defaults are Hz, SI units and degrees, and without a
+        header the columns frequency [Hz], real and imaginary part. A missing H_ij is replaced by H_ji.
+    static : array_like or "lowest", optional
+        Matrix at 0 Hz; "lowest" is the real part at the lowest frequency; default None, if the lines begin at 0 Hz.
+    quantity : {"receptance", "mobility", "accelerance"}, optional
+        Measured quantity per force; by default from the universal file or the units of the table, else "receptance".
+    names : dict of str to str, optional
+        Names for coordinates of a universal file, which are named by node and direction: ``{"12x": "pinion"}``. Other
+        coordinates are then omitted.
+
+    Returns
+    -------
+    Receptances
+        The receptances.
 
     Raises
     ------
     ValueError
-        If a file cannot be read, functions are missing or have different lines, or nothing is known at rest.
+        If a file cannot be read, functions are missing or have different lines, or the static matrix is unknown.
 
     Examples
     --------
@@ -97,7 +112,7 @@ def _pairs(source: Mapping[Any, Any]) -> list[tuple[tuple[str, str], Any]]:
 
 
 def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Receptances:
-    """One matrix for each line."""
+    """Combine the functions to one matrix for each line."""
     names = list(dict.fromkeys(name for pair in functions for name in pair))
     first, (f, _) = next(iter(functions.items()))
     values = np.empty((len(f), len(names), len(names)), dtype=complex)
@@ -111,7 +126,7 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
                     f"need one for each pair of {', '.join(names)}; there are {there}"
                 )
             lines, values[:, i, j] = functions[pair][0], 0.0
-            if len(lines) != len(f) or np.abs(lines - f).max() > _SAME * f[-1]:
+            if len(lines) != len(f) or np.abs(lines - f).max() > LINE_TOLERANCE * f[-1]:
                 raise ValueError(
                     f"from_receptances: {pair[0]} by {pair[1]} has {len(lines)} lines from {lines[0]:g} to "
                     f"{lines[-1]:g} Hz, {first[0]} by {first[1]} has {len(f)} from {f[0]:g} to {f[-1]:g}; need the "
@@ -126,7 +141,7 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
 
 
 def _as_receptance(f: Array, H: ComplexArray, quantity: str, where: str) -> Function:
-    """Over (i w)^0, 1 or 2; a line at 0 Hz, where velocities and accelerations tell nothing, is left out."""
+    """Divide by (i w)^0, 1 or 2; a line at 0 Hz, where velocities and accelerations are zero, is omitted."""
     power = _POWERS[quantity]
     if len(f) < 4 or np.any(np.diff(f) <= 0) or f[0] < 0 or not np.all(np.isfinite(f)):
         raise ValueError(f"{where}: need four or more frequencies that ascend from 0 Hz or above")
@@ -136,15 +151,15 @@ def _as_receptance(f: Array, H: ComplexArray, quantity: str, where: str) -> Func
 
 
 def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple[str, str], Function]:
-    """Functions of a universal file by the names of response and force."""
+    """Return the functions of a universal file by the names of response and force."""
     if not Path(path).is_file():
         raise ValueError(f"there is no file '{path}'")
     pyuff = needed("pyuff", "measured", "reading a universal file")
     try:
         sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # whatever a damaged file makes the reader say
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"'{path}' cannot be read as a universal file: {told[:200]}") from None
+    except Exception as error:  # pyuff raises errors of many classes for damaged files
+        message = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"'{path}' cannot be read as a universal file: {message[:200]}") from None
     found: dict[tuple[str, str], Function] = {}
     for one in sets if isinstance(sets, list) else [sets]:
         if one.get("type") != 58 or one.get("func_type") != _FRF:
@@ -153,8 +168,8 @@ def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple
         pair, sign = _names_of(one)
         if own is None:
             raise ValueError(
-                f"'{path}': {pair[0]} by {pair[1]} does not say whether it is a displacement, velocity or "
-                "acceleration: give quantity='receptance', 'mobility' or 'accelerance'"
+                f"'{path}': {pair[0]} by {pair[1]} does not state displacement, velocity or acceleration: "
+                "give quantity='receptance', 'mobility' or 'accelerance'"
             )
         f, H = np.asarray(one["x"], dtype=float), sign * np.asarray(one["data"], dtype=complex)
         found[pair] = _as_receptance(f, H, own, f"'{path}': {pair[0]} by {pair[1]}")
@@ -164,7 +179,7 @@ def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple
 
 
 def _names_of(one: Mapping[str, Any]) -> tuple[tuple[str, str], int]:
-    """Names of response and force of a data set 58, and the sign of their directions together."""
+    """Return the names of response and force of a data set 58, and the product of the signs of their directions."""
     names, sign = [], 1
     for end in ("rsp", "ref"):
         node, direction = int(one[f"{end}_node"]), int(one[f"{end}_dir"])

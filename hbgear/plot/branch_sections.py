@@ -1,4 +1,4 @@
-"""Stretches of a curve that are drawn alike: of one impact regime of an element, and of one verdict on stability."""
+"""Sections of a curve with the same line style: one impact regime of an element and one stability state."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from hbgear.plot.style import State, regime_of
 
 
 def states(branch: Branch, element: int | str) -> list[State]:
-    """Regime of the element and stability of each row."""
+    """Return the regime of the element and the stability at each point."""
     known: dict[str, bool | str] = {"stable": True, "unstable": False, "undecided": "undecided"}
-    stable = [known.get(verdict) for verdict in branch.stability]
+    stable = [known.get(state) for state in branch.stability]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 
 
-def stretches(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
-    """Stretches ``(state, first row, last row)`` of one regime and stability; each starts where the last one ended.
+def sections(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
+    """Return sections ``(state, first point, last point)`` of one regime and stability, which share their end points.
 
-    A special point is the border between two stretches: the piece of curve beside it has the state of its other end.
+    A special point ends a section: the segment after it has the state of its other end.
     """
     each = states(branch, element)
-    border = {point.index for point in branch.special}
+    borders = {point.index for point in branch.special}
     runs = [(each[0], 0, 0)] if len(each) == 1 else []
     for i in range(len(each) - 1):
-        state = each[i + 1] if i in border and i + 1 not in border else each[i]
+        state = each[i + 1] if i in borders and i + 1 not in borders else each[i]
         if runs and runs[-1][0] == state:
             runs[-1] = (state, runs[-1][1], i + 1)
         else:
@@ -33,12 +33,12 @@ def stretches(branch: Branch, element: int | str) -> list[tuple[State, int, int]
     return runs
 
 
-ABOVE = 4.0
-"""Height of axes over the largest amplitude of what stays bounded, if a curve runs off to infinity."""
+HEADROOM = 4.0
+"""Height of axes over the largest bounded amplitude, for a curve that goes to infinity."""
 
 
 def bounded(branch: Branch, amplitude: Array) -> float:
-    """The largest amplitude of a branch before it runs off to infinity: up to its last special points on both sides."""
+    """Return the largest amplitude of a branch up to its last special points before it goes to infinity."""
     marks = [point.index for point in branch.special]
     first = min(marks, default=len(branch) - 1) if "first" in branch.asymptotes else 0
     last = max(marks, default=0) if "last" in branch.asymptotes else len(branch) - 1

@@ -19,7 +19,7 @@ from hbgear.continuation.results.point import Jump, Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.frequency_units import common_scales, model_of, same_scales, scales
-from hbgear.plot.branch_sections import ABOVE, bounded, stretches
+from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -270,7 +270,7 @@ def _curve(
     label: str | None,
     widths: dict[str, float] | None = None,
 ) -> None:
-    for (regime, stable), first, last in stretches(branch, element):
+    for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
@@ -287,7 +287,7 @@ def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], h
     if not any(branch.asymptotes for branch in branches):
         return
     amplitudes = [height.along(branch) for branch in branches]
-    top = ABOVE * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
+    top = HEADROOM * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
     if own and 0 < top < max(float(each.max()) for each in amplitudes):
         low = min(float(each.min()) for each in amplitudes)
         ax.set_ylim(low - 0.05 * (top - low), top)
@@ -459,7 +459,7 @@ _ROOM = (0.085, 0.08)  # what their tick labels take on the left and below
 def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
     """First and last row of every unstable stretch."""
     out: list[tuple[int, int]] = []
-    for (_, stable), first, last in stretches(branch, element):
+    for (_, stable), first, last in sections(branch, element):
         if stable is False and out and out[-1][1] == first:
             out[-1] = (out[-1][0], last)
         elif stable is False:

@@ -1,8 +1,8 @@
-"""Labels of special points on a figure: unique names, no overlap, one label for a heap of points.
+"""Labels of special points: unique names, no overlap, one label for a cluster of points.
 
-Where a label fits depends on what else is drawn and on the size of the figure, so the places are chosen each time the
-axes are drawn: for each label in turn the place around its point with the least overlap with labels placed before,
-symbols, the legend, the border and the curves (a greedy choice, as is usual on maps).
+The position of a label depends on the other drawn objects and the size of the figure, so positions are chosen whenever
+the axes are drawn. Each label in turn gets the position around its point with the least overlap with earlier labels,
+symbols, the legend, the border and the curves (a greedy choice, as usual on maps).
 """
 
 from __future__ import annotations
@@ -24,17 +24,20 @@ if TYPE_CHECKING:
     from matplotlib.text import Annotation
 
 
-HEAP = 3
-"""So many points of a kind closer together than `NEAR` share a label, "NS1\N{EN DASH}NS14", and lose those between."""
+MIN_CLUSTER_SIZE = 3
+"""Points of a kind within `CLUSTER_DISTANCE` of their neighbours that share a label, "NS1\N{EN DASH}NS14"."""
 
 
-NEAR = 11.0  # points
+CLUSTER_DISTANCE = 11.0
+"""Largest distance [pt] between neighbouring symbols of a cluster."""
 
 
-_REACH = (5.0, 9.0, 14.0, 20.0, 27.0, 35.0, 45.0)  # points from a mark to its label, the nearest first
+_DISTANCES = (5.0, 9.0, 14.0, 20.0, 27.0, 35.0, 45.0)
+"""Distances [pt] of a label from its symbol, the nearest first."""
 
 
-_LEADER = 7.0  # points: a label farther away is joined to its symbol by a line
+LEADER_DISTANCE = 7.0
+"""Distance [pt] from which a line connects a label and its symbol."""
 
 
 _SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
@@ -45,11 +48,12 @@ _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "to
 
 _COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "astray": 30.0, "curve": 4.0, "reach": 0.5,
          "side": 0.4}  # fmt: skip
+"""Costs of overlaps; "astray": nearer to another symbol; "reach": per pt of distance; "side": on another side."""
 
 
 @dataclass
 class Mark:
-    """A special point as drawn: its symbol and text, the curve it is on, and its kind; ``shown`` alone has a label."""
+    """A drawn special point: symbol, text, curve and kind; it has a label only if ``shown``."""
 
     line: Line2D
     text: Annotation
@@ -61,7 +65,7 @@ class Mark:
 
 
 class Labels(Artist):
-    """The marks of an axes; drawn before everything else, it puts their labels where there is room."""
+    """The marks of axes; drawn before all other objects, it positions their labels."""
 
     axes: Any
 
@@ -74,7 +78,7 @@ class Labels(Artist):
         ax.add_artist(self)
 
     def add(self, line: Line2D, curve: int, kind: str, label: str, shown: bool, side: tuple[int, int]) -> None:
-        """A mark with its label; one that another curve has on these axes already gets the number of its own curve."""
+        """Add a mark with its label; a label that another curve already has gets the number of its curve."""
         taken = {mark.text.get_text() for mark in self.marks if mark.curve != curve}
         name = f"{label} ({curve})" if label in taken else label
         across, up = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
@@ -86,7 +90,7 @@ class Labels(Artist):
         self.marks.append(Mark(line, text, curve, kind, name, shown, side))
 
     def draw(self, renderer: Any) -> None:
-        """Merge heaps, then place each label."""
+        """Merge clusters, then position each label."""
         ax: Axes = self.axes
         for _, group in groupby(self.marks, lambda mark: mark.curve):
             _merge(list(group))
@@ -97,49 +101,49 @@ class Labels(Artist):
                 self._lead(mark, renderer)
 
     def _lead(self, mark: Mark, renderer: Any) -> None:
-        """A thin line from a symbol to a label that is not right beside it."""
+        """Draw a thin line from a symbol to a distant label."""
         from matplotlib.lines import Line2D
 
         box, at = mark.text.get_window_extent(renderer), _pixel(mark.line)
         end = np.clip(at, np.asarray(box.min), np.asarray(box.max))
-        if np.hypot(*(end - at)) > _pixels(mark.line, _LEADER):
+        if np.hypot(*(end - at)) > _pixels(mark.line, LEADER_DISTANCE):
             line = Line2D(*np.transpose([at, end]), color="#8a8a8a", linewidth=0.5, transform=IdentityTransform())
             line.set_figure(self.axes.get_figure(root=True))
             line.draw(renderer)
 
 
 def labels_of(ax: Axes) -> Labels:
-    """The labels of these axes, begun if there are none."""
+    """Return the labels of these axes, created if there are none."""
     return next((child for child in ax.get_children() if isinstance(child, Labels)), None) or Labels(ax)
 
 
 def _merge(marks: Sequence[Mark]) -> None:
-    """Of the marks of one curve: heaps of one kind show their first and last symbol and one label."""
+    """Show, for each cluster of one kind on one curve, the first and last symbol and one label."""
     for kind in dict.fromkeys(mark.kind for mark in marks):
-        for heap in _heaps([mark for mark in marks if mark.kind == kind]):
-            merged = len(heap) >= HEAP
-            for i, mark in enumerate(heap):
-                mark.line.set_visible(not merged or i in (0, len(heap) - 1))
+        for cluster in _clusters([mark for mark in marks if mark.kind == kind]):
+            merged = len(cluster) >= MIN_CLUSTER_SIZE
+            for i, mark in enumerate(cluster):
+                mark.line.set_visible(not merged or i in (0, len(cluster) - 1))
                 mark.text.set_visible(not merged or i == 0)
                 mark.text.set_text(mark.name if mark.shown else "")
             if merged:
-                heap[0].text.set_text(f"{heap[0].name}\N{EN DASH}{heap[-1].name}")
+                cluster[0].text.set_text(f"{cluster[0].name}\N{EN DASH}{cluster[-1].name}")
 
 
-def _heaps(marks: Sequence[Mark]) -> Iterator[list[Mark]]:
-    """Neighbours along the curve that are closer together than `NEAR`."""
-    heap: list[Mark] = []
+def _clusters(marks: Sequence[Mark]) -> Iterator[list[Mark]]:
+    """Yield neighbours along the curve that are closer together than `CLUSTER_DISTANCE`."""
+    cluster: list[Mark] = []
     for mark in marks:
-        if heap and np.hypot(*(_pixel(mark.line) - _pixel(heap[-1].line))) > _pixels(mark.line, NEAR):
-            yield heap
-            heap = []
-        heap.append(mark)
-    if heap:
-        yield heap
+        if cluster and np.hypot(*(_pixel(mark.line) - _pixel(cluster[-1].line))) > _pixels(mark.line, CLUSTER_DISTANCE):
+            yield cluster
+            cluster = []
+        cluster.append(mark)
+    if cluster:
+        yield cluster
 
 
 def _at(line: Line2D) -> tuple[float, float]:
-    """Place of a symbol, in data."""
+    """Return the position of a symbol, in data coordinates."""
     x, y = np.asarray(line.get_xydata())[0]
     return float(x), float(y)
 
@@ -154,7 +158,7 @@ def _pixels(artist: Artist, points: float) -> float:
 
 
 class _Obstacles:
-    """What labels keep clear of, in pixels; boxes are rows (x0, y0, x1, y1)."""
+    """Objects that labels avoid, in pixels; boxes are rows (x0, y0, x1, y1)."""
 
     def __init__(self, ax: Axes, renderer: Any, marks: Sequence[Mark]) -> None:
         self.renderer, self.border = renderer, _rows([ax.bbox])
@@ -171,26 +175,26 @@ class _Obstacles:
         self.labels = np.empty((0, 4))
 
     def place(self, mark: Mark) -> None:
-        """Give a label the best of its places; the later ones keep clear of it."""
-        places = list(_places(mark.side))
-        boxes = self.boxes(mark, places)
-        best = int(np.argmin(self.cost(mark, places, boxes)))
-        _put(mark.text, *places[best])
+        """Move a label to its best position; later labels avoid it."""
+        positions = list(_positions(mark.side))
+        boxes = self.boxes(mark, positions)
+        best = int(np.argmin(self.cost(mark, positions, boxes)))
+        _move(mark.text, *positions[best])
         self.labels = np.vstack([self.labels, boxes[best]])
 
-    def boxes(self, mark: Mark, places: Sequence[tuple[float, tuple[int, int]]]) -> Array:
-        """The areas of a label at its places, with a little room around (P, 4)."""
+    def boxes(self, mark: Mark, positions: Sequence[tuple[float, tuple[int, int]]]) -> Array:
+        """Return the areas of a label at its positions, with a margin (P, 4)."""
         now = mark.text.get_window_extent(self.renderer)
-        size, room = np.array([now.width, now.height]), _pixels(mark.text, 1.0)
-        sides = np.array([side for _, side in places])
-        at = _pixel(mark.line) + _pixels(mark.text, 1.0) * np.array([_offset(*place) for place in places])
-        low = at + 0.5 * size * (sides - 1)  # the side of the box that lies at the place
-        return np.hstack([low - room, low + size + room])
+        size, margin = np.array([now.width, now.height]), _pixels(mark.text, 1.0)
+        sides = np.array([side for _, side in positions])
+        at = _pixel(mark.line) + _pixels(mark.text, 1.0) * np.array([_offset(*position) for position in positions])
+        low = at + 0.5 * size * (sides - 1)  # the side of the box nearest to the symbol
+        return np.hstack([low - margin, low + size + margin])
 
-    def cost(self, mark: Mark, places: Sequence[tuple[float, tuple[int, int]]], boxes: Array) -> Array:
-        """How bad each place is (P,); areas count in label areas."""
+    def cost(self, mark: Mark, positions: Sequence[tuple[float, tuple[int, int]]], boxes: Array) -> Array:
+        """Return the cost of each position (P,)."""
         area = np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1e-9)
-        cost = np.array([_COST["reach"] * reach + _COST["side"] * (side != mark.side) for reach, side in places])
+        cost = np.array([_COST["reach"] * reach + _COST["side"] * (side != mark.side) for reach, side in positions])
         cost += _COST["label"] * (_shared(boxes, self.labels) > 0).sum(axis=1)
         cost += _COST["border"] * (1 - _shared(boxes, self.border)[:, 0] / area > 1e-6)
         cost += _COST["legend"] * (_shared(boxes, self.others) > 0).sum(axis=1)
@@ -202,19 +206,19 @@ class _Obstacles:
         return cost + _COST["curve"] * np.array(inside)
 
 
-def _places(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:
-    for reach in _REACH:
+def _positions(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:
+    for reach in _DISTANCES:
         for side in dict.fromkeys((first, *_SIDES)):
             yield reach, side
 
 
 def _offset(reach: float, side: tuple[int, int]) -> tuple[float, float]:
-    """From a symbol to its label [points]."""
+    """Return the offset of a label from its symbol [pt]."""
     far = reach if 0 in side else 0.7 * reach
     return far * side[0], far * side[1]
 
 
-def _put(text: Annotation, reach: float, side: tuple[int, int]) -> None:
+def _move(text: Annotation, reach: float, side: tuple[int, int]) -> None:
     text.set_position(_offset(reach, side))
     text.set(ha=_ALIGN[side[0]][0], va=_ALIGN[side[1]][1])
 
@@ -224,7 +228,7 @@ def _is_curve(line: Line2D) -> bool:
 
 
 def _dense(path: Array, step: float = 3.0) -> Array:
-    """Points along a line, at most so many pixels apart; long lines across the whole figure included."""
+    """Return points along a line, at most ``step`` pixels apart; long lines across the whole figure included."""
     path = np.asarray(path)[np.isfinite(path).all(axis=1)]
     if len(path) < 2:
         return path
@@ -234,18 +238,18 @@ def _dense(path: Array, step: float = 3.0) -> Array:
 
 
 def _rows(boxes: Sequence[Any]) -> Array:
-    """Boxes as rows (x0, y0, x1, y1)."""
+    """Return boxes as rows (x0, y0, x1, y1)."""
     return np.array([[box.x0, box.y0, box.x1, box.y1] for box in boxes]).reshape(-1, 4)
 
 
 def _apart(boxes: Array, at: Array) -> Array:
-    """Distances (P, Q) of places (Q, 2) from boxes."""
+    """Return the distances (P, Q) of positions (Q, 2) from boxes."""
     inside = np.clip(at[None], boxes[:, None, :2], boxes[:, None, 2:])
     return np.asarray(np.hypot(*np.moveaxis(inside - at[None], -1, 0)))
 
 
 def _shared(boxes: Array, others: Array) -> Array:
-    """Areas (P, Q) that boxes have in common with others."""
+    """Return the areas (P, Q) of the intersections of boxes with others."""
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
     return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1))

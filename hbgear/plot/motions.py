@@ -1,4 +1,4 @@
-"""Figures of single motions: functions that take a point, draw on matplotlib axes and return them."""
+"""Figures of single motions: functions that draw a point on matplotlib axes and return them."""
 
 from __future__ import annotations
 
@@ -33,12 +33,26 @@ if TYPE_CHECKING:
 
 
 FLOOR = 1e-6
-"""Lines of a spectrum below this share of the largest are not drawn (-120 dB)."""
+"""Lines of a spectrum below this fraction of the largest line are not drawn (-120 dB)."""
 
 
 @checked_arguments()
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
+    """Draw the motion of an element over its period, with thin lines at the breakpoints of its law.
+
+    Parameters
+    ----------
+    point : Point
+        Point of a curve.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -55,13 +69,27 @@ def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -
         ax.set_xlabel("excitation periods")
         ax.set_ylabel(gap_label(layout, element))
         dress(ax)
-        _corners(layout, element, d, ax.axhline, ax.set_ylim)
+        _breakpoints(layout, element, d, ax.axhline, ax.set_ylim)
     return ax
 
 
 @checked_arguments()
 def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per period of the excitation.
+    """Draw velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per excitation period.
+
+    Parameters
+    ----------
+    point : Point
+        Point of a curve.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
@@ -88,7 +116,7 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
         ax.set_xlabel(gap_label(layout, element))
         ax.set_ylabel(layout.labels.get("velocity", f"velocity of {gap_label(layout, element)}"))
         dress(ax)
-        _corners(layout, element, d, ax.axvline, ax.set_xlim)
+        _breakpoints(layout, element, d, ax.axvline, ax.set_xlim)
     return ax
 
 
@@ -102,14 +130,28 @@ def spectrum(
     floor: float = FLOOR,
     model: Model | None = None,
 ) -> Axes:
-    """Amplitude of each harmonic, the mean left out, over multiples of the excitation frequency.
+    """Draw the amplitude of each harmonic, without the mean, against multiples of the excitation frequency.
 
     Parameters
     ----------
-    point, element, ax : as of `time_history`.
-    log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
-    floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
-    model : if it knows its mesh frequency, axes above give the frequencies in Hz.
+    point : Point
+        Point of a curve.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    log : bool, optional
+        Logarithmic axis (default), with decibels relative to the largest line on the right; else linear.
+    floor : float, optional
+        Fraction of the largest line below which no line is drawn on the logarithmic axis; the figure states it.
+        Default 1e-6.
+    model : Model, optional
+        Model; if it has scales, axes above give the frequencies in Hz.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
@@ -155,7 +197,7 @@ def spectrum(
 
 
 def _decibels(ax: Axes, top: float, floor: float) -> None:
-    """An axis on the right in decibels of the largest line; it names the floor."""
+    """Add an axis on the right in decibels relative to the largest line; it states the floor."""
     right: Any = ax.secondary_yaxis(
         "right",
         functions=(
@@ -173,9 +215,21 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
 
 @checked_arguments()
 def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
-    """Time history, phase diagram and spectrum of a point side by side.
+    """Draw time history, phase diagram and spectrum of a point side by side.
 
-    With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
+    Parameters
+    ----------
+    point : Point
+        Point of a curve.
+    element : int or str, optional
+        Element by number or name; default 0.
+    model : Model, optional
+        Model; if it has scales, the title states the mesh frequency and the speed of the pinion.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Examples
     --------
@@ -204,7 +258,7 @@ def _colour(point: Point, element: int | str) -> str:
 
 
 def _title(point: Point, element: int | str) -> str:
-    """What a point is: label, Omega, stability, regime."""
+    """Return a description of a point: label, Omega, stability, regime."""
     regime = regime_of(layout_of(point), point.regime, element)
     parts = [point.label, {True: "stable", False: "unstable", None: ""}[point.stable]]
     parts += [in_words(regime) if regime != "unknown" else ""]
@@ -214,20 +268,20 @@ def _title(point: Point, element: int | str) -> str:
 
 
 def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:
-    """Layout, time in excitation periods, and motion or its derivative in theta, the end joined to the start."""
+    """Return layout, time in excitation periods, and motion or its derivative in theta over one closed period."""
     theta, d = point.samples(element, order=order)
     layout = layout_of(point)
-    assert layout is not None  # else there are no samples
+    assert layout is not None  # a point without layout has no samples
     return layout, np.append(theta / (2 * np.pi), 1.0) * layout.nu, np.append(d, d[0])
 
 
-def _corners(layout: Layout, element: int | str, d: Array, line: Any, limits: Any) -> None:
-    """Thin lines where the law has a corner; the view takes in those within reach of the motion."""
+def _breakpoints(layout: Layout, element: int | str, d: Array, line: Any, limits: Any) -> None:
+    """Draw thin lines at the breakpoints of the law; the limits include those near the motion."""
     low, high = d.min(), d.max()
     reach = max(high - low, 1e-12 * abs(high), 1e-300)
-    corners = layout.breakpoints[layout.index(element)]
-    for x in corners:
-        line(x, color=GREY, linewidth=0.7, zorder=0, gid="corner")
-    seen = [low, high, *(x for x in corners if low - reach <= x <= high + reach)]
-    margin = 0.06 * (max(seen) - min(seen)) or 0.5
-    limits(min(seen) - margin, max(seen) + margin)
+    breakpoints = layout.breakpoints[layout.index(element)]
+    for x in breakpoints:
+        line(x, color=GREY, linewidth=0.7, zorder=0, gid="breakpoint")
+    shown = [low, high, *(x for x in breakpoints if low - reach <= x <= high + reach)]
+    margin = 0.06 * (max(shown) - min(shown)) or 0.5
+    limits(min(shown) - margin, max(shown) + margin)

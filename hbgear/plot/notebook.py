@@ -1,4 +1,4 @@
-"""How curves and models are shown in notebooks: a table, and of a curve its figure."""
+"""Display of curves and models in notebooks: tables, and the figure of a curve."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hbgear.plot.curves import response
 
 
 def branch_html(branch: Branch) -> str:
-    """What a curve is, its jumps, and its figure if it is one of periodic motions."""
+    """Return a summary of a curve, its jumps, and its figure if its points are periodic motions."""
     known = layout_of(branch) is not None and len(branch) > 0
     facts = [(name, text) for name, text in facts_of(branch, "pp2") if text] if known else []
     parts = [f"<b>{html.escape(repr(branch))}</b>", _table((), facts)]
@@ -33,7 +33,7 @@ def branch_html(branch: Branch) -> str:
 
 
 def model_html(model: Model) -> str:
-    """The parameters of a model, with what they mean and their units."""
+    """Return the parameters of a model with meaning and unit."""
     about = (inspect.getdoc(type(model)) or "").partition("\n")[0]
     head = f"<b>{html.escape(type(model).__name__)}</b><p>{html.escape(about)}</p>"
     rows = []
@@ -56,7 +56,7 @@ def _table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _figure(branch: Branch) -> str:
-    """The response curve as a .png in base64; no figure is left open."""
+    """Return the response curve as a .png in base64; the figure is closed."""
     import matplotlib.pyplot as plt
 
     figure: Any = response(branch).figure

@@ -1,6 +1,6 @@
-"""Figures of time integration: sweep dots over a curve, bifurcation diagrams, basins of attraction, validation.
+"""Figures of time integration: sweeps over a curve, bifurcation diagrams, basins of attraction, validation.
 
-Functions take what was found, draw on matplotlib axes and return them, in the style of `plot`.
+Functions draw results on matplotlib axes and return them, in the style of `plot`.
 """
 
 from __future__ import annotations
@@ -26,22 +26,27 @@ if TYPE_CHECKING:
 
 
 DIRECTIONS = {1: ("^", "#1b7f5a", "sweep up"), -1: ("v", "#a3334d", "sweep down")}
+"""Marker, colour and name of each sweep direction."""
 
 
 BASINS = ("#dfe8f3", "#eeb67a", "#cfe6c6", "#c98fb1", "#f4f0c9", "#86bcc4", "#d6c8ea", "#a8a8a8")
-"""Shades of basins: neighbours differ in lightness too, to be told apart in print without colour."""
+"""Colours of basins; neighbours also differ in lightness, for prints without colour."""
 
 
 INKS = ("#1f4e8c", "#8a4100", "#22602a", "#7d1247", "#6b6b1f", "#075463", "#5a3391", "#222222")
+"""Colours of attractors."""
 
 
 SYMBOLS = "os^DvP*h"
+"""Markers of attractors."""
 
 
 REFINED = "agrees with more harmonics"
+"""Legend entry of validated points that agree only with more harmonics."""
 
 
-_MANY = 1000  # dots in one drawing that are kept as pixels
+MAX_VECTOR_DOTS = 1000
+"""Largest number of dots of one set that is drawn as vectors; larger sets are drawn as pixels."""
 
 
 @checked_arguments()
@@ -49,16 +54,37 @@ def sweeps(
     found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
     ax: Axes | None = None, *, legend: bool = True, model: Model | None = None,
 ) -> Axes:  # fmt: skip
-    """Sweep dots, over the curve of a branch if one is given.
+    """Draw sweeps as dots, over the curve of a branch if one is given.
 
-    Triangles point the way the parameter moved; they are filled where the motion has the period of the excitation, open
-    where it has a multiple of it; crosses are motions that are not periodic. Bands are the steps in which one jumped.
-    With the model, or a branch that tells it, new axes show the mesh frequency and the speed of the pinion too.
+    Triangles point in the direction of the sweep; they are filled where the motion has the period of the excitation and
+    open where it has a multiple of it; crosses are aperiodic motions. Bands are the steps in which a sweep jumped.
+
+    Parameters
+    ----------
+    found : sequence of Sweep
+        Sweeps.
+    branch : Branch, optional
+        Curve below the dots.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`; default "pp2".
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    legend : bool, optional
+        Whether to add a legend; default True.
+    model : Model, optional
+        Model with scales for axes of mesh frequency and pinion speed above new axes; default that of the branch.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError, KeyError
-        If there is nothing to draw, the parameters differ, or there is no such measure or element.
+        If there is nothing to draw, the parameters differ, or the measure or element is unknown.
 
     Examples
     --------
@@ -96,7 +122,7 @@ def sweeps(
 
 
 def _in_speeds(ax: Axes, parameter: str, model: Model | None) -> None:
-    """Axes above of the speed of the pinion and the mesh frequency, if Omega was swept and the model knows them."""
+    """Add axes of pinion speed and mesh frequency above, if Omega was swept and the model has scales."""
     if parameter == "Omega" and scaled_axes(ax, scales(model, {})):
         heighten(ax)
 
@@ -119,15 +145,32 @@ def bifurcation(
     found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
     model: Model | None = None,
 ) -> Axes:  # fmt: skip
-    """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
+    """Draw Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
 
-    Those of motions that are not periodic are smaller; clouds of them are kept as pixels in a .pdf or .svg. With the
-    model new axes show the mesh frequency and the speed of the pinion too.
+    Points of aperiodic motions are smaller; large sets of them are drawn as pixels in a .pdf or .svg.
+
+    Parameters
+    ----------
+    found : sequence of Sweep
+        Sweeps.
+    element : int or str, optional
+        Element by number or name; default 0.
+    rate : bool, optional
+        Whether to draw the rate instead of the displacement; default False.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    model : Model, optional
+        Model with scales for axes of mesh frequency and pinion speed above new axes.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError, KeyError
-        If there is nothing to draw, or no such element.
+        If there is nothing to draw, or the element is unknown.
 
     Examples
     --------
@@ -152,11 +195,11 @@ def bifurcation(
                 x = np.concatenate([np.full(len(s.points[i]), s.values[i]) for i in rows])
                 y = np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
                 ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
-                        rasterized=len(x) > _MANY)  # fmt: skip
+                        rasterized=len(x) > MAX_VECTOR_DOTS)  # fmt: skip
         s = found[0]
         ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
-        what = _name(s, element)
-        ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
+        label = _name(s, element)
+        ax.set_ylabel(f"{'rate of ' if rate else ''}{label} at " + r"$\tau = 0$")
         dress(ax)
         if own:
             _in_speeds(ax, s.parameter, model)
@@ -167,7 +210,19 @@ def bifurcation(
 
 @checked_arguments()
 def basins(found: Basins, ax: Axes | None = None) -> Axes:
-    """Starts coloured by the attractor they lead to, with the Poincare points of the attractors.
+    """Draw initial states coloured by the attractor that they reach, with the Poincare points of the attractors.
+
+    Parameters
+    ----------
+    found : Basins
+        Result of `hbgear.time.basins`.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -183,21 +238,23 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
         extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
-        known = np.ma.masked_less(found.label, 0)  # the others were not followed to their end
+        known = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
         ax.imshow(known, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
-            lost = "not periodic" if np.isfinite(a.rms) else "runs away"
-            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else lost
+            aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
+            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else aperiodic
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
             look: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
             ax.plot(*a.points.T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
-                    label=f"{name}: {a.share:.0%} of starts", gid=f"attractor {i}", **look)  # fmt: skip
+                    label=f"{name}: {a.share:.0%} of initial states", gid=f"attractor {i}", **look)  # fmt: skip
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
-        what = found.labels.get("amplitude", "element coordinate")
-        x, y = (what, f"rate of {what}") if found.element else ("multiple of the first direction", "of the second")
+        quantity = found.labels.get("amplitude", "element coordinate")
+        x, y = (
+            (quantity, f"rate of {quantity}") if found.element else ("multiple of the first direction", "of the second")
+        )
         ax.set_xlabel(rf"{x} at $\tau = 0$")
         ax.set_ylabel(rf"{y} at $\tau = 0$")
         ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
@@ -208,9 +265,23 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
 
 @checked_arguments()
 def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
-    """The checked points on the curve, numbered along it, and below the differences of each from time integration.
+    """Draw the validated points on the curve, numbered along it, and below their differences from time integration.
 
-    Points that agree only with more harmonics than the curve has are told apart, and so is how well they do then.
+    Points that agree only with more harmonics have their own symbols, also for the remaining difference.
+
+    Parameters
+    ----------
+    report : Report
+        Result of `hbgear.validate`.
+    branch : Branch
+        The validated curve.
+    element : int or str, optional
+        Element by number or name; default 0.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Examples
     --------
@@ -251,23 +322,23 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
 
 
 def _differences(ax: Axes, report: Report) -> None:
-    """One column for each checked point, in the order of the curve, with the reason why it was checked."""
+    """Draw one column for each validated point, in the order of the curve, with the reason of its choice."""
     kinds = (
         ("rms_error", "o", COLOURS["no_impact"], "rms"),
         ("pp2_error", "s", COLOURS["single_sided"], "half peak-to-peak"),
         ("harmonic_error", "D", COLOURS["double_sided"], "harmonics"),
         ("multiplier_error", "x", "#444444", "multipliers"),
-        ("closure", "_", GREY, "closure of the period, not judged"),
+        ("closure", "_", GREY, "closure of the period, not compared"),
     )
     number = np.arange(1, len(report.rows) + 1)
     for i, (name, marker, colour, label) in enumerate(kinds):
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
         ax.plot(number + 0.13 * (i - 2), y, marker, color=colour, markersize=4, markerfacecolor="none", label=label,
                 gid=name)  # fmt: skip
-    finer = np.array([row.refined for row in report.rows], dtype=bool)
-    if finer.any():
+    refined = np.array([row.refined for row in report.rows], dtype=bool)
+    if refined.any():
         y = np.array([row.refined_error for row in report.rows])
-        ax.plot(number[finer], y[finer], "*", color="#b36b00", markersize=7, markerfacecolor="none",
+        ax.plot(number[refined], y[refined], "*", color="#b36b00", markersize=7, markerfacecolor="none",
                 label="rms, with more harmonics", gid="refined_error")  # fmt: skip
     for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance,\nmultipliers")):
         ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
@@ -279,7 +350,7 @@ def _differences(ax: Axes, report: Report) -> None:
                   ha="right", rotation_mode="anchor")  # fmt: skip
     for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
         tick.set_color("black" if row.ok else "#c01818")
-    ax.set_xlabel("checked point, in the order of the curve")
+    ax.set_xlabel("validated point, in the order of the curve")
     ax.set_ylabel("relative difference from time integration (-)")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
 

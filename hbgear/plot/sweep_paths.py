@@ -1,4 +1,4 @@
-"""Figures of run-up and run-down: the motions a slow sweep passes, cuts along orders, waterfalls over speed."""
+"""Figures of run-up and run-down: the motions of a slow sweep, cuts along orders, waterfalls over speed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 RUNS = {"up": "#0072b2", "down": "#d55e00"}
 """Colours of a run-up and a run-down."""
 
-_AHEAD = {"up": 1.6, "down": 2.6}  # widths: the one seen beneath the other where both are
+_RUN_WIDTHS = {"up": 1.6, "down": 2.6}
+"""Line widths [pt] of a run-up and a run-down: the wider one remains visible where both coincide."""
 
 
 @checked_arguments()
@@ -37,14 +38,27 @@ def runs(
     others: Sequence[Branch] = (),
     legend: bool = True,
 ) -> Axes:
-    """Run-up and run-down along a curve, with their jumps as arrows; the rest of the curve thin and grey.
+    """Draw run-up and run-down along a curve, with their jumps as arrows; the rest of the curve is thin and grey.
 
     Parameters
     ----------
-    branch, others : as of `hbgear.run`.
-    measure, element : see `Branch.amplitude`.
-    ax : axes to draw on; new ones by default, with the speeds the model knows above them.
-    legend : whether to add one.
+    branch : Branch
+        Curve along which the runs go.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`; default "pp2".
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+    others : sequence of Branch, optional
+        Other curves on which jumps may land.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -60,10 +74,10 @@ def runs(
             height = curve.amplitude(measure, element)
             ax.plot(curve.values, height, ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
         for one in found:
-            for stretch in one.stretches:
+            for section in one.stretches:
                 ax.plot(
-                    stretch.values, stretch.amplitude(measure, element), color=RUNS[one.direction],
-                    linewidth=_AHEAD[one.direction], label=f"run-{one.direction}", gid=f"run {one.direction}",
+                    section.values, section.amplitude(measure, element), color=RUNS[one.direction],
+                    linewidth=_RUN_WIDTHS[one.direction], label=f"run-{one.direction}", gid=f"run {one.direction}",
                 )  # fmt: skip
             _connect(ax, one, measure, element)
             for jump in one.jumps:
@@ -82,14 +96,27 @@ def orders(
     found: RunUp, orders: Sequence[int] = (1, 2, 3), element: int | str = 0, ax: Axes | None = None,
     *, derivative: int = 0, legend: bool = True,
 ) -> Axes:  # fmt: skip
-    """Order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis.
+    """Draw order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis.
 
     Parameters
     ----------
-    found : of `hbgear.run`.
-    orders : which harmonics.
-    element, derivative : as of `Branch.amplitude`.
-    ax : axes to draw on; new ones by default, with the speeds the model knows above them.
+    found : RunUp
+        Result of `hbgear.analysis.run_up`.
+    orders : sequence of int, optional
+        Harmonics to draw; default 1, 2, 3.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+    derivative : int, optional
+        Derivative in time, see `Branch.amplitude`; default 0.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -103,8 +130,8 @@ def orders(
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for i, order in enumerate(orders):
-            for stretch in found.stretches:
-                ax.plot(stretch.values, stretch.amplitude(f"H{order}", element, derivative),
+            for section in found.stretches:
+                ax.plot(section.values, section.amplitude(f"H{order}", element, derivative),
                         color=BRANCHES[i % len(BRANCHES)], label=f"order {order}", gid=f"order {order}")  # fmt: skip
             for jump in found.jumps:
                 _arrow(ax, jump, f"H{order}", element, BRANCHES[i % len(BRANCHES)], derivative)
@@ -123,14 +150,25 @@ def orders(
 def waterfall(
     found: RunUp, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0
 ) -> Axes:
-    """Waterfall seen from above: the spectra along a run, the amplitude as colour; harmonics lie on rays, the orders.
+    """Draw a waterfall from above: spectra along a run, with amplitude as colour; harmonics lie on rays, the orders.
 
     Parameters
     ----------
-    found : of `hbgear.run`, along Omega.
-    element, derivative : as of `Branch.amplitude`.
-    ax : axes to draw on; new ones by default, with the speeds the model knows above them.
-    floor : share of the largest amplitude, below 1, from which colours begin.
+    found : RunUp
+        Result of `hbgear.analysis.run_up`, along Omega.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+    floor : float, optional
+        Fraction of the largest amplitude at which colours begin, between 0 and 1; default 1e-3.
+    derivative : int, optional
+        Derivative in time, see `Branch.amplitude`; default 0.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
@@ -152,13 +190,13 @@ def waterfall(
     lowest = 20 * np.log10(floor)
     with styled():
         ax = axes_or_new(ax, (5.6, 4.2))
-        levels = [_levels(stretch, element, derivative) for stretch in found.stretches]
+        levels = [_levels(section, element, derivative) for section in found.stretches]
         top = max(float(level.max()) for level in levels)
         highest = 0.0
-        for stretch, level in zip(found.stretches, levels, strict=True):
+        for section, level in zip(found.stretches, levels, strict=True):
             for k, row in enumerate(level - top, 1):
-                frequency = k / _nu(stretch.branch) * stretch.values
-                points = np.column_stack([stretch.values, frequency])
+                frequency = k / _nu(section.branch) * section.values
+                points = np.column_stack([section.values, frequency])
                 middle = 0.5 * (row[1:] + row[:-1])
                 shown = middle > lowest
                 highest = max([highest, *frequency[1:][shown]])
@@ -183,22 +221,22 @@ def waterfall(
 
 def _nu(branch: Branch) -> int:
     layout = layout_of(branch)
-    assert layout is not None  # runs are along motions
+    assert layout is not None  # runs consist of motions
     return layout.nu
 
 
-def _levels(stretch: BranchSection, element: int | str, derivative: int) -> Array:
-    """Amplitudes [dB] of all harmonics of the basis (H, values)."""
-    layout = layout_of(stretch.branch)
-    assert layout is not None  # runs are along motions
+def _levels(section: BranchSection, element: int | str, derivative: int) -> Array:
+    """Return the amplitudes [dB] of all harmonics of the basis (H, values)."""
+    layout = layout_of(section.branch)
+    assert layout is not None  # runs consist of motions
     names = [f"H{k}/{layout.nu}" if k % layout.nu else f"H{k // layout.nu}" for k in range(1, layout.harmonics + 1)]
-    found = np.array([stretch.amplitude(name, element, derivative) for name in names])
+    found = np.array([section.amplitude(name, element, derivative) for name in names])
     out: Array = 20 * np.log10(np.maximum(found, 1e-300))
     return out
 
 
 def _connect(ax: Axes, one: RunUp, measure: str, element: int | str) -> None:
-    """Thin lines where the run goes from one curve to another without a jump, such as along a doubled motion."""
+    """Draw thin lines where the run changes to another curve without a jump, such as to a doubled motion."""
     jumps = [jump.value for jump in one.jumps]
     for before, after in pairwise(one.stretches):
         if after.values[0] not in jumps:
@@ -214,10 +252,10 @@ def _quantity(branch: Branch, element: int | str, derivative: int) -> str:
 
 
 def _arrow(ax: Axes, jump: Jump, measure: str, element: int | str, colour: str, derivative: int = 0) -> None:
-    """From the motion left to the one landed on; where that is not known, a cross."""
+    """Draw an arrow from the motion before a jump to the motion after it; a cross if the latter is unknown."""
     start = (jump.value, _height(jump.before, measure, element, derivative))
     if jump.after is None:
-        ax.plot(*start, "x", color=colour, markersize=5, zorder=4, label="lands on none of the curves", gid="lost")
+        ax.plot(*start, "x", color=colour, markersize=5, zorder=4, label="landing unknown", gid="lost")
         return
     end = (jump.value, _height(jump.after, measure, element, derivative))
     style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9}
@@ -226,7 +264,7 @@ def _arrow(ax: Axes, jump: Jump, measure: str, element: int | str, colour: str, 
 
 def _height(point: Point, measure: str, element: int | str, derivative: int) -> float:
     layout = layout_of(point)
-    assert layout is not None  # runs are along motions
+    assert layout is not None  # runs consist of motions
     rows = layout.rows(point.X, element)[None]
     if derivative:
         rows = layout.in_time(rows, {name: np.array([x]) for name, x in point.parameters.items()}, derivative)

@@ -23,7 +23,7 @@ from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, common_scales
 from hbgear.io.branches.columns import MEASURED, bracketed, label_of
-from hbgear.plot.branch_sections import ABOVE, bounded, stretches
+from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
 
 _FIGURES = 7  # significant digits of numbers that are drawn
@@ -79,7 +79,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in MEASURES},
         "measures": MEASURED,
         "stretches": [
-            [[regime, _verdict(s), first, last] for (regime, s), first, last in stretches(branch, j)] for j in each
+            [[regime, _verdict(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
         ],
         "verdicts": branch.stability,
         "regimes": branch.regimes,
@@ -140,7 +140,7 @@ def multipliers(branch: Branch) -> dict[str, Any]:
 
 def _tops(branch: Branch, elements: Sequence[int]) -> dict[str, list[float]]:
     """How far up figures go where a curve runs off to infinity, by measure and element."""
-    return {m: [ABOVE * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in MEASURES}
+    return {m: [HEADROOM * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in MEASURES}
 
 
 def _verdict(stable: bool | str | None) -> str:

@@ -45,8 +45,8 @@ MEASURES = ["pp2", "rms", "max", "mean", "H1", "H2", "H1/2", "H0", "H99", "h1", 
 ELEMENTS = ["0", "1", "-1", "mesh", "spring", "x", "", "9" * 30, "²", "0.0"]
 FIXED = {
     "trace": ["--max-points", "12", "--harmonics", "3"], "map": ["--harmonics", "3", "--seeds", "2"],
-    "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--places", "1", "--guesses", "1"],
-    "sweep": ["--count", "2", "--longest", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
+    "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--frequencies", "1", "--guesses", "1"],
+    "sweep": ["--count", "2", "--max-periods", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
     "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"], "fit": ["--harmonics", "2", "--starts", "1"],
     "study": ["--processes", "1"], "explore": ["--no-browser"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
 }  # fmt: skip
@@ -193,11 +193,11 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         "--column": ["frequency=Omega", "amplitude=amplitude"] if good else ["x=y", "=", "frequency", "amplitude=é"],
         "--unit": ["Omega", "mesh Hz", "Hz", "r/min"] if good else TEXTS,
         "--length": ["um", "m", "mm"] if good else ["s", "N", *TEXTS],
-        "--of": ["Omega", "amplitude", "value", *TEXTS],
+        "--sort-by": ["Omega", "amplitude", "value", *TEXTS],
         "--free": ["zeta", "zeta=0.01:0.2", "e[0]"] if good else NAMES,
-        "--over": ["zeta", "zeta,F", "zeta=0.01:0.2"] if command == "redesign" else files,
+        "--curve": files,
         "label": ["LP1", "PD1", "BP1", "GR1", *TEXTS],
-        "--longest": ["20", "30", "100"] if good else COUNTS,
+        "--max-periods": ["20", "30", "100"] if good else COUNTS,
     }
     table["--bifurcation"] = table["--plot"]
     if option in ("--set", "--at"):
@@ -219,7 +219,7 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
     if option in (
         "--count",
         "--seeds",
-        "--places",
+        "--frequencies",
         "--guesses",
         "--points",
         "--max-points",

@@ -406,12 +406,12 @@ def attempt_branch(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | N
 def _command(rng: Random, file: str) -> list[str]:
     commands = [
         ["info"], ["jumps"], ["plot", "-o", "out.svg"], ["plot", "--point", "LP1", "-o", "out.svg"],
-        ["switch", "LP1"], ["switch", "PD1"], ["validate", "--points", "1"], ["sweep", "duffing", "--over"],
+        ["switch", "LP1"], ["switch", "PD1"], ["validate", "--points", "1"], ["sweep", "duffing", "--curve"],
     ]  # fmt: skip
     shares = [0.34, 0.2, 0.08, 0.03, 0.05, 0.1, 0.1, 0.1]
     name, *rest = commands[int(rng.choice(len(commands), p=shares))]
     if name == "sweep":
-        return [name, *rest, file, "--count", "2", "--longest", "20", "--tolerance", "1e-2"]
+        return [name, *rest, file, "--count", "2", "--max-periods", "20", "--tolerance", "1e-2"]
     return [name, file, *rest]
 
 

@@ -900,7 +900,7 @@ def targets() -> tuple[Target, ...]:
         Target("second_opinion", hb.time.compare_multipliers, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.analysis.run_up, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
         Target(
-            "answers",
+            "machine_quantities",
             hb.analysis.machine_quantities,
             {"found": [curve, point], "element": element, "dof": _is(None, 0)},
         ),

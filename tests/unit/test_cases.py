@@ -431,18 +431,18 @@ def million(tmp_path, monkeypatch):
 
 def test_a_million_cases_are_asked_about(million, capsys):
     code, asked, computed = million(terminal=True)
-    assert code == 3 and computed == [] and "1,000,001 cases. Go on?" in asked[0]
+    assert code == 3 and computed == [] and "1,000,001 cases. Continue?" in asked[0]
 
 
 def test_a_million_cases_without_a_terminal(million, capsys):
-    assert million(terminal=False) == (2, [], []) and "give --yes" in capsys.readouterr().err
+    assert million(terminal=False) == (2, [], []) and "confirm them with --yes" in capsys.readouterr().err
     assert million("--yes", terminal=False) == (2, [], [1_000_001])
 
 
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.toml").write_text(STUDY.format(count=2))
-    monkeypatch.setattr("hbgear.cli.commands.study._PATIENCE", 0.5)
+    monkeypatch.setattr("hbgear.cli.commands.study.SCHEDULER_TIMEOUT", 0.5)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err

@@ -59,7 +59,7 @@ def test_critical_is_that_of_the_library(run):
 
 def test_derivatives_of_a_critical_value(run):
     line = "critical spur-pair zeta --set zeta=0.1 --harmonics 6 --from 1.0 --to 0.6"
-    code, out, err = run(f"{line} --sensitivity --most 2 -o moved.csv --plot moved.png")
+    code, out, err = run(f"{line} --sensitivity --max-rows 2 -o moved.csv --plot moved.png")
     assert (code, err) == (0, "")
     found = hb.analysis.sensitivity(
         hb.analysis.critical_parameter(hb.SpurPair(zeta=0.1), "zeta", harmonics=6, frequencies=(1.0, 0.6)),
@@ -68,14 +68,16 @@ def test_derivatives_of_a_critical_value(run):
     shares = found.percent("zeta")
     lines = [text.split() for text in out.splitlines()]
     table = [words for words in lines if len(words) == 2 + len(found.quantities) and words[0] in shares]
-    assert [words[0] for words in table] == list(shares)[:2] and "percent of each for one percent" in out
+    assert [words[0] for words in table] == list(shares)[:2] and "percent per percent of a parameter" in out
     assert [float(words[2]) for words in table] == pytest.approx(list(shares.values())[:2], abs=6e-5)
-    assert "e[0]" in shares and "1 more with less effect" in out  # e[0], e_scale and F_m; b is a unit
+    assert (
+        "e[0]" in shares and "1 more parameters with smaller derivatives" in out
+    )  # e[0], e_scale and F_m; b is a unit
     assert np.genfromtxt("moved.csv", delimiter=",", names=True, dtype=None, encoding=None).dtype.names[2] == "d_zeta"
     assert os.path.getsize("moved.png") > 10_000
     code, out, _ = run(line)
     assert code == 0 and "percent of each" not in out
-    code, _, err = run(f"{line} --sensitivity --of omega")
+    code, _, err = run(f"{line} --sensitivity --sort-by omega")
     assert code == 2 and "did you mean 'Omega'" in err
     code, _, err = run(f"{line} --sensitivity -o moved.npz")
     assert code == 2 and ".csv" in err

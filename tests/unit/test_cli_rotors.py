@@ -25,7 +25,7 @@ def test_critical_speeds_are_told_and_drawn(tmp_path):
 
 def test_no_critical_speed(capsys):
     result = run("duffing", "--from", "5", "--to", "6")
-    assert result.exit_code == 0 and "no order meets a natural frequency from Omega = 5 to 6" in result.output
+    assert result.exit_code == 0 and "no order crosses a natural frequency from Omega = 5 to 6" in result.output
 
 
 ROTOR = """
@@ -64,7 +64,7 @@ def test_open_clearance_of_a_rotor_and_its_whirl(tmp_path):
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        (["spur-pair", "--order", "shaft=x"], "'x' is no number; give the order over Omega"),
+        (["spur-pair", "--order", "shaft=x"], "'x' is not a number; give the order relative to Omega"),
         (["spur-pair", "--order", "shaft=-1"], "order 'shaft' = -1.0 must be positive"),
         (["spur-pair", "--modes", "5"], "modes = 5 is more than 1"),
         (["spur-pair", "--from", "1", "--to", "1"], "the end of the span"),

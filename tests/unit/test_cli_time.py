@@ -85,7 +85,7 @@ def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
 
     monkeypatch.setattr("hbgear.time.jump_integration.arrivals", interrupted)
     code, out, err = run("trace duffing --harmonics 9 --from 0.9 --to 1.3 -o duffing.npz --landing integrate")
-    assert code == 3 and "they go to the nearest motions" in err and "wrote duffing.npz" in out
+    assert code == 3 and "the nearest motions are shown as landings" in err and "wrote duffing.npz" in out
     assert [jump.landing_description for jump in hb.load("duffing.npz").jumps()] == ["nearest", "nearest"]
 
 
@@ -125,7 +125,7 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
     model = "duffing --set zeta=0.1 --set F=1.2"
     assert run(f"trace {model} --harmonics 9 --from 1.1 --to 1.7 -o hard.npz")[0] == 0
     span = "--from 1.32 --to 1.53 --count 8 --tolerance 1e-4"
-    code, out, err = run(f"sweep {model} --up --down {span} --over hard.npz -o sweep.csv")
+    code, out, err = run(f"sweep {model} --up --down {span} --curve hard.npz -o sweep.csv")
     assert (code, err) == (0, "")
     curve = hb.load("hard.npz")
     rows = [line.split() for line in out.splitlines() if line.strip().startswith("1.")]
@@ -144,10 +144,10 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
         ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be met"]),
         ("validate duffing.npz -o report.txt", ["must end in .csv"]),
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
-        ("sweep duffing --longest 10", ["longest = 10 periods are too few", "need 20 or more"]),
+        ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "need 20 or more"]),
         ("sweep duffing --set k3=-1 --set F=0.5", ["the motion runs away at Omega = "]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
-        ("sweep spur-pair --over duffing.npz", ["Duffing"]),
+        ("sweep spur-pair --curve duffing.npz", ["Duffing"]),
         ("sweep duffing --in zeta=0.1:0.2", ["--at Omega"]),
         ("sweep duffing --at Omega=1 --in Omga=1:2", ["no parameter 'Omga'"]),
     ],

@@ -53,7 +53,7 @@ def test_what_is_critical_in_an_entry_is_where_a_jump_vanishes(run):
 def test_maps_curves_and_fits_take_entries(run):
     for line in ("map spur-pair --in e[0]=0.1:0.12 --harmonics 2 --seeds 2",
                  "trace spur-pair --in e[0]=0.1:0.12 --at Omega=0.9 --harmonics 2",
-                 "redesign spur-pair --over e[0] --harmonics 2 --from 1.4 --to 0.8"):  # fmt: skip
+                 "redesign spur-pair --free e[0] --harmonics 2 --from 1.4 --to 0.8"):  # fmt: skip
         code, _, err = run(*line.split())
         assert code == 0, err
 

@@ -234,7 +234,7 @@ def test_measured_points_of_any_encoding_are_drawn_in_the_units_of_the_figure(se
         up, down = json.loads(answered)["groups"]
         assert status == 200 and [up["name"], down["name"]] == ["run.csv, rising", "run.csv, falling"]
         np.testing.assert_allclose([*up["x"], *up["y"], *down["x"], *down["y"]], [0.5, 0.25, 1.0, 3.0], rtol=1e-6)
-    for content, said in (("n [r/min],q\n1,2", "'q' is not known"), ("n,x\n1," + "1" * 10**6, "a cell has 1000000"),
+    for content, said in (("n [r/min],q\n1,2", "'q' is unknown"), ("n,x\n1," + "1" * 10**6, "a cell has 1000000"),
                           ("n [r/min],x\n1,1e400", "finite")):  # fmt: skip
         sent = {"content": base64.b64encode(content.encode()).decode()}
         status, answered = answer(server, "/measured", {**question(), **sent})

@@ -199,7 +199,7 @@ def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
     monkeypatch.setattr(cli_files, "_pyplot", None)  # is not called
     assert run(*words, "there.png")[0] == 0
     assert (tmp_path / "here.png").read_bytes() == (tmp_path / "there.png").read_bytes()
-    with cli_files.artist() as by, pytest.raises(TypeError), cli_files.outputs() as out:
+    with cli_files.drawing_process() as by, pytest.raises(TypeError), cli_files.outputs() as out:
         out.figure(tmp_path / "none.png", partial(int), by)
 
 
@@ -239,7 +239,7 @@ def test_errors_of_a_file_are_a_line_each(run, file):
 
 
 def test_speed_needs_a_machine(run):
-    assert "does not know its speeds" in run("speed", "duffing")[2]
+    assert "has no scales, so its speeds" in run("speed", "duffing")[2]
 
 
 def test_a_helical_ring_on_the_command_line(run, tmp_path):
@@ -262,7 +262,7 @@ def test_replacing_keeps_a_machine_a_machine(file):
 
 def test_answers_of_a_saved_curve(run, file, tmp_path):
     assert run("trace", file, "--harmonics", 12, "-o", "box.npz")[0] == 0
-    code, out, err = run("answers", "box.npz", "--dof", "q", "-o", "all.csv", "--plot", "all.png")
+    code, out, err = run("results", "box.npz", "--dof", "q", "-o", "all.csv", "--plot", "all.png")
     assert (code, err) == (0, "")
     found = hb.analysis.machine_quantities(hb.load(tmp_path / "box.npz"), dof="q")
     head, *rows = (tmp_path / "all.csv").read_text().splitlines()
@@ -271,6 +271,6 @@ def test_answers_of_a_saved_curve(run, file, tmp_path):
     line = next(x for x in out.splitlines() if x.strip().startswith("dynamic factor [-]"))
     assert float(line.split()[3]) == pytest.approx(found["dynamic factor"][stable].max(), rel=1e-3)
     assert (tmp_path / "all.png").stat().st_size > 20_000
-    code, out, err = run("answers", "box.npz", "noise")
+    code, out, err = run("results", "box.npz", "noise")
     assert code == 2 and "there is no answer 'noise'; there are 'Omega'" in err
-    assert run("answers", "box.npz", "--dof", "z")[0] == 2
+    assert run("results", "box.npz", "--dof", "z")[0] == 2

@@ -128,7 +128,7 @@ def test_the_spring_of_gears_is_taken_out():
         np.testing.assert_allclose(open_.meshes["gears"][0], direction, atol=1e-12)
         np.testing.assert_array_equal(open_.K, Shaft().K(0.0))
     np.testing.assert_allclose(hb.io.from_ross(Shaft(**pair, K_coupling=np.outer(w, w))).meshes["gears"][0], direction)
-    with pytest.raises(ValueError, match="by no spring, and it has no coupling matrix"):
+    with pytest.raises(ValueError, match="no spring couples the gears of the rotor, and it has no coupling matrix"):
         hb.io.from_ross(Shaft(**pair))
     with pytest.raises(ValueError, match="the gears of the rotor cannot be found"):
         hb.io.from_ross(Coupled(mesh=mesh))
@@ -194,7 +194,7 @@ def test_matlab_files_of_version_73(tmp_path):
     ("make", "said"),
     [
         (lambda f: hb.io.from_matrices(f / "none.mat"), "there is no file '.*none.mat'"),
-        (lambda f: hb.io.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in files of their own"),
+        (lambda f: hb.io.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in separate files"),
         (lambda f: hb.io.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give names"),
         (lambda f: hb.io.from_matrices({"M": M}), "K is missing"),
         (lambda f: hb.io.from_matrices({"M": M, "K": K, "D": C}), "no matrix 'D'"),
@@ -223,10 +223,10 @@ def test_bad_input(folder, make, said):
     ("text", "said"),
     [
         ("array real symmetric\n2 2\n1\n0\n1\n5\n5\n5\n5\n5\n", "it has 8 numbers, and its size needs 3"),
-        ("array real general\n2 2\n1\n0\n0\n1\0\n", "it has characters that belong to no number"),
+        ("array real general\n2 2\n1\n0\n0\n1\0\n", "it has characters that are not part of a number"),
         ("coordinate real general\n2 2 3\n1 1 1.0\n2 2 1.0\n", "it has 6 numbers, and its size needs 9"),
-        ("coordinate real general\n2 2 2\n1 1 1.0\n3 2 1.0\n", "it is damaged, or no .mtx file"),
-        ("array real general\n2 2\n1\n0\n0\n1.2.3\n", "it is damaged, or no .mtx file"),
+        ("coordinate real general\n2 2 2\n1 1 1.0\n3 2 1.0\n", "it is damaged, or not a .mtx file"),
+        ("array real general\n2 2\n1\n0\n0\n1.2.3\n", "it is damaged, or not a .mtx file"),
     ],
 )
 def test_matrix_market_files_with_other_numbers_than_their_size_needs(tmp_path, text, said):

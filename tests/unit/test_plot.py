@@ -256,8 +256,11 @@ def test_time_history_and_phase_diagram_of_a_known_motion():
 
 def test_corners_are_drawn_and_shown_only_within_reach():
     point = rich_point()
-    assert [line.get_ydata()[0] for line in plot.time_history(point).lines if line.get_gid() == "corner"] == [-1, 1]
-    assert [line.get_xdata()[0] for line in plot.phase_diagram(point).lines if line.get_gid() == "corner"] == [-1, 1]
+    assert [line.get_ydata()[0] for line in plot.time_history(point).lines if line.get_gid() == "breakpoint"] == [-1, 1]
+    assert [line.get_xdata()[0] for line in plot.phase_diagram(point).lines if line.get_gid() == "breakpoint"] == [
+        -1,
+        1,
+    ]
     low, high = plot.time_history(point).get_ylim()
     assert low < -1 and high > 2
     small = Point(point.X * np.r_[1, np.full(16, 0.05)], point.parameters, 0, 1, None, point.regime, 0.0, point.layout)

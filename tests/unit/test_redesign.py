@@ -180,16 +180,16 @@ def run(*words):
 def test_command(tmp_path, capsys):
     said = ["redesign", "duffing", "--harmonics", "1"]
     path = tmp_path / "new.npz"
-    assert run(*said, "--over", "zeta,F", "-o", str(path)) == 0
+    assert run(*said, "--free", "zeta,F", "-o", str(path)) == 0
     assert "the goal is reached" in capsys.readouterr().out
     assert not hb.load(path).jumps()
-    assert run(*said, "--over", "zeta=0.04:0.052", "--peak", "0.5") == 1
+    assert run(*said, "--free", "zeta=0.04:0.052", "--peak", "0.5") == 1
     assert "the goal is missed by" in capsys.readouterr().out
-    assert run(*said, "--over", "zeta,F", "--scatter", "zeta=0.002", "--draws", "4") == 0
-    assert "100% of 4 machines drawn from the scatter reach it" in capsys.readouterr().out
-    assert run(*said, "--over", "F", "--margin", "0.1", "--margin-in", "zeta") == 0
-    assert run(*said, "--over", "F", "--draws", "4") == 2
-    assert run(*said, "--over", "F", "--margin", "0.1", "--peak", "1") == 2
-    assert "give it or --peak" in capsys.readouterr().err
-    assert run(*said, "--over", "zeta=0.04") == 2
+    assert run(*said, "--free", "zeta,F", "--scatter", "zeta=0.002", "--draws", "4") == 0
+    assert "100% of 4 machines drawn from the scatter reach the goal" in capsys.readouterr().out
+    assert run(*said, "--free", "F", "--margin", "0.1", "--margin-in", "zeta") == 0
+    assert run(*said, "--free", "F", "--draws", "4") == 2
+    assert run(*said, "--free", "F", "--margin", "0.1", "--peak", "1") == 2
+    assert "give --margin or --peak" in capsys.readouterr().err
+    assert run(*said, "--free", "zeta=0.04") == 2
     assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err

@@ -219,14 +219,14 @@ def test_data_cannot_end_its_script():
     ("text", "message"),
     [
         ("", "has no rows of numbers"),
-        ("a,b\n1,2\n3,4", "column 'b' is not known; accepted are frequency"),
+        ("a,b\n1,2\n3,4", "column 'b' is unknown; accepted are frequency"),
         ("Omega,x\n1,2\n3,x", "line 3: 'x' in the column 'x' must be a number"),
         ("f [Hz], x\n1,2", "does not know its units"),
         ("Omega, x [um]\n1,2", "does not know its unit of length"),
         ("n, x\n1,2", "'n' has no unit"),
         ("n [Hz], x\n1,2", "may be the mesh frequency or turns per second"),
-        ("Omega, x [kg]\n1,2", "has a unit that is not known for the amplitude; accepted are um"),
-        ("n [furlong], x\n1,2", "has a unit that is not known for the frequency"),
+        ("Omega, x [kg]\n1,2", "has an unknown unit for the amplitude; accepted are um"),
+        ("n [furlong], x\n1,2", "has an unknown unit for the frequency"),
     ],
 )
 def test_measured_points_that_are_none(text, message):

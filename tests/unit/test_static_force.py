@@ -51,6 +51,6 @@ def test_a_small_static_force_counts():
 def test_command_prints_no_factor(curve, tmp_path):
     path = tmp_path / "rotor.npz"
     curve.save(path)
-    result = CliRunner().invoke(cli.app, ["answers", str(path), "--element", "y"])
+    result = CliRunner().invoke(cli.app, ["results", str(path), "--element", "y"])
     assert result.exit_code == 0, result.output
-    assert "-, as the static force is zero" in result.output
+    assert "undefined: static force is zero" in result.output

@@ -36,7 +36,7 @@ def shell(folder, line, limit=60):
     return ended.returncode, file.read_text(), ended.stdout
 
 
-PRINTED = "hbgear: error: the result could not be printed ({}); files that were asked for are written\n"
+PRINTED = "hbgear: error: the result could not be printed ({}); the output files are written\n"
 
 
 @pytest.mark.parametrize(

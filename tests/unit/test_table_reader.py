@@ -57,7 +57,7 @@ def test_the_unit_says_which_quantity_was_measured(tmp_path):
         table = written(tmp_path / f"{name}.csv", f"f [Hz],real [{unit}],imag [{unit}]",
                         (f[1:], scale * values.real, scale * values.imag))  # fmt: skip
         np.testing.assert_allclose(receptance(table, static=[[1e-4]])[-100:], H[1:], rtol=1e-9)
-        with pytest.raises(ValueError, match=r"is in the unit of \w+, and not of receptance; give quantity="):
+        with pytest.raises(ValueError, match=r"is that of \w+, not receptance; give quantity="):
             receptance(table, quantity="receptance")
 
 
@@ -65,14 +65,14 @@ def test_the_unit_says_which_quantity_was_measured(tmp_path):
     ("header", "message"),
     [
         ("frequency [Hz],real,phase [deg]", "need a frequency with real and imaginary part"),
-        ("frequency [Hz],real,quadrature", "column 'quadrature' is not known; accepted are frequency .frequency, freq"),
-        ("frequency [furlong],real,imag", "a unit that is not known for the frequency; accepted are Hz, mHz, kHz"),
-        ("frequency [Hz],real [kg],imag [kg]", "a unit that is not known for the real part; accepted are m/N"),
-        ("frequency [Hz],magnitude,phase [V]", "a unit that is not known for the phase; accepted are deg, rad"),
+        ("frequency [Hz],real,quadrature", "column 'quadrature' is unknown; accepted are frequency .frequency, freq"),
+        ("frequency [furlong],real,imag", "an unknown unit for the frequency; accepted are Hz, mHz, kHz"),
+        ("frequency [Hz],real [kg],imag [kg]", "an unknown unit for the real part; accepted are m/N"),
+        ("frequency [Hz],magnitude,phase [V]", "an unknown unit for the phase; accepted are deg, rad"),
         ("frequency [Hz],real,real", "'real' and 'real' are both the real part"),
         ("n,real,imag", "'n' has no unit; write it as in 'n .Hz.'"),
         ("frequency [Hz],magnitude,phase", "may be degrees or radians"),
-        ("x,real,imag", "column 'x' is not known"),
+        ("x,real,imag", "column 'x' is unknown"),
     ],
 )
 def test_names_and_units_that_are_not_known(tmp_path, header, message):
@@ -113,17 +113,17 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("phase [deg];k [N/m]\n0;1.234,5\n9;1\n18;1\n", "separators of thousands"),
+        ("phase [deg];k [N/m]\n0;1.234,5\n9;1\n18;1\n", "thousands separators"),
         ("phase [deg];k [N/m]\n0;1,5\n90;1.5\n", "line 3: '1.5' has another decimal mark"),
         ("phase [deg];k [N/m]\n0;1_000\n90;1\n180;1\n", "line 2: '1_000' in the column 'k .N/m.' must be a number"),
-        ("phase [deg];k [N/m]\n0;1\n90\n180;1\n", "line 3 has 1 cells, where there are 2 columns"),
+        ("phase [deg];k [N/m]\n0;1\n90\n180;1\n", "line 3 has 1 cells, and the table has 2 columns"),
         ("phase [deg];k [N/m]\n0;1\n90;1e999\n180;1\n", "line 3: '1e999' .* finite"),
         ("phase [deg];k [N/m]\n0;" + "1" * 300 + "\n", "line 2: a cell has 300 characters"),
         ("phase [deg];k [N/m]\n0;\"1\n", "line 2: quotation marks are not closed"),
-        ("rig two\nphase [deg];k [N/m]\n0;1\n", "line 1: 'rig two' is no row of numbers; mark remarks with #"),
+        ("rig two\nphase [deg];k [N/m]\n0;1\n", "line 1: 'rig two' is not a row of numbers; mark comments with #"),
         ("phase [deg];k [N/m];e [m]\n0;1\n", "line 3|2 cells"),
         ("roll angle [deg];k [N/m]\n0;1\n90;1\n270;1\n", "the first column is 'roll angle'; need the phase"),
-        ("\0\1\2\3\0\0\1", "it is no text"),
+        ("\0\1\2\3\0\0\1", "it is not text"),
         ("phase [deg];k [N/m]\n0;1\n#N/A;1\n180;1\n", "line 3: '#N/A' in the column 'phase .deg.' must be a number"),
         ("0;1\n90;1\n180;1\n", "line of column names"),
     ],
@@ -182,7 +182,7 @@ def test_headings_and_arguments_that_contradict(tmp_path):
     with pytest.raises(ValueError, match="is rms, and measure = 'max' was given"):
         hb.design.read_measurements(path, measure="max")
     path.write_text("f [Hz],x,coolant\n600,1,20\n")
-    with pytest.raises(ValueError, match="'coolant' is not known"):
+    with pytest.raises(ValueError, match="'coolant' is unknown"):
         hb.design.read_measurements(path)
     path.write_text("n,x,coolant\n600,1,20\n")
     with pytest.raises(ValueError, match="'n' has no unit"):

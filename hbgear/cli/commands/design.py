@@ -1,4 +1,4 @@
-"""Commands on designs: ``hbgear map``, ``critical_parameter``, ``switch`` and ``survey``."""
+"""Commands on designs: ``hbgear map``, ``critical``, ``switch`` and ``survey``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import hbgear as hb
 from hbgear.analysis.summary import digits_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
-from hbgear.cli.commands.shares import Most, Saved, show_shares
+from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -29,8 +29,8 @@ from hbgear.cli.support import (
     bar,
     chosen_model,
     element_of,
-    end_of,
     exit_code,
+    finish,
     print_table,
     problem_in,
     problem_of,
@@ -43,7 +43,7 @@ from hbgear.io.map_file import read_map, save_map
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
+    """Add the commands of this module."""
     app.command(name="map")(map_command)
     app.command()(critical)
     app.command()(switch)
@@ -63,16 +63,16 @@ def map_command(
     ],
     changes: Changes = None,
     harmonics: Harmonics = "16",
-    seeds: Annotated[int, typer.Option(min=2, help="Response curves on which jumps are looked for.")] = 3,
+    seeds: Annotated[int, typer.Option(min=2, help="Response curves that are searched for jumps.")] = 3,
     first: First = None,
     last: Last = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Jump map: jump frequencies against a design parameter, and where they vanish.
+    """Compute a jump map: jump frequencies against a design parameter, and where jumps vanish.
 
-    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved). With -o FILE.csv all
-    curves that are whole are kept as FILE.part.npz then, and the same command goes on from there.
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (complete curves are shown and saved). With -o
+    FILE.csv, complete curves are then kept in FILE.part.npz, and the same command continues from them.
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
@@ -83,7 +83,7 @@ def map_command(
     known = None
     if part and part.exists():
         known = read_map(part, problem, parameter, span, frequencies)
-        print(f"going on from '{part}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
+        print(f"continuing from '{part}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
     with bar("map") as progress:
         found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
                             known=known)  # fmt: skip
@@ -99,17 +99,17 @@ def map_command(
         if part and found.status is hb.Status.INTERRUPTED:
             out.write(part, partial(save_map, found))
             print(f"{len(found.curves)} response curves and {len(found.folds)} fold curves are kept in '{part}': the "
-                  "same command goes on from there")  # fmt: skip
+                  "same command continues from there")  # fmt: skip
         elif part:
             part.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(found))
         if not rows:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")
         else:
-            print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
+            print_table([parameter, "Omega", "Omega during the jump"], rows, "jump curves")
         for cusp in found.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
-    end_of(found)
+    finish(found)
 
 
 def critical(
@@ -125,21 +125,21 @@ def critical(
     first: First = None,
     last: Last = None,
     derivatives: Annotated[
-        bool, typer.Option("--sensitivity", help="Which other parameters the value depends on, and how much.")
+        bool, typer.Option("--sensitivity", help="Print the derivatives of the value by all other parameters.")
     ] = False,
     quantity: Annotated[
-        str, typer.Option("--of", help="What that table is sorted by, such as Omega.", show_default="PARAMETER")
+        str, typer.Option("--sort-by", help="Quantity by which that table is sorted.", show_default="PARAMETER")
     ] = "",
-    most: Most = 15,
+    max_rows: MaxRows = 15,
     output: Saved = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
+    """Compute the value of a parameter at which a jump appears or vanishes, and the frequency of that jump.
 
-    With --sensitivity, -o or --plot also its derivatives in all other parameters, in percent for one percent of each.
-    Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
+    With --sensitivity, -o or --plot also its derivatives by all other parameters, in percent per percent.
+    Exit codes: 0 found, 2 bad input or no such value, 3 stopped early (results so far are shown).
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
@@ -159,12 +159,12 @@ def critical(
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
     print(f"the model has {parameter} = {own:.6g}{distance}")
     for other, Omega in found.others:
-        place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
-        print(f"another jump appears or vanishes at {place}")
+        values = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
         moved = hb.analysis.sensitivity(found, measure=measure, element=element_of(element))
-        show_shares(moved, quantity, most, output, plot)
-    end_of(found)
+        show_shares(moved, quantity, max_rows, output, plot)
+    finish(found)
 
 
 def switch(
@@ -192,7 +192,7 @@ def switch(
         out.branch(output, new)
         out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
         print(f"from {label} of {file}: {len(new)} points; {new.message}")
-        show_branch(new, measure, which, beside=(branch,), names=names[:1])
+        show_branch(new, measure, which, other_branches=(branch,), names=names[:1])
     raise typer.Exit(exit_code(new))
 
 
@@ -203,8 +203,10 @@ def survey(
     last: Last = None,
     harmonics: Harmonics = "16",
     nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
-    places: Annotated[int, typer.Option(min=1, help="Frequencies at which more motions are sought.")] = 5,
-    guesses: Annotated[int, typer.Option(min=1, help="Random starts at each.")] = 20,
+    frequencies: Annotated[
+        int, typer.Option("--frequencies", min=1, help="Frequencies at which further motions are searched.")
+    ] = 5,
+    guesses: Annotated[int, typer.Option(min=1, help="Random initial guesses at each frequency.")] = 20,
     folder: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for branch1.npz, branch2.npz, ...")
     ] = None,
@@ -212,9 +214,9 @@ def survey(
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Every branch in a span, also those not connected with each other.
+    """Trace every branch in a span, including disconnected branches.
 
-    Exit codes: 0 all was searched, 2 bad input, 3 stopped early (what was found is shown and saved).
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
@@ -225,7 +227,7 @@ def survey(
     problem = problem_of(machine, harmonics, nu=nu)
     span = span_of(problem.model, first, last)
     with bar("survey") as progress:
-        found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, progress=progress)
+        found = hb.trace_all(problem, span, frequencies=frequencies, guesses=guesses, progress=progress)
     with outputs() as out:
         for number, branch in enumerate(found.branches, 1):
             out.branch(folder / f"branch{number}.npz" if folder else None, branch)
@@ -233,6 +235,6 @@ def survey(
         for number, branch in enumerate(found.branches, 1):
             print(f"branch {number}: {len(branch)} points; {branch.message}")
             others = [i for i in range(len(found)) if i != number - 1]
-            beside, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
-            show_branch(branch, measure, which, beside, names)
-    end_of(found, *found.branches)
+            other_branches, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
+            show_branch(branch, measure, which, other_branches, names)
+    finish(found, *found.branches)

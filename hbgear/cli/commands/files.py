@@ -1,4 +1,4 @@
-"""The files a command writes: looked at before the work, and kept somewhere else if their place fails after it."""
+"""Output files: checked before the computation, and written to another folder if their own fails afterwards."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli.startup import IS_COMMAND
-from hbgear.cli.support import BAD_INPUT, say
+from hbgear.cli.support import BAD_INPUT, print_message
 from hbgear.common import atomic_write
 from hbgear.common.process.threads import processors
 
@@ -27,7 +27,7 @@ FIGURES = (".png", ".pdf", ".svg")
 
 
 def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
-    """Refuse now what could not be written when the work is done."""
+    """Refuse, before the computation, a path that could not be written."""
     if path is None:
         return
     if path.suffix.lower() not in allowed:
@@ -38,18 +38,18 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
 
 
 class Outputs:
-    """Writes files one by one; none of them can keep the others from being written, or the result from being printed.
+    """Writes files one by one; a failure neither keeps the others from being written nor the result from being printed.
 
-    Where a file cannot be written, it goes under a free name to the current folder, else to that for temporary files.
+    A file that cannot be written gets a free name in the current folder, else in the folder for temporary files.
     """
 
     def __init__(self) -> None:
         self.written: list[Path] = []
-        self.displaced = False  # whether a file is not where it was wanted
+        self.displaced = False  # whether a file is not at its path
         self.bug: Exception | None = None
 
     def write(self, path: Path | None, write: Callable[[Path], object]) -> None:
-        """Call ``write`` with the path, or with that of a fallback, and say so; nothing without a path."""
+        """Call ``write`` with the path, or with a fallback, which is reported; nothing without a path."""
         if path is None:
             return
         reason = self._tried(path, write)
@@ -60,16 +60,16 @@ class Outputs:
         for folder in _fallbacks(path):
             tried.append(f"'{folder}'")
             if self._tried(other := _free(folder, path.name), write) is None:
-                say("error", f"{reason}; it is kept as '{other}' instead")
+                print_message("error", f"{reason}; it is kept as '{other}' instead")
                 return
-        say("error", f"{reason}; it could not be kept in {' or '.join(tried) or 'another folder'} either")
+        print_message("error", f"{reason}; it could not be kept in {' or '.join(tried) or 'another folder'} either")
 
     def branch(self, path: Path | None, branch: hb.Branch) -> None:
         """Save or export a branch by the suffix."""
         self.write(path, branch.save if path and path.suffix.lower() == ".npz" else branch.export)
 
     def figure(self, path: Path | None, make: Callable[[Any], Any], by: Executor | None = None) -> None:
-        """A figure, without a window; make is given the module `hbgear.plot`, by the process of `artist` if any."""
+        """Write a figure without a window; ``make`` gets `hbgear.plot`, in the process ``by`` if one is given."""
         draw = partial(_draw, make)
         self.write(path, draw if by is None else lambda path: by.submit(draw, path).result())
 
@@ -78,7 +78,7 @@ class Outputs:
             write(path)
         except OSError as error:
             return error
-        except Exception as error:  # a bug, in a figure for instance: told when all else is written and printed
+        except Exception as error:  # a bug, such as one in a figure: raised after all else is written and printed
             self.bug = self.bug or error
         else:
             self.written.append(path)
@@ -87,35 +87,35 @@ class Outputs:
 
 @contextmanager
 def outputs() -> Iterator[Outputs]:
-    """Write files in here first and then print the result; at the end it is said which files were written.
+    """Write the files of a block before the result is printed; report at the end which files were written.
 
     Raises
     ------
     typer.Exit
-        With 2 if a file is not where it was wanted.
+        With 2 if a file is not at its path.
     """
     out = Outputs()
     try:
         yield out
     finally:
-        wrote(*out.written)
+        report_written(*out.written)
     if out.bug is not None:
         raise out.bug
     if out.displaced:
         raise typer.Exit(BAD_INPUT)
 
 
-def wrote(*paths: Path | None) -> None:
-    """Say which files were written."""
+def report_written(*paths: Path | None) -> None:
+    """Print which files were written."""
     if any(paths):
         print("wrote", ", ".join(str(path) for path in paths if path))
 
 
 @contextmanager
-def artist() -> Iterator[Executor | None]:
-    """A process that draws while this one computes, and first imports what that needs; None if there is one processor.
+def drawing_process() -> Iterator[Executor | None]:
+    """Yield a process that draws while this one computes; None if there is one processor.
 
-    None in other programs too, who have not asked for processes.
+    It imports the plotting modules at once. None also in programs other than the command.
     """
     if not IS_COMMAND or processors() < 2:
         yield None
@@ -123,14 +123,14 @@ def artist() -> Iterator[Executor | None]:
     from hbgear.design.studies.processes import executor_of
 
     with executor_of(None, 1, 1) as pool:
-        pool.submit(_ready)
+        pool.submit(_import_plotting)
         yield pool
 
 
-def _ready() -> None:
-    """Import what draws."""
+def _import_plotting() -> None:
+    """Import the plotting modules."""
     _pyplot()
-    from hbgear.plot.machines import mesh  # noqa: F401 with the files it is made of
+    from hbgear.plot.machines import mesh  # noqa: F401 imports all modules of the figure
 
 
 def _pyplot() -> Any:
@@ -153,16 +153,16 @@ def _draw(make: Callable[[Any], Any], path: Path) -> None:
 
 
 def _fallbacks(path: Path) -> Iterator[Path]:
-    """Folders to write to instead."""
+    """Yield the fallback folders."""
     for folder in (Path.cwd, tempfile.gettempdir):
-        with suppress(OSError):  # a current folder that was removed, no folder for temporary files
+        with suppress(OSError):  # the current folder was removed, or there is none for temporary files
             found = Path(folder())
             if not path.parent.is_dir() or not found.samefile(path.parent):
                 yield found
 
 
 def _free(folder: Path, name: str) -> Path:
-    """A path in the folder that no file has yet."""
+    """Return a free path in the folder."""
     path, number = folder / name, 1
     while path.exists():
         number += 1

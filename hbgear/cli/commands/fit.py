@@ -1,4 +1,4 @@
-"""Commands on what parameters do, which fit and which cure: ``sensitivity``, ``scatter``, ``fit``, ``redesign``."""
+"""Commands on parameters: ``hbgear sensitivity``, ``scatter``, ``fit`` and ``redesign``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
-from hbgear.cli.commands.shares import ROUNDING, Most, Saved, show_shares
+from hbgear.cli.commands.shares import ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -28,7 +28,7 @@ from hbgear.cli.support import (
     bar,
     chosen_model,
     element_of,
-    end_of,
+    finish,
     number_of,
     point_of,
     print_table,
@@ -40,7 +40,7 @@ from hbgear.design.fitting.measurements import FREQUENCIES
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
+    """Add the commands of this module."""
     app.command()(sensitivity)
     app.command()(scatter)
     app.command()(fit)
@@ -59,20 +59,23 @@ def sensitivity(
     ],
     model: OwnModel = None,
     quantity: Annotated[
-        str, typer.Option("--of", help="What the table is sorted by, such as 'pinion r/min'.", show_default="Omega")
+        str,
+        typer.Option(
+            "--sort-by", help="Quantity by which the table is sorted, such as 'pinion r/min'.", show_default="Omega"
+        ),
     ] = "",
-    most: Most = 15,
+    max_rows: MaxRows = 15,
     output: Saved = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
     multipliers: Annotated[
-        bool, typer.Option("--multipliers", help="The largest modulus of the Floquet multipliers too, as |mu|.")
+        bool, typer.Option("--multipliers", help="Include the largest modulus of the Floquet multipliers, |mu|.")
     ] = False,
 ) -> None:
-    """Which parameters the frequency and the amplitude of a point of a saved curve depend on, and how much.
+    """Compute the derivatives of the frequency and amplitude of a point of a saved curve by all parameters.
 
-    The table is in percent for one percent of each parameter, the largest first.
+    The table is in percent per percent of each parameter, the largest first.
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
@@ -81,7 +84,7 @@ def sensitivity(
     branch = hb.load(file, problem=problem_in(branch, model))
     chosen = _chosen(branch, point, measure, which)
     found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    show_shares(found, quantity, most, output, plot)
+    show_shares(found, quantity, max_rows, output, plot)
 
 
 def scatter(
@@ -91,17 +94,19 @@ def scatter(
         typer.Argument(metavar="NAME=DEVIATION...", help="Standard deviations of parameters, such as zeta=0.002."),
     ],
     model: OwnModel = None,
-    draws: Annotated[int, typer.Option(min=2, help="Of the Monte Carlo sample beside the first order.")] = 300,
-    sigmas: Annotated[float, typer.Option(help="Standard deviations that the band reaches to both sides.")] = 2.0,
-    unit: Annotated[str, typer.Option(help=f"Of the band's frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
-    length: Annotated[str, typer.Option(help="Unit of its amplitudes, such as um.", show_default="the model's")] = "",
+    draws: Annotated[int, typer.Option(min=2, help="Size of the Monte Carlo sample.")] = 300,
+    sigmas: Annotated[float, typer.Option(help="Half width of the band in standard deviations.")] = 2.0,
+    unit: Annotated[str, typer.Option(help=f"Unit of the frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
+    length: Annotated[
+        str, typer.Option(help="Unit of the amplitudes, such as um.", show_default="from the model")
+    ] = "",
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """How the jumps of a saved curve scatter if parameters do, and with --plot the band in which the curve lies.
+    """Compute the scatter of the jumps of a saved curve for scattered parameters; --plot draws the band of the curve.
 
-    To first order, with Monte Carlo beside it: the equations of each jump solved for every draw.
+    To first order, and by Monte Carlo: the equations of each jump are solved for every draw.
     """
     check_writable(plot, FIGURES)
     deviations = {name: number_of(name, text) for name, text in assignments("NAME=DEVIATION", spread)}
@@ -120,11 +125,11 @@ def scatter(
                  _known(one.sampled, ".3g"), str(one.lost), *(f"{effect:+.3g}" for effect in one.effects.values())]
                 for one in jumps
             ]  # fmt: skip
-            title = f"standard deviation of each jump, that of {draws} draws, and the share of each parameter"
-            print_table(["jump", "while", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+            title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
+            print_table(["jump", "sweep", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
             for one in jumps:
                 if one.lost:
-                    print(f"{one.label} vanishes in {one.lost} of {draws} draws, of which it has no frequency")
+                    print(f"{one.label} vanishes in {one.lost} of {draws} draws")
         else:
             print("the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):
@@ -147,34 +152,34 @@ def fit(
     model: Model,
     free: Annotated[
         str,
-        typer.Option("--free", metavar="NAME,...", help="What is sought: zeta,b or, with bounds, zeta=0.01:0.2,e[0]."),
+        typer.Option("--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2."),
     ],
     changes: Changes = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=HEAD", help="What a column is called in the file: frequency=rpm; repeatable."),
+        typer.Option(metavar="NAME=HEADER", help="Header of a column in the file: frequency=rpm; repeatable."),
     ] = None,
     unit: Annotated[
         str | None,
         typer.Option(
-            help=f"Of frequencies whose column states no unit: {', '.join(FREQUENCIES)}.", show_default="Omega"
+            help=f"Unit of frequencies whose column states none: {', '.join(FREQUENCIES)}.", show_default="Omega"
         ),
     ] = None,
     length: Annotated[
         str,
-        typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="the model's"),
+        typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="from the model"),
     ] = "",
     harmonics: Harmonics = "16",
-    starts: Annotated[int, typer.Option(min=1, help="Starts that are followed if the first fits badly.")] = 3,
+    starts: Annotated[int, typer.Option(min=1, help="Starting points to follow if the first fits badly.")] = 3,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the fitted curve as .npz.")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Values of parameters with which the response is nearest to measured sweeps; the model's are the start.
+    """Fit parameters to measured sweeps; the values of the model are the starting point.
 
     A row of the file without an amplitude is the frequency of a measured jump.
-    Exit codes: 0 done, 2 bad input, 3 stopped early (the best values until then are shown).
+    Exit codes: 0 done, 2 bad input, 3 stopped early (the best values so far are shown).
     """
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
@@ -202,33 +207,36 @@ def fit(
             print_table(["", "correlation"], pairs)
         if not math.isnan(found.mean_square):
             print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
-        for doubt in found.doubts:
-            print(f"warning: {doubt}")
-    end_of(found)
+        for warning in found.doubts:
+            print(f"warning: {warning}")
+    finish(found)
 
 
 def redesign(
     model: Model,
-    over: Annotated[
-        str, typer.Option("--over", metavar="NAME,...", help="What may change: zeta,e_scale or zeta=0.04:0.1,e_scale.")
+    free: Annotated[
+        str,
+        typer.Option("--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1."),
     ],
     peak: Annotated[
-        float | None, typer.Option("--peak", help="Limit of the highest peak; without it all jumps are removed.")
+        float | None, typer.Option("--peak", help="Limit of the highest peak; default: remove all jumps.")
     ] = None,
     changes: Changes = None,
     scatter: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept in reserve; repeatable."),
+        typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept as a margin; repeatable."),
     ] = None,
-    sigmas: Annotated[float, typer.Option(min=0, help="How many standard deviations are kept in reserve.")] = 2.0,
+    sigmas: Annotated[float, typer.Option(min=0, help="Margin in standard deviations.")] = 2.0,
     draws: Annotated[
-        int | None, typer.Option(min=1, help="Instead of a reserve: reach the goal for so many draws of the scatter.")
+        int | None, typer.Option(min=1, help="Reach the goal for this many draws of the scatter, without a margin.")
     ] = None,
-    share: Annotated[float, typer.Option(help="With --draws: the share of them that is to reach the goal.")] = 1.0,
+    fraction: Annotated[
+        float, typer.Option(help="With --draws: fraction of the draws that must reach the goal.")
+    ] = 1.0,
     margin: Annotated[
-        float | None, typer.Option(help="Keep jumps off by this share of a parameter: their cusp is so far away.")
+        float | None, typer.Option(help="Relative distance of a parameter from the value at which a jump appears.")
     ] = None,
-    margin_in: Annotated[str, typer.Option(metavar="NAME", help="The parameter of --margin.")] = "",
+    margin_in: Annotated[str, typer.Option(metavar="NAME", help="Parameter of --margin.")] = "",
     first: First = None,
     last: Last = None,
     harmonics: Harmonics = "16",
@@ -237,7 +245,7 @@ def redesign(
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """The least relative change of a design that removes its jumps, or keeps the highest peak below a limit.
+    """Find the smallest relative change of a design that removes its jumps or limits its highest peak.
 
     Exit codes: 0 the goal is reached, 1 no values within the bounds reach it, 2 bad input, 3 stopped early.
     """
@@ -245,42 +253,43 @@ def redesign(
     check_writable(plot, FIGURES)
     problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
     if peak is not None and margin is not None:
-        raise ValueError("--margin is the distance to a jump; give it or --peak")
+        raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
     goal = hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, which)
-    parts = dict(_bounds(text) for text in over.split(",") if text.strip())
+    parts = dict(_bounds(text) for text in free.split(",") if text.strip())
     within = {name: bounds for name, bounds in parts.items() if bounds is not None}
     spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
     span = span_of(problem.model, first, last)
     if draws and not spread:
-        raise ValueError("--draws are of the scatter; give --scatter NAME=DEVIATION too")
+        raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
     drawn = (
         hb.design.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
     )
     with bar("redesign") as progress:
         found = hb.design.redesign(
             problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
-            share=share, span=span, progress=progress,
+            share=fraction, span=span, progress=progress,
         )  # fmt: skip
     own = problem.model.parameters | problem.model.entries
     rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
-        print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
+        print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {found.distance:.2%}")
         if draws:
-            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach it")
-        missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
-        print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
+            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach the goal")
+        distance = "" if math.isnan(found.short) else f" by {found.short:.2%}"
+        print("the goal is reached" if found.reached else f"the goal is missed{distance}: {found.message}")
     if not found.status.complete:
-        end_of(found)
-    raise typer.Exit(0 if found.reached else MISSED)
+        finish(found)
+    raise typer.Exit(0 if found.reached else GOAL_MISSED)
 
 
-MISSED = 1
+GOAL_MISSED = 1
+"""Exit code of a redesign that does not reach its goal."""
 
 
 def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
-    """Name and bounds of a part of --free or --over."""
+    """Return the name and the bounds of an entry of --free."""
     name, equals, ends = (part.strip() for part in text.partition("="))
     if not equals:
         return name, None
@@ -295,7 +304,7 @@ def _known(number: float, form: str) -> str:
 
 
 def _chosen(branch: hb.Branch, text: str, measure: str, element: int | str) -> hb.Point | hb.Jump:
-    """The point or jump that is meant."""
+    """Return the point or jump given by a text."""
     jumps = branch.jumps()
     if text.startswith("jump") and text[4:].isdecimal():
         if not 1 <= int(text[4:]) <= len(jumps):

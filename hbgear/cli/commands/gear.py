@@ -1,4 +1,4 @@
-"""Commands for machines in the engineer's words: ``hbgear gear``, ``hbgear speed``, ``hbgear answers``."""
+"""Commands for machines given by drawing data: ``hbgear gear``, ``hbgear speed``, ``hbgear results``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.engineering_quantities import problem_along
 from hbgear.analysis.summary import digits_of, text_at
-from hbgear.cli.commands.files import BRANCHES, FIGURES, artist, check_writable, outputs
+from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -40,36 +40,38 @@ if TYPE_CHECKING:
 
     from hbgear.io.machines.machine_file import Machine
 
-_LOOKED_AT = 5  # motions of a curve of which the dynamic factor is computed to find the largest
+FACTOR_CANDIDATES = 5
+"""Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
 
-_GRADE = 6  # of accuracy, for K_v: the usual one of ground gears
+ACCURACY_GRADE = 6
+"""Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
 
-USUAL_DAMPING = 0.04
-"""Damping ratio of a mesh that is assumed where none is given: measured ones lie between 0.02 and 0.1."""
+DEFAULT_DAMPING = 0.04
+"""Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
+    """Add the commands of this module."""
     app.command()(gear)
     app.command()(speed)
-    app.command()(answers)
+    app.command()(results)
 
 
 def gear(
     z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
     module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
     width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
-    torque: Annotated[str, typer.Option(help="On the pinion, such as 200Nm.")],
-    backlash: Annotated[str, typer.Option(help="Circumferential on the working pitch circle, such as 80um.")],
+    torque: Annotated[str, typer.Option(help="Torque on the pinion, such as 200Nm.")],
+    backlash: Annotated[str, typer.Option(help="Circumferential backlash on the working pitch circle, such as 80um.")],
     damping: Annotated[
-        str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(USUAL_DAMPING))
+        str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(DEFAULT_DAMPING))
     ] = None,
     helix: Annotated[str, typer.Option(help="Helix angle of the pinion, positive right-handed.")] = "0 deg",
     pressure: Annotated[str, typer.Option(help="Normal pressure angle.")] = "20 deg",
     shift: Annotated[str, typer.Option(metavar="X1,X2", help="Profile shifts over the module.")] = "0,0",
     relief: Annotated[str, typer.Option(help="Tip relief of both gears, such as 15um.")] = "0 um",
     measure: Annotated[
-        str, typer.Option("--backlash-as", help="How backlash is given: circumferential, normal or action.")
+        str, typer.Option("--backlash-as", help="Definition of the backlash: circumferential, normal or action.")
     ] = "circumferential",
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
@@ -77,10 +79,10 @@ def gear(
         Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="gear-Z1-Z2.png")
     ] = None,
 ) -> None:
-    """From a drawing to a jump: geometry, mesh stiffness, natural frequency, and at what speeds the pair jumps.
+    """Compute geometry, mesh stiffness, natural frequency and jump speeds of a gear pair from its drawing.
 
-    What was assumed is told with what the jumps become if it is otherwise. -o writes a file for hbgear trace and hbgear
-    speed, in which everything else can be said: other inertias, centre distance, crowning, bearings.
+    A table shows how the jumps change with the assumed values. -o writes a file for hbgear trace and hbgear speed,
+    which can also hold other inertias, centre distance, crowning and bearings.
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
     """
     teeth = _pair_of("--z", z, int, "25,40")
@@ -88,28 +90,28 @@ def gear(
     check_writable(output, (".toml",))
     check_writable(plot, FIGURES)
     machine = _machine(
-        teeth, module, width, torque, backlash, damping or str(USUAL_DAMPING), helix, pressure,
+        teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
     )  # fmt: skip
-    with artist() as by:
-        curve = _answered(machine, harmonics_of(harmonics), damping is None, output, plot, by)
+    with drawing_process() as by:
+        curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by)
     raise typer.Exit(exit_code(curve))
 
 
 def speed(
-    file: Annotated[str, typer.Argument(metavar="FILE.toml", help="The machine, as hbgear gear -o writes it.")],
+    file: Annotated[str, typer.Argument(metavar="FILE.toml", help="The machine, as written by hbgear gear -o.")],
     changes: Changes = None,
     first: Annotated[
-        str | None, typer.Option("--from", help="Speed of the pinion to begin at, such as 15000r/min.")
+        str | None, typer.Option("--from", help="Speed of the pinion at the start, such as 15000r/min.")
     ] = None,
-    last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion to end at.")] = None,
+    last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion at the end.")] = None,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the curve as .npz, .csv or .mat.")] = None,
     plot: Figure = None,
 ) -> None:
-    """At what speeds a machine jumps, with the dynamic factor before and after.
+    """Compute the speeds at which a machine jumps, with the dynamic factor before and after each jump.
 
-    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
     from hbgear.io.machines.machine_file import read_machine
 
@@ -118,9 +120,9 @@ def speed(
     model = chosen_model(file, changes)
     if model.scales is None:
         raise ValueError(
-            f"'{file}' does not know its speeds in r/min: give the file of a machine, as of hbgear gear -o"
+            f"'{file}' has no scales, so its speeds in r/min are unknown: give the file of a machine (hbgear gear -o)"
         )
-    span = [_Omega(option, text, model, usual) for option, text, usual in
+    span = [_Omega(option, text, model, defaults) for option, text, defaults in
             zip(("--from", "--to"), (first, last), model.default_span, strict=True)]  # fmt: skip
     curve = traced(hb.HarmonicBalance(model, harmonics_of(harmonics)), "Omega", (span[0], span[1]))
     with outputs() as out:
@@ -131,21 +133,23 @@ def speed(
     raise typer.Exit(exit_code(curve))
 
 
-def answers(
+def results(
     file: File,
-    answer: Annotated[
+    quantity: Annotated[
         str,
-        typer.Argument(metavar="[ANSWER]", help="Which one to tell at jumps and to draw, such as 'force, largest'."),
+        typer.Argument(metavar="[QUANTITY]", help="Quantity to print at jumps and to draw, such as 'force, largest'."),
     ] = "dynamic factor",
     own: OwnModel = None,
     element: Element = "0",
     dof: Annotated[
-        str | None, typer.Option(help="A coordinate whose acceleration is wanted, by number or name.")
+        str | None, typer.Option(help="Coordinate whose acceleration is computed, by number or name.")
     ] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all answers of all rows as .csv.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Save all quantities of all points as .csv.")
+    ] = None,
     plot: Figure = None,
 ) -> None:
-    """Forces, dynamic factor, transmission error, reactions, acceleration along a saved curve, in units of the machine.
+    """Compute forces, dynamic factor, transmission error, reactions and acceleration along a saved curve, with units.
 
     Exit codes: 0 done, 2 bad input.
     """
@@ -154,27 +158,27 @@ def answers(
     branch, which = loaded(file, "pp2", element)
     at = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, own) if own else problem_along(branch)
-    branch = dataclasses.replace(branch, problem=problem)  # which its points are told, too
+    branch = dataclasses.replace(branch, problem=problem)  # the problem of its points, too
     found = hb.analysis.machine_quantities(branch, which, at)
-    title = found.title(answer)
+    title = found.title(quantity)
     with outputs() as out:
         out.write(output, found.save)
-        out.figure(plot, lambda drawing: drawing.response(branch, answer, which, dof=at))
-        print_table(["largest of stable motions", "", "at Omega", "at r/min"], list(_largest(branch, found)))
+        out.figure(plot, lambda drawing: drawing.response(branch, quantity, which, dof=at))
+        print_table(["quantity", "largest of stable motions", "at Omega", "at r/min"], list(_largest(branch, found)))
         rows = []
         for jump in branch.jumps():
-            ends = (float(hb.analysis.machine_quantities(end, which, at)[answer][0]) if end else np.nan
+            ends = (float(hb.analysis.machine_quantities(end, which, at)[quantity][0]) if end else np.nan
                     for end in (jump.before, jump.after))  # fmt: skip
             direction = "increasing" if jump.direction > 0 else "decreasing"
             rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
                          *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
         if rows:
-            print_table(["", branch.parameter, "while", f"{title} before", "after"], rows, "jumps of a slow sweep")
+            print_table(["", branch.parameter, "sweep", f"{title} before", "after"], rows, "jumps of a slow sweep")
     raise typer.Exit(0)
 
 
 def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterator[list[str]]:
-    """Each answer: its largest value, and where."""
+    """Yield each quantity with its largest value and the frequency at which it occurs."""
     columns = found.columns
     stable = columns.get("stable", np.ones(len(branch))).astype(bool)
     if not stable.any():
@@ -184,7 +188,7 @@ def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterato
         if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
             continue
         if not np.isfinite(values[stable]).any():
-            yield [name, "-, as the static force is zero" if name.startswith("dynamic factor") else "-", "-", "-"]
+            yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-", "-"]
             continue
         i = int(np.nanargmax(np.where(stable, values, -np.inf)))
         yield [name, rounded(float(values[i]), 4), rounded(float(columns["Omega [-]"][i]), 5),
@@ -192,65 +196,67 @@ def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterato
 
 
 def show_speeds(model: hb.mechanics.Model, curve: hb.Branch, machine: Machine | None = None) -> None:
-    """Print the jumps of a curve and of the others of its span in r/min, with dynamic factors, and K_v of a machine."""
+    """Print the jumps of all curves in r/min, with dynamic factors, and K_v if the machine is given."""
     if model.scales is None:
-        raise ValueError("the model does not know its speeds in r/min")
+        raise ValueError("the model has no scales, so its speeds in r/min are unknown")
     rows = []
     for branch in (curve, *curve.others):
         for jump in branch.jumps():
             digits = digits_of(jump.before, 6)
             factors = [_factor(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
-            rpm = _plainly(float(model.scales.pinion_speed(jump.value)), digits)
-            hertz = _plainly(float(model.scales.mesh_frequency(jump.value)), digits)
+            rpm = _fixed_point(float(model.scales.pinion_speed(jump.value)), digits)
+            hertz = _fixed_point(float(model.scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
             row = [jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors]
             if machine is not None:
                 speed = float(model.scales.pinion_speed(jump.value))
-                row.append(f"{float(hb.gears.iso_dynamic_factor(machine.pair, machine.torque, speed, _GRADE)):.2f}")
+                row.append(
+                    f"{float(hb.gears.iso_dynamic_factor(machine.pair, machine.torque, speed, ACCURACY_GRADE)):.2f}"
+                )
             rows.append(row)
     if not rows:
         print("no jumps")
         return
-    headers = ["", "pinion r/min", "mesh Hz", "Omega", "while", "dynamic factor before", "after"]
-    title = "jumps of a slow sweep; dynamic factor = largest over static force of the mesh"
+    headers = ["", "pinion r/min", "mesh Hz", "Omega", "sweep", "dynamic factor before", "after"]
+    title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
     if machine is not None:
         headers.append("K_v")
-        title += f"; K_v of ISO 6336-1, method B, grade {_GRADE}"
+        title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
     print_table(headers, rows, title)
 
 
-def _plainly(value: float, digits: int) -> str:
-    """A number of so many digits that hold, without an exponent."""
+def _fixed_point(value: float, digits: int) -> str:
+    """Return a number with this many significant digits, without an exponent."""
     after = digits - 1 - floor(log10(abs(value)))
     return f"{round(value, after):.{max(after, 0)}f}"
 
 
-# ---- what hbgear gear says
+# ---- output of hbgear gear
 
 
-def _answered(
+def _trace_and_report(
     machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None
 ) -> hb.Branch:
-    """The curve of a machine, once its files are written and all about it is printed."""
+    """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.io.machines.machine_file import write_machine
 
     cycle = machine.mesh
     model = machine.model(cycle=cycle)
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def otherwise(assumed: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
-        name, other = assumed
-        return [name, *_found(other(), model, curve, count, stop)]
+    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
+        name, changed = assumption
+        return [name, *_alternative_results(changed(), model, curve, count, stop)]
 
-    with begun(otherwise, list(_others(machine, by_default))) as rows, outputs() as out:
+    with begun(alternative, list(_alternatives(machine, by_default))) as rows, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
         show_speeds(model, curve, machine)
-        ways = "jumps at r/min, while rising (+) or falling (-)"
-        headers = ["assumed, and if it is otherwise", "largest factor", ways]
-        print_table(headers, [["as computed", *_told(model, curve)], *(row.result() for row in rows)])
+        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
+        headers = ["assumption: alternative", "largest dynamic factor", jumps]
+        print_table(headers, [["as computed", *_factor_and_jumps(model, curve)], *(row.result() for row in rows)])
     return curve
 
 
@@ -274,7 +280,7 @@ def _machine(
 
 
 def _plain(text: str) -> Any:
-    """A number where a text is one."""
+    """Return the number that a text represents, else the text."""
     try:
         return float(text)
     except ValueError:
@@ -318,10 +324,10 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
            f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
 
 
-def _found(
+def _alternative_results(
     changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event
 ) -> tuple[str, str]:
-    """`_told` of a changed model; its curve is that of the model where nothing but its units has changed."""
+    """Return `_factor_and_jumps` of a changed model; its curve is reused if the model differs in scales only."""
 
     def ends(_: hb.Progress) -> None:
         if stop.is_set():
@@ -330,16 +336,16 @@ def _found(
     if changed.replace(reference=getattr(model, "reference", ())) != model:
         problem = hb.HarmonicBalance(changed, count)
         curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=ends)
-    return _told(changed, curve)
+    return _factor_and_jumps(changed, curve)
 
 
-def _told(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
-    """Largest dynamic factor, and jumps."""
-    return _worst(model, curve), _speeds(model, curve)
+def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
+    """Return the largest dynamic factor and the jump speeds as texts."""
+    return _largest_factor(model, curve), _jump_speeds(model, curve)
 
 
-def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
-    """What is assumed, and the model if it is otherwise."""
+def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
+    """Yield each assumption with an alternative value, and the model with that value."""
     zeta, pair = machine.damping, machine.pair
 
     def made(**changes: Any) -> Callable[[], hb.mechanics.Model]:
@@ -348,23 +354,23 @@ def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[
     def paired(**changes: Any) -> Callable[[], hb.mechanics.Model]:
         return made(pair=dataclasses.replace(pair, **changes))
 
-    why = "assumed" if by_default else "given"
+    origin = "assumed" if by_default else "given"
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
-            yield f"damping {zeta:g} ({why}): {zeta * factor:g}", made(damping=zeta * factor)
+            yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
     yield "no pitch error: 5 um", paired(pitch_error=5e-6)
     if not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
         yield "no tip relief: 10 um", paired(**relieved)
     lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
                for name in ("pinion", "wheel")}  # fmt: skip
-    yield "solid gears, nothing else turns: inertia 20 % less", paired(**lighter)
+    yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
     tangent = pair.mesh(machine.torque, linearized="tangent")
-    yield "mesh as the secant of its load: the tangent", made(cycle=tangent)
+    yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
 
 
 def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
-    """Dynamic factor at a point; "-" where there is no motion or no static force."""
+    """Return the dynamic factor at a point; "-" without a point or a static force."""
     if point is None:
         return "-"
     try:
@@ -373,21 +379,21 @@ def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> s
         return "-"
 
 
-def _speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     assert model.scales is not None
     jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
     found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
-    return ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in found) or "none"
+    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in found) or "none"
 
 
-def _worst(model: hb.mechanics.Model, curve: hb.Branch) -> str:
-    """Largest dynamic factor of the stable motions, of those looked at that move most."""
+def _largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+    """Return the largest dynamic factor of the stable points with the largest amplitudes."""
     points = []
     for one in (curve, *curve.others):
         if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
-            return "no limit"
+            return "unbounded"
         size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
-        points += [one[int(i)] for i in np.argsort(size)[-_LOOKED_AT:]]
+        points += [one[int(i)] for i in np.argsort(size)[-FACTOR_CANDIDATES:]]
     return rounded(max(hb.analysis.dynamic_factor(model, point) for point in points), 3)
 
 
@@ -395,7 +401,7 @@ def _worst(model: hb.mechanics.Model, curve: hb.Branch) -> str:
 
 
 def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
-    """Two numbers with a comma between them."""
+    """Return two numbers separated by a comma."""
     parts = [part.strip() for part in text.split(",")]
     try:
         first, second = (kind(part) for part in parts)
@@ -404,10 +410,10 @@ def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any
     return first, second
 
 
-def _Omega(option: str, text: str | None, model: hb.mechanics.Model, usual: float) -> float:
-    """A speed of the pinion as Omega."""
+def _Omega(option: str, text: str | None, model: hb.mechanics.Model, defaults: float) -> float:
+    """Return a speed of the pinion as Omega."""
     if text is None:
-        return usual
+        return defaults
     from hbgear.common.units import to_si
 
     if _plain(text) != text:

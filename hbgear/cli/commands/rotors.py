@@ -1,4 +1,4 @@
-"""``hbgear campbell``: natural frequencies over speed, and critical speeds."""
+"""``hbgear campbell``: natural frequencies against speed, and critical speeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hbgear.harmonic.frequency_units import MESH
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command of this file."""
+    """Add the command of this module."""
     app.command()(campbell)
 
 
@@ -26,23 +26,23 @@ def campbell(
     last: Last = None,
     order: Annotated[
         list[str] | None,
-        typer.Option("--order", metavar="NAME=ORDER", help="An order over Omega, such as shaft=0.04; repeatable.",
-                     show_default="the model's"),
+        typer.Option("--order", metavar="NAME=ORDER", help="Order relative to Omega, such as shaft=0.04; repeatable.",
+                     show_default="from the model"),
     ] = None,
-    points: Annotated[int, typer.Option(min=2, max=10_000, help="Speeds that are computed.")] = 101,
-    modes: Annotated[int | None, typer.Option(min=1, help="How many of the lowest modes; all by default.")] = None,
+    points: Annotated[int, typer.Option(min=2, max=10_000, help="Number of speeds.")] = 101,
+    modes: Annotated[int | None, typer.Option(min=1, help="Number of lowest modes; all by default.")] = None,
     closed: Annotated[
-        list[str] | None, typer.Option("--closed", metavar="NAME", help="An element that is in contact; repeatable."),
+        list[str] | None, typer.Option("--closed", metavar="NAME", help="An element in contact; repeatable."),
     ] = None,
     opened: Annotated[
         list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable."),
     ] = None,
     plot: Figure = None,
 ) -> None:  # fmt: skip
-    """Natural frequencies over speed, and critical speeds, where orders of the excitation meet them.
+    """Compute natural frequencies against speed, and critical speeds, where excitation orders cross them.
 
-    Gaps are open or closed as in the static equilibrium under the mean loads; --closed and --open change that of single
-    elements. Of rotors with gyroscopic terms forward and backward whirl are distinguished.
+    Gaps are open or closed as in the static equilibrium under the mean loads; --closed and --open change single
+    elements. Rotors with gyroscopic terms have forward and backward whirl.
     """
     check_writable(plot, FIGURES)
     chosen = chosen_model(model, changes)
@@ -76,7 +76,7 @@ def campbell(
         if rows:
             print_table(headers, rows, "critical speeds")
         else:
-            print(f"no order meets a natural frequency from Omega = {a:g} to {b:g}")
+            print(f"no order crosses a natural frequency from Omega = {a:g} to {b:g}")
 
 
 def _number(name: str, text: str) -> float:
@@ -84,5 +84,5 @@ def _number(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise ValueError(
-            f"--order {name}={text}: '{text}' is no number; give the order over Omega, such as 0.04"
+            f"--order {name}={text}: '{text}' is not a number; give the order relative to Omega, such as 0.04"
         ) from None

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hbgear.cli.commands.files import wrote
-from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, AllowCode, bar, print_table, say
+from hbgear.cli.commands.files import report_written
+from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, AllowCode, bar, print_message, print_table
 from hbgear.common.optional import needed
 
 if TYPE_CHECKING:
@@ -22,11 +22,12 @@ if TYPE_CHECKING:
     from hbgear.design.studies.study import Cases
 
 
-_PATIENCE = 5  # seconds a scheduler has to answer
+SCHEDULER_TIMEOUT = 5
+"""Time [s] within which a Dask scheduler must answer, and between two checks of its workers."""
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command of this file."""
+    """Add the command of this module."""
     app.command()(study)
 
 
@@ -36,53 +37,53 @@ def study(
         Path | None, typer.Option("-o", "--output", help="Folder for cases, table and figures.", show_default="FILE")
     ] = None,
     processes: Annotated[
-        int | None, typer.Option(min=1, help="Processes at work.", show_default="one for each core")
+        int | None, typer.Option(min=1, help="Number of processes.", show_default="one for each core")
     ] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
     ] = None,
     tls_ca_file: Annotated[
-        Path | None, typer.Option(help="With --dask tls://...: certificates of who signed those of the scheduler.")
+        Path | None, typer.Option(help="With --dask tls://...: certificates of the authority of the scheduler.")
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="With --dask tls://...: certificate of this study.")] = None,
     tls_key: Annotated[
         Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Compute cases that failed before once more.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Compute failed cases again.")] = False,
     allow_code: AllowCode = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask, however many cases there are.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation of many cases.")] = False,
 ) -> None:
     """Compute many cases: a grid or a random sample of parameters.
 
-    Every finished case is stored at once in the folder. Ctrl-C ends when the cases at work are done (Ctrl-C again: at
-    once) and keeps them all; the same command goes on where it stopped. The folder gets table.csv, table.npz and
-    figures (.png): envelope of the curves, distribution of the jumps, peaks and jumps against each parameter. A case
-    that fails is a row with its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
+    Every finished case is stored at once in the folder. Ctrl-C ends after the running cases (a second Ctrl-C: at once)
+    and keeps all cases; the same command continues. The folder gets table.csv, table.npz and figures (.png): envelope
+    of the curves, distribution of the jumps, peaks and jumps against each parameter. A case that fails is a row with
+    its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
     from hbgear.design.studies.study import MANY, Outcome, cases
     from hbgear.design.studies.study_file import StudyFileError, read_study
 
     try:
-        asked = read_study(file, allow_code)
+        parsed = read_study(file, allow_code)
     except StudyFileError as error:
         for problem in error.problems:
-            say("error", problem)
+            print_message("error", problem)
         raise typer.Exit(BAD_INPUT) from None
-    count, work = asked.vary.size, asked.work
+    count, work = parsed.vary.size, parsed.work
     if count > MANY and not yes:
         if not sys.stdin.isatty():
-            raise ValueError(f"{file} asks for {count:,} cases; give --yes if that is meant")
-        typer.confirm(f"{file} asks for {count:,} cases. Go on?", abort=True)
+            raise ValueError(f"{file} has {count:,} cases; confirm them with --yes")
+        typer.confirm(f"{file} has {count:,} cases. Continue?", abort=True)
     folder = output or file.with_suffix("")
     with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, bar("designs") as progress:
         found = cases(
-            asked.model, asked.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
+            parsed.model, parsed.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
             measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
             retry=retry, most=max(count, MANY), progress=progress,
         )  # fmt: skip
     print(f"{len(found)} of {found.total} cases, {len(found.failed)} of them failed; {found.message}")
-    if getattr(asked.vary, "method", "") == "saltelli":
+    if getattr(parsed.vary, "method", "") == "saltelli":
         _print_indices(found)
     for case, reason in list(found.failed.items())[:5]:
         print(f"case {case} failed: {reason}")
@@ -91,15 +92,17 @@ def study(
             tables = [folder / "table.csv", folder / "table.npz"]
             for path in tables:
                 found.export(path)
-            wrote(*tables, *draw_figures(found, folder))
+            report_written(*tables, *draw_figures(found, folder))
         except OSError as error:
-            say("error", f"tables and figures could not be written ({error}); the cases are kept: run it again")
+            print_message(
+                "error", f"tables and figures could not be written ({error}); the cases are kept: run the command again"
+            )
             raise typer.Exit(STOPPED_EARLY) from None
     raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
 
 
 def _print_indices(found: Cases) -> None:
-    """Sobol indices of each number of the table."""
+    """Print Sobol indices of each number of the table."""
     from hbgear.design.uncertainty.sobol import sobol_indices
 
     for quantity in [name for name in found.table if name not in (*found.names, "case", "reason", "seconds")]:
@@ -110,11 +113,11 @@ def _print_indices(found: Cases) -> None:
             continue
         rows = [[name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
                 for name in found.names]  # fmt: skip
-        print_table(["", "alone", "with all others"], rows, f"shares of the variance of {quantity} (Sobol indices)")
+        print_table(["", "first order", "total"], rows, f"Sobol indices of {quantity}")
 
 
 def draw_figures(found: Cases, folder: Path) -> list[Path]:
-    """Write each figure of the study as .png; the files written."""
+    """Write each figure of the study as .png; return the written files."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -134,12 +137,14 @@ def draw_figures(found: Cases, folder: Path) -> list[Path]:
 def dask_executor(
     address: str | None, ca_file: Path | None = None, cert: Path | None = None, key: Path | None = None
 ) -> Iterator[Executor | None]:
-    """The executor of a running scheduler; None without an address.
+    """Yield the executor of a running scheduler; None without an address.
 
     Parameters
     ----------
-    address : such as tcp://127.0.0.1:8786, or tls://... with certificates.
-    ca_file, cert, key : .pem files; without them what Dask's own configuration says.
+    address : str or None
+        Address such as tcp://127.0.0.1:8786, or tls://... with certificates.
+    ca_file, cert, key : Path, optional
+        Certificate files (.pem); by default those of the Dask configuration.
 
     Raises
     ------
@@ -154,9 +159,9 @@ def dask_executor(
     distributed = needed("distributed", "dask", "--dask")
     security = _security(address, ca_file, cert, key)
     for name in ("distributed", "distributed.client", "tornado.application"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # one line of hbgear reports a lost scheduler instead
     try:
-        client: Any = distributed.Client(address, timeout=_PATIENCE, security=security)
+        client: Any = distributed.Client(address, timeout=SCHEDULER_TIMEOUT, security=security)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"no Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' and give its address"
@@ -173,7 +178,7 @@ def dask_executor(
 
 
 def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path | None) -> Any:
-    """What Dask needs to know of the certificates; with none given, what its configuration says.
+    """Return the security settings of Dask with the given certificates, by default those of its configuration.
 
     Raises
     ------
@@ -197,12 +202,14 @@ def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path |
 
 
 def _watch(client: Any, ended: threading.Event) -> None:
-    """Say once when no worker is left; Dask itself waits for new ones in silence."""
-    while not ended.wait(_PATIENCE):
+    """Warn once when no worker is left; Dask itself waits for new workers without a message."""
+    while not ended.wait(SCHEDULER_TIMEOUT):
         try:
             workers = client.scheduler_info()["workers"]
-        except OSError:  # the study itself tells of a lost scheduler
+        except OSError:  # the study itself reports a lost scheduler
             return
         if not workers:
-            say("warning", "no worker is left; the study waits for new ones, Ctrl-C ends it and keeps what is done")
+            print_message(
+                "warning", "no worker is left; the study waits for new workers, Ctrl-C ends it and keeps its results"
+            )
             return

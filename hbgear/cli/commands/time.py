@@ -13,7 +13,6 @@ from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.support import (
     STOPPED_EARLY,
     At,
-    Beside,
     Changes,
     Element,
     Figure,
@@ -23,12 +22,13 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    OtherCurves,
     OwnModel,
     Within,
     bar,
+    check_landing,
     chosen_model,
     element_of,
-    known_landing,
     number_of,
     path_of,
     print_table,
@@ -36,13 +36,14 @@ from hbgear.cli.support import (
 )
 
 DISAGREES = 1
+"""Exit code of a validation in which a point or jump disagrees."""
 
 
 Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
+    """Add the commands of this module."""
     app.command()(validate)
     app.command()(sweep)
     app.command()(basins)
@@ -51,40 +52,42 @@ def register(app: typer.Typer) -> None:
 def validate(
     file: File,
     model: OwnModel = None,
-    points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
+    points: Annotated[int, typer.Option(min=1, help="Number of points, chosen by importance.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
     landing: Landing = "integrate",
-    beside: Beside = None,
+    other_branches: OtherCurves = None,
     output: Table = None,
     plot: Figure = None,
     element: Element = "0",
 ) -> None:
-    """Hold a saved curve against time integration, point by point.
+    """Validate a saved curve by time integration, point by point.
 
-    The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
-    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown. Jumps
-    are integrated until they settle, unless --landing nearest takes them as they are.
-    Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and
+    The table lists the differences of the curve as traced. A point whose difference exceeds the tolerance is solved
+    again with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
+    Jumps are integrated to their steady state, unless --landing nearest accepts them as they are.
+    Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (results so far are shown and
     saved).
     """
-    from hbgear.time.validation import validate as hold
+    from hbgear.time.validation import validate as validate_by_integration
 
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
-    known_landing(landing)
+    check_landing(landing)
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude("rms", which)
     problem = None if model is None else problem_in(branch, model)
-    others = [hb.load(path) for path in beside or ()]
+    others = [hb.load(path) for path in other_branches or ()]
     with bar("points") as progress:
-        report = hold(branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress)
+        report = validate_by_integration(
+            branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress
+        )
     headers, rows = report.table()
     with outputs() as out:
         out.write(output, report.export)
         out.figure(plot if report.rows else None, lambda drawing: drawing.validation(report, branch, which))
         print_table(headers, rows, "harmonic balance against time integration")
         if report.jumps:
-            print_table(*report.jump_table(), "where jumps land by integration")
+            print_table(*report.jump_table(), "landings of jumps by integration")
         print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
@@ -92,45 +95,49 @@ def validate(
 def sweep(
     model: Model,
     changes: Changes = None,
-    up: Annotated[bool, typer.Option("--up", help="With the parameter rising (also if neither is given).")] = False,
-    down: Annotated[bool, typer.Option("--down", help="With the parameter falling.")] = False,
+    up: Annotated[bool, typer.Option("--up", help="Sweep with increasing parameter (default without --down).")] = False,
+    down: Annotated[bool, typer.Option("--down", help="Sweep with decreasing parameter.")] = False,
     first: First = None,
     last: Last = None,
     within: Within = None,
     at: At = None,
-    count: Annotated[int, typer.Option(min=2, max=100_000, help="Values between, the ends included.")] = 131,
-    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
-    longest: Annotated[int, typer.Option(help="Periods after which a motion is not waited for, 20 or more.")] = 3000,
-    over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
+    count: Annotated[int, typer.Option(min=2, max=100_000, help="Number of values, the ends included.")] = 131,
+    tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-7,
+    max_periods: Annotated[
+        int, typer.Option("--max-periods", help="Periods to integrate per value at most, 20 or more.")
+    ] = 3000,
+    curve_file: Annotated[
+        Path | None, typer.Option("--curve", metavar="FILE", help="A saved curve to draw the sweeps on.")
+    ] = None,
     output: Table = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="FILE_sweep.png with --over")
+        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="FILE_sweep.png with --curve")
     ] = None,
     bifurcation: Annotated[Path | None, typer.Option(help="Draw the Poincare points against the parameter.")] = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Slow sweep by time integration; where it jumps, and which motions are not those of one period.
+    """Compute a slow sweep by time integration, with its jumps and its motions of other periods.
 
-    Exit codes: 0 the end was reached, 2 bad input, 3 interrupted (what was found is shown and saved).
+    Exit codes: 0 the end was reached, 2 bad input, 3 interrupted (results so far are shown and saved).
     """
     from hbgear.time.frequency_sweep import export
     from hbgear.time.frequency_sweep import sweep as run
     from hbgear.time.steady_state import SteadyStateSettings
     from hbgear.time.validation import same_model
 
-    plot = plot or (over.with_name(f"{over.stem}_sweep.png") if over else None)
+    plot = plot or (curve_file.with_name(f"{curve_file.stem}_sweep.png") if curve_file else None)
     check_writable(output, (".csv",))
     for path in (plot, bifurcation):
         check_writable(path, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
     parameter, span, held = path_of(machine, within, first, last, at)
     grid = np.linspace(*span, count)
-    curve = hb.load(over) if over else None
+    curve = hb.load(curve_file) if curve_file else None
     if curve is not None:
         same_model(curve.meta.get("model"), machine)
         curve[0].amplitude(measure, which)
-    settling = SteadyStateSettings(tolerance, longest)
+    settling = SteadyStateSettings(tolerance, max_periods)
     found: list[Any] = []
     for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
         with bar(f"sweep {direction}") as progress:
@@ -155,21 +162,23 @@ def basins(
     model: Model,
     omega: Annotated[float, typer.Option(help="Excitation frequency.")],
     changes: Changes = None,
-    d: Annotated[str, typer.Option(metavar="FROM:TO", help="Element coordinate of the starts.")] = "-2:2",
-    v: Annotated[str, typer.Option(metavar="FROM:TO", help="Its rate.")] = "-2:2",
-    shape: Annotated[tuple[int, int], typer.Option(help="Numbers of starts along the two.")] = (60, 60),
+    d: Annotated[str, typer.Option(metavar="FROM:TO", help="Range of the initial element coordinate.")] = "-2:2",
+    v: Annotated[str, typer.Option(metavar="FROM:TO", help="Range of its initial rate.")] = "-2:2",
+    shape: Annotated[tuple[int, int], typer.Option(help="Number of initial states along each range.")] = (60, 60),
     element: Annotated[
-        str | None, typer.Option(help="Whose coordinate it is, by number or name; for one of several.")
+        str | None, typer.Option(help="Element of the coordinate, by number or name; required if there are several.")
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-6,
-    longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
+    tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-6,
+    max_periods: Annotated[
+        int, typer.Option("--max-periods", min=1, help="Periods to integrate per initial state at most.")
+    ] = 3000,
     output: Table = None,
     plot: Figure = None,
 ) -> None:
-    """Which motion each start ends in: basins of attraction over the coordinate and rate of an element.
+    """Compute basins of attraction over the coordinate and rate of an element.
 
-    All else starts at rest. Exit codes: 0 all starts were followed, 2 bad input, 3 interrupted (what was found is shown
-    and saved).
+    All other coordinates start at rest. Exit codes: 0 all initial states were integrated, 2 bad input, 3 interrupted
+    (results so far are shown and saved).
     """
     from hbgear.time.steady_state import SteadyStateSettings
 
@@ -178,7 +187,7 @@ def basins(
     machine = chosen_model(model, changes)
     spans = _ends("--d", d), _ends("--v", v)
     settling, which = (
-        SteadyStateSettings(tolerance, longest, min(16, longest)),
+        SteadyStateSettings(tolerance, max_periods, min(16, max_periods)),
         None if element is None else element_of(element),
     )
     with bar("basins") as progress:
@@ -189,13 +198,13 @@ def basins(
         out.write(output, found.export)
         out.figure(plot, lambda drawing: drawing.basins(found))
         rows = [[str(a.period or "not periodic"), f"{a.rms:.5g}", f"{a.share:.2%}"] for a in found.attractors]
-        print_table(["period", "rms", "share of the starts"], rows, f"motions at Omega = {omega:g}")
+        print_table(["period", "rms", "fraction of initial states"], rows, f"motions at Omega = {omega:g}")
         print(found.message)
     raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
 
 
 def _ends(option: str, text: str) -> tuple[float, float]:
-    """A range given as FROM:TO."""
+    """Return the ends of a range FROM:TO."""
     low, colon, high = text.partition(":")
     if not colon:
         raise ValueError(f"{option} {text}: need a range, such as {option} -2:2")
@@ -203,7 +212,7 @@ def _ends(option: str, text: str) -> tuple[float, float]:
 
 
 def _show(s: Any, measure: str, element: int | str) -> None:
-    """What a sweep found: how it ended, its jumps, and the motions that are not of one period."""
+    """Print a sweep: how it ended, its jumps, and the motions that do not have the period of the excitation."""
     print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {s.message}")
     size = s.amplitude(measure, element)
     jumps = []
@@ -212,11 +221,11 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         jumps.append([*(f"{x:.6g}" for x in jump.interval), *(f"{x:.5g}" for x in ends)])
     if jumps:
         print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
-    odd = []
+    others = []
     for i in np.flatnonzero(s.period != 1):
-        way = f"{s.left[i]:.0e} to go" if np.isfinite(s.left[i]) else "not coming nearer"
-        slow = f", {way}" if s.lyapunov[i] < 0 else ""
-        lost = f"not periodic after {s.taken[i]} periods{slow}, Lyapunov exponent {s.lyapunov[i]:.3g}"
-        odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
-    if odd:
-        print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")
+        distance = f"remaining distance {s.left[i]:.0e}" if np.isfinite(s.left[i]) else "not converging"
+        converging = f", {distance}" if s.lyapunov[i] < 0 else ""
+        aperiodic = f"not periodic after {s.taken[i]} periods{converging}, Lyapunov exponent {s.lyapunov[i]:.3g}"
+        others.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else aperiodic, f"{size[i]:.5g}"])
+    if others:
+        print_table([s.parameter, "motion", measure], others, "motions that do not have the period of the excitation")

@@ -15,7 +15,7 @@ from hbgear.common.text.messages import quoted, shortened
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.studies.study import KINDS, Work, check_work
 from hbgear.harmonic.model_registry import model_class
-from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, parsed, told
+from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, location_and_text, parsed
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.models import Model
 
@@ -114,7 +114,7 @@ def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, 
     try:
         checked = schema.model_validate(data)
     except pydantic.ValidationError as error:
-        problems += [told(schema, each) for each in error.errors()]
+        problems += [location_and_text(schema, each) for each in error.errors()]
     return problems, checked
 
 

@@ -1,6 +1,6 @@
-"""The rows of a curve as columns, each with what it means and its unit; and the curve in a few lines of text.
+"""The points of a curve as columns with meaning and unit, and a summary of the curve in a few lines of text.
 
-Parameters, speeds in r/min and Hz, special points and jumps, stability, accuracy, and of each element its impact
+Parameters, speeds in r/min and Hz, special points and jumps, stability, accuracy, and for each element its impact
 regime, measures of amplitude and coefficients: the same columns in .csv files, data frames and data sets.
 """
 
@@ -25,9 +25,20 @@ MEASURED = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "larges
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Values of the rows of a curve, in words what they are, and their unit: "1" of a number, "" where none is known.
+    """A column: values at the points of a curve, with meaning and unit.
 
-    element : the element whose they are, and ``key`` what of it; "" of the whole curve.
+    Attributes
+    ----------
+    values : array_like, shape (P,)
+        One value for each point.
+    meaning : str
+        Description in words.
+    unit : str
+        Unit: "1" for a dimensionless number, "" where it is unknown.
+    element : str
+        Name of the element that the values belong to; "" for a property of the whole curve.
+    key : str
+        Name of the column without the name of the element; "" for a property of the whole curve.
     """
 
     values: Any
@@ -38,24 +49,23 @@ class Column:
 
 
 def columns_of(branch: Branch) -> dict[str, Column]:
-    """Columns of one curve by name; those of an element end in its name.
+    """Return the columns of one curve by name; columns of an element end in its name.
 
-    special_value, special_error : where a special point lies, more accurately than its row may, and the error of that.
-    landing : how it was decided where the jump from a special point lands.
-    stable : 1 or 0; nothing where it is undecided or unknown.
+    ``special_value`` and ``special_error`` are the parameter of a special point, more accurate than in its row, and its
+    error. ``landing`` states how the landing of a jump was determined. ``stable`` is 1, 0 or, if undecided, empty.
     """
     layout = layout_of(branch)
     columns = {name: _parameter(branch, name, values) for name, values in _varied(branch).items()}
     columns |= speeds_of(branch)
     columns |= _special(branch)
     if branch.multipliers is not None:
-        known = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.stability]
+        known = [{"stable": 1, "unstable": 0}.get(state, "") for state in branch.stability]
         largest = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
         columns["stable"] = Column(known, "1 stable, 0 unstable, empty where undecided or unknown")
         columns["multiplier_max"] = Column(largest, "largest modulus of the Floquet multipliers", "1")
     unit = _amplitude(layout)[1]
     columns["residual"] = Column(branch.residual, "residual relative to the forces", "1")
-    columns["iterations"] = Column(branch.iterations, "Newton steps", "1")
+    columns["iterations"] = Column(branch.iterations, "Newton iterations", "1")
     columns["error"] = Column(branch.error, "estimated error of the motion, rms", unit)
     if layout is None:
         return columns | {f"X{i}": Column(x, f"unknown {i}") for i, x in enumerate(branch.X.T)}
@@ -65,7 +75,7 @@ def columns_of(branch: Branch) -> dict[str, Column]:
 
 
 def about(branch: Branch) -> dict[str, str]:
-    """What a curve is, in lines of text by name: model, settings, fixed parameters with units, how it ended."""
+    """Return a description of a curve by name: model, settings, fixed parameters with units, status and message."""
     balance = branch.meta.get("balance")
     settings = balance if isinstance(balance, dict) else {}
     out = {
@@ -82,12 +92,12 @@ def about(branch: Branch) -> dict[str, str]:
 
 
 def bracketed(unit: str) -> str:
-    """A unit as labels end with it."""
+    """Return a unit in the brackets that end a label."""
     return {"": "", "1": " [-]"}.get(unit, f" [{unit}]")
 
 
 def label_of(branch: Branch, name: str) -> str:
-    """The label of a parameter, its name if the model has none."""
+    """Return the label of a parameter, its name if the model has none."""
     layout = layout_of(branch)
     labels = layout.labels if layout else getattr(model_of(branch), "labels", {})
     return str(labels.get(name, name))
@@ -103,7 +113,7 @@ def _parameter(branch: Branch, name: str, values: Any) -> Column:
 
 
 def speeds_of(branch: Branch) -> dict[str, Column]:
-    """Mesh frequency and speed of the pinion where the model knows its units."""
+    """Return mesh frequency and speed of the pinion, if the model has scales."""
     model = model_of(branch)
     rows = [speeds_at(model, branch.parameters_at(i)) for i in range(len(branch))] if model is not None else []
     names = {MESH: ("mesh_Hz", "mesh frequency", "Hz"), PINION: ("pinion_rpm", "speed of the pinion", "r/min")}
@@ -120,27 +130,27 @@ def _special(branch: Branch) -> dict[str, Column]:
     rows = [points.get(i) for i in range(len(branch))]
     unit = unit_of(label_of(branch, branch.parameter))
     return {
-        "special": Column(["" if p is None else p.label for p in rows], "label of the special point in this row"),
+        "special": Column(["" if p is None else p.label for p in rows], "label of the special point"),
         "special_value": Column(
             ["" if p is None else p.parameters[branch.parameter] for p in rows],
-            f"{branch.parameter} of the special point, more accurate than its row",
+            f"{branch.parameter} of the special point, more accurate than the point",
             unit,
         ),
         "special_error": Column(["" if p is None else p.error for p in rows], "estimated error of special_value", unit),
         "landing": Column(
-            ["" if p is None else decided.get(p.label, "") for p in rows], "how the landing of the jump was decided"
+            ["" if p is None else decided.get(p.label, "") for p in rows], "how the landing of the jump was determined"
         ),
     }
 
 
 def _amplitude(layout: Layout | None) -> tuple[str, str]:
-    """Symbol and unit of the motion of an element."""
+    """Return symbol and unit of the motion of an element."""
     label = (layout.labels if layout else {}).get("amplitude", "")
     return without_unit(label) or "gap", unit_of(label)
 
 
 def _element(branch: Branch, layout: Layout, j: int) -> Iterator[Column]:
-    """Columns of an element: its regime, measures and coefficients."""
+    """Yield the columns of an element: its regime, measures and coefficients."""
     name, (symbol, unit) = layout.elements[j], _amplitude(layout)
     yield Column(
         [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime], "impact regime", "", name, "regime"
@@ -152,5 +162,5 @@ def _element(branch: Branch, layout: Layout, j: int) -> Iterator[Column]:
 
 
 def terms_of(layout: Layout) -> list[str]:
-    """Names of the coefficients of an element."""
+    """Return the names of the coefficients of an element."""
     return ["a0", *(f"{letter}{k + 1}" for k in range(layout.harmonics) for letter in "ab")]

@@ -1,6 +1,6 @@
-"""What each field of a saved branch must be: every value of a file is read as its field demands, or refused.
+"""Schema of a saved branch: every value of a file is read by the reader of its field, or refused.
 
-A value lies in the tree of the header as JSON; an array as its name in the archive, a tuple and an object with a mark:
+Values are stored as JSON in the tree of the header; arrays by their name in the archive, tuples and objects marked:
 
     {"__array__": name}    {"__tuple__": [...]}    {"__class__": "Point", "X": ..., "parameters": ..., ...}
 """
@@ -24,16 +24,16 @@ from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.io.branches.archive import Archive
 
 Form = Callable[[Archive, Any, str], Any]
-"""Reads a value of the tree: ``form(archive, value, place)``; ValueError, which names the place, if it is another."""
+"""Reader of a value of the tree: ``form(archive, value, place)``; raises ValueError with the place if it is invalid."""
 
 
 def read(archive: Archive, tree: Any) -> Branch:
-    """The branch in the tree of a header.
+    """Return the branch in the tree of a header.
 
     Raises
     ------
     ValueError
-        If anything in it is not what it must be; the first that is found.
+        If a value in it is invalid; the first one is reported.
     """
     branch: Branch = _object(Branch)(archive, tree, "branch")
     _check(branch)
@@ -41,12 +41,12 @@ def read(archive: Archive, tree: Any) -> Branch:
 
 
 def listed(value: Any, count: int) -> list[Any]:
-    """A list of so many entries.
+    """Return a list with ``count`` entries.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If it is not such a list.
     """
     if not isinstance(value, list) or len(value) != count:
         raise _wrong("motions", value, f"a list of {count}")
@@ -54,12 +54,12 @@ def listed(value: Any, count: int) -> list[Any]:
 
 
 def read_motions(archive: Archive, value: Any, branch: Branch) -> FullMotion | None:
-    """All coordinates of the rows of a branch, as its file has them.
+    """Return all coordinates at the points of a branch, as its file stores them.
 
     Raises
     ------
     ValueError
-        If they are not of that branch.
+        If they do not belong to that branch.
     """
     if value is None:
         return None
@@ -84,7 +84,7 @@ def _wrong(place: str, value: Any, need: str) -> ValueError:
 def _text(archive: Archive, value: Any, place: str) -> str:
     if not isinstance(value, str):
         raise _wrong(place, value, "a text")
-    value.encode()  # halves of characters cannot be printed
+    value.encode()  # raises for lone surrogates, which cannot be printed
     return value
 
 
@@ -110,13 +110,15 @@ def _flag(archive: Archive, value: Any, place: str) -> bool:
 
 
 def _number(archive: Archive, value: Any, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > _MOST):
+    too_large = isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_INTEGER
+    if isinstance(value, bool) or not isinstance(value, int | float) or too_large:
         raise _wrong(place, value, "a number")
     number: float = value
     return number
 
 
-_MOST = 2**63  # whole numbers beyond it are no numbers of a computation
+MAX_INTEGER = 2**63
+"""Largest whole number that is accepted: no computation stores larger ones."""
 
 
 def _finite(archive: Archive, value: Any, place: str) -> float:
@@ -126,17 +128,17 @@ def _finite(archive: Archive, value: Any, place: str) -> float:
     return number
 
 
-def _whole(least: int, most: int = _MOST) -> Form:
+def _whole(low: int, high: int = MAX_INTEGER) -> Form:
     def form(archive: Archive, value: Any, place: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-            raise _wrong(place, value, f"a whole number from {least} to {most}")
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise _wrong(place, value, f"a whole number from {low} to {high}")
         return value
 
     return form
 
 
 def _array(kinds: str, dimensions: int, finite: bool = False) -> Form:
-    """An array of NumPy's kinds "f", "c", "iu", ..."""
+    """Return a reader of arrays of NumPy's kinds "f", "c", "iu", ..."""
 
     def form(archive: Archive, value: Any, place: str) -> Array:
         if not isinstance(value, dict) or list(value) != ["__array__"] or not isinstance(value["__array__"], str):
@@ -182,7 +184,7 @@ def _table(form: Form) -> Form:
 
 
 def _object(*classes: type) -> Form:
-    """An object of one of these classes, every field read by its form in `_FORMS`."""
+    """Return a reader of objects of one of these classes; every field is read by its form in `_FORMS`."""
 
     def form(archive: Archive, value: Any, place: str) -> Any:
         names = {cls.__name__: cls for cls in classes}
@@ -198,7 +200,7 @@ def _object(*classes: type) -> Form:
             if name not in forms:
                 raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
         made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
-        if isinstance(made, SpecialPoint) and "truncation" not in given:  # of files that knew no error of its place
+        if isinstance(made, SpecialPoint) and "truncation" not in given:  # files before schema 4 have no location error
             made = dataclasses.replace(made, error=math.nan, truncation=made.error)
         return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
 
@@ -206,7 +208,7 @@ def _object(*classes: type) -> Form:
 
 
 def _plain(archive: Archive, value: Any, place: str) -> Any:
-    """Anything `Branch.meta` may hold."""
+    """Return any value that `Branch.meta` may hold."""
     if isinstance(value, list):
         return [_plain(archive, x, f"{place}.{i}") for i, x in enumerate(value)]
     if not isinstance(value, dict):
@@ -250,7 +252,7 @@ _FORMS: dict[type, dict[str, Form]] = {
 }  # fmt: skip
 
 
-# ---- what must fit together
+# ---- consistency
 
 
 def _check(branch: Branch) -> None:
@@ -267,12 +269,12 @@ def _check(branch: Branch) -> None:
     for point in branch.special:
         place = f"special point '{point.label}'"
         if not 0 <= point.index < len(branch):
-            raise ValueError(f"{place} is at row {point.index} of {len(branch)}")
+            raise ValueError(f"{place} is at point {point.index} of {len(branch)}")
         for name in (branch.parameter, *branch.tracked):
             if name not in point.parameters:
                 raise ValueError(f"{place} has no {name}")
         if point.layout and branch.layout and point.layout.elements != branch.layout.elements:
-            raise ValueError(f"{place} is of other elements than the branch")
+            raise ValueError(f"{place} has other elements than the branch")
         _check_motion(layout_of(point), point.X, point.regime, place)
     for jump in branch.jump_records:
         if not jump.direction:
@@ -283,7 +285,7 @@ def _check(branch: Branch) -> None:
 
 
 def _check_trace(branch: Branch) -> None:
-    """How the curve was traced: a table with its span, two numbers, and its accuracy, a number; any may be missing."""
+    """Check the settings of the trace: a table with its span, two numbers, and its accuracy; each is optional."""
     known = branch.meta.get("trace", {})
     if not isinstance(known, dict):
         raise _wrong("trace of its header", known, "a table")
@@ -299,26 +301,26 @@ def _is_finite(value: Any) -> bool:
 
 
 def _check_balance(branch: Branch) -> None:
-    """The settings a problem would be built with again are those of the rows."""
+    """Check that the settings from which a problem is rebuilt match the points."""
     balance, layout = branch.meta.get("balance"), layout_of(branch)
     if not isinstance(balance, dict) or layout is None:
         return
     for name, value in (("harmonics", layout.harmonics), ("nu", layout.nu)):
         if balance.get(name, value) != value:
-            raise ValueError(f"its header says {name} = {str(balance[name])[:40]}, its rows have {value}")
+            raise ValueError(f"its header states {name} = {str(balance[name])[:40]}, its points have {value}")
 
 
 def _check_asymptotes(branch: Branch) -> None:
-    """Values of the parameter, of the first and the last row."""
+    """Check the asymptotes: values of the parameter at the first and the last point."""
     known = branch.meta.get("asymptotes", {})
     if not isinstance(known, dict) or not set(known) <= {"first", "last"}:
-        raise ValueError("its header has asymptotes of other ends than the first and the last row")
+        raise ValueError("its header has asymptotes other than those of the first and the last point")
     if not all(type(value) in (int, float) and math.isfinite(value) for value in known.values()):
-        raise ValueError("its header has asymptotes that are no finite numbers")
+        raise ValueError("its header has asymptotes that are not finite numbers")
 
 
 def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:
-    """Unknowns (..., m (2H + 1)) and regimes (..., m), or none, of a layout."""
+    """Check that unknowns (..., m (2H + 1)) and regimes (..., m), or none, match a layout."""
     largest = float(np.abs(X.astype(float)).max(initial=0.0))
     if largest > 1e100:
         raise ValueError(f"{place} has unknowns of {largest:.0e}")
@@ -326,7 +328,7 @@ def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) ->
         return
     m = len(layout.elements)
     if not m or len(layout.breakpoints) != m:
-        raise ValueError(f"{place} has {m} elements and the corners of {len(layout.breakpoints)}")
+        raise ValueError(f"{place} has {m} elements and the breakpoints of {len(layout.breakpoints)}")
     orders = layout.orders
     if orders is not None and (list(orders) != sorted(set(orders)) or max(orders, default=1) > layout.harmonics):
         raise ValueError(f"{place} has orders {str(orders)[:40]}; they ascend from 1 to at most H = {layout.harmonics}")

@@ -1,4 +1,4 @@
-"""Curves for pandas and xarray, which only here are imported: `Branch.to_dataframe` and `Branch.to_xarray`."""
+"""Curves as pandas data frames and xarray data sets: `Branch.to_dataframe` and `Branch.to_xarray`."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 def to_dataframe(branch: Branch) -> pandas.DataFrame:
-    """A row for each point; with the column ``curve`` first if there are others of the span. See `Branch`."""
+    """Return a data frame with one row per point; the column ``curve`` comes first if there are several curves."""
     pd = needed("pandas", "data", "a data frame")
     curves = (branch, *branch.others)
     frames = []
-    told: dict[str, Column] = {}
+    all_columns: dict[str, Column] = {}
     for number, curve in enumerate(curves, 1):
         columns = columns_of(curve)
-        told |= columns
+        all_columns |= columns
         frame = pd.DataFrame({name: _whole(column.values) for name, column in columns.items()})
         if len(curves) > 1:
             frame.insert(0, "curve", number)
@@ -34,23 +34,23 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
     out: pandas.DataFrame = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
     out.attrs = {
         **about(branch),
-        "units": {name: column.unit for name, column in told.items()},
-        "long_names": {name: column.meaning for name, column in told.items()},
+        "units": {name: column.unit for name, column in all_columns.items()},
+        "long_names": {name: column.meaning for name, column in all_columns.items()},
     }
     return out
 
 
 def _whole(values: Any) -> Any:
-    """Numbers with nan where a table has nothing."""
+    """Return numbers with nan for empty entries."""
     listed = list(values)
     numbers = any(isinstance(value, int | float) for value in listed)
     return np.array([np.nan if value == "" else value for value in listed]) if numbers else listed
 
 
 def to_xarray(branch: Branch) -> xarray.Dataset:
-    """Dimensions point, element, term, measure, multiplier; units and long names as attributes. See `Branch`.
+    """Return a data set with the dimensions point, element, term, measure and multiplier.
 
-    Complex multipliers are two variables, which NetCDF of every version can hold.
+    Units and long names are attributes. Complex multipliers are two variables, for all versions of NetCDF.
     """
     xr = needed("xarray", "data", "a data set")
     layout = layout_of(branch)
@@ -60,16 +60,16 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     data: dict[str, Any] = {}
     for name in (*branch.tracked, "mesh_Hz", "pinion_rpm", "residual", "iterations", "error", "special", "landing"):
         if name in columns:
-            data[name] = ("point", _array(columns[name].values), _told(columns[name].meaning, columns[name].unit))
-    names = ", ".join(f"{i} {verdict}" for i, verdict in enumerate(STABILITY_STATES))
-    codes = np.array([STABILITY_STATES.index(verdict) for verdict in branch.stability], dtype=np.int8)
-    data["stability"] = ("point", codes, _told(f"verdict of stability: {names}", ""))
+            data[name] = ("point", _array(columns[name].values), _attributes(columns[name].meaning, columns[name].unit))
+    names = ", ".join(f"{i} {state}" for i, state in enumerate(STABILITY_STATES))
+    codes = np.array([STABILITY_STATES.index(state) for state in branch.stability], dtype=np.int8)
+    data["stability"] = ("point", codes, _attributes(f"stability: {names}", ""))
     if branch.multipliers is not None:
         for part in ("real", "imag"):
-            meaning = _told(f"Floquet multipliers, {part} part", "1")
+            meaning = _attributes(f"Floquet multipliers, {part} part", "1")
             data[f"multipliers_{part}"] = (("point", "multiplier"), getattr(branch.multipliers, part).copy(), meaning)
     coords: dict[str, Any] = {
-        branch.parameter: ("point", branch.values, _told(*_words(label_of(branch, branch.parameter))))
+        branch.parameter: ("point", branch.values, _attributes(*_words(label_of(branch, branch.parameter))))
     }
     if layout is None:
         data["X"] = (("point", "unknown"), branch.X, {"long_name": "unknowns"})
@@ -91,7 +91,7 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
             {"long_name": f"impact regime: {', '.join(f'{i} {x}' for i, x in enumerate(layout.regimes))}, -1 unknown"},
         )  # fmt: skip
     for name, value in branch.fixed.items():
-        data[name] = ((), value, _told(*_words(label_of(branch, name))))
+        data[name] = ((), value, _attributes(*_words(label_of(branch, name))))
     found: xarray.Dataset = xr.Dataset(data, coords, about(branch))
     return found
 
@@ -100,11 +100,11 @@ def _words(label: str) -> tuple[str, str]:
     return without_unit(label), unit_of(label)
 
 
-def _told(meaning: str, unit: str) -> dict[str, str]:
+def _attributes(meaning: str, unit: str) -> dict[str, str]:
     return {"long_name": meaning, **({"units": unit} if unit else {})}
 
 
 def _array(values: Any) -> Any:
-    """An array; of texts one of a fixed width, which every format holds."""
+    """Return an array; texts get a fixed width, which every format can hold."""
     array = np.asarray(values)
     return array.astype(str) if array.dtype.kind in "OU" else array

@@ -1,10 +1,10 @@
-"""Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
+"""Branches as .npz files: a JSON header with all values except the arrays, which are stored under their path.
 
 header.npy    {"format": "hbgear branch", "schema": 4, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
 
-Beside the branch the header has "motions", for it and the others of its span: names and rows of all coordinates, or
-null where the model can be rebuilt without its code, or has too many of them.
+The header also has "motions", one entry for each curve of the span: names and coefficients of all coordinates, or null
+if the model can be rebuilt without its code, or has too many coordinates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from hbgear.io.branches import forms
 from hbgear.io.branches.archive import Archive, archive_of
 
 SCHEMA = 4
-"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones.
+"""Number of the file format that `Branch.save` writes; `load` reads this and all earlier ones.
 
 1: special points without meaning and marker. 2: with them.
 3: with the other curves of the span, and statuses of later versions.
@@ -41,7 +41,7 @@ _FORMAT = "hbgear branch"
 
 
 def save(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
+    """Write a branch to an .npz with a JSON header, completely or not at all; `load` returns the same numbers."""
     checked_suffix(path, (".npz",), "use export for .csv and .mat")
     arrays = _arrays_of(branch)
     with atomic_write(path) as handle:
@@ -49,7 +49,7 @@ def save(branch: Branch, path: str | os.PathLike[str]) -> None:
 
 
 def packed(branch: Branch) -> bytes:
-    """What `save` writes."""
+    """Return the bytes that `save` writes."""
     handle = io.BytesIO()
     np.savez(handle, **_arrays_of(branch))
     return handle.getvalue()
@@ -60,28 +60,29 @@ def _arrays_of(branch: Branch) -> dict[str, Any]:
     header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
     motions = [_recorded(curve) for curve in (branch, *branch.others)]
     if any(motions):
-        header["motions"] = [_told(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
+        header["motions"] = [_entry(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
     return {"header": np.array(json.dumps(header)), **arrays}
 
 
-_MOST_RECORDED = 4_000_000  # numbers, of 32 MB
+MAX_RECORDED_NUMBERS = 4_000_000
+"""Largest number of coefficients of all coordinates that is stored: 32 MB."""
 
 
 def _recorded(branch: Branch) -> FullMotion | None:
-    """All coordinates of a curve whose model cannot be rebuilt from its file, if they are not too many."""
+    """Return all coordinates of a curve whose model cannot be rebuilt from its file; None if they are too many."""
     problem, layout = branch.problem, layout_of(branch)
     if problem is None and branch.full_motion is not None and len(branch.full_motion.rows) == len(branch):
         return branch.full_motion
     if not isinstance(problem, HarmonicBalance) or layout is None or _rebuilt(branch):
         return None
-    if len(branch) * len(problem.dof_names) * (2 * layout.harmonics + 1) > _MOST_RECORDED:
+    if len(branch) * len(problem.dof_names) * (2 * layout.harmonics + 1) > MAX_RECORDED_NUMBERS:
         return None
     rows = np.array([problem.motion(X, **branch.parameters_at(i)) for i, X in enumerate(branch.X)])
     return FullMotion(tuple(problem.dof_names), rows)
 
 
 def _rebuilt(branch: Branch) -> bool:
-    """Whether the model is told well enough by the header."""
+    """Return whether the model can be rebuilt from the header."""
     try:
         model_registry.rebuild_model(branch.meta.get("model"))
     except (KeyError, ValueError):
@@ -89,7 +90,7 @@ def _rebuilt(branch: Branch) -> bool:
     return True
 
 
-def _told(known: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
+def _entry(known: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
     if known is None:
         return None
     arrays[key] = known.rows
@@ -98,14 +99,26 @@ def _told(known: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[st
 
 @checked_arguments()
 def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
-    """Read a branch written by `Branch.save`; give the problem too to go on from it.
+    """Read a branch written by `Branch.save`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the .npz file.
+    problem : HarmonicBalance or other problem, optional
+        The problem of the curve, needed to continue it; by default it is rebuilt from the file where possible.
+
+    Returns
+    -------
+    Branch
+        The saved branch with the same numbers.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it cannot be read, is no branch, or was written by a newer hbgear.
+        If the file cannot be read, is not a branch, or was written by a newer hbgear.
 
     Examples
     --------
@@ -120,8 +133,8 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     >>> bool(np.array_equal(again.X, curve.X))
     True
     """
-    if not os.path.exists(path):  # Path.exists raises at a name that is too long
-        raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
+    if not os.path.exists(path):  # Path.exists raises if the name is too long
+        raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a saved branch")
     try:
         with archive_of(path) as archive:
             return _with_problem(_branch_in(archive), problem)
@@ -135,12 +148,12 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
 
 
 def unpacked(data: bytes, problem: Any = None) -> Branch:
-    """The branch that `packed` was given.
+    """Return the branch of the bytes that `packed` returned.
 
     Raises
     ------
     ValueError
-        If it is damaged.
+        If they are damaged.
     """
     return _with_problem(_branch_in(Archive(io.BytesIO(data))), problem)
 
@@ -151,7 +164,7 @@ def _with_problem(branch: Branch, problem: Any) -> Branch:
 
 
 class _Newer(ValueError):
-    """The file is of a later schema than this one."""
+    """Error: the file has a later schema."""
 
 
 def _branch_in(archive: Archive) -> Branch:
@@ -160,7 +173,7 @@ def _branch_in(archive: Archive) -> Branch:
         raise ValueError(f"its format is {str(header.get('format'))[:40]!r}")
     schema = header.get("schema")
     if isinstance(schema, bool) or not isinstance(schema, int) or schema < 1:
-        raise ValueError(f"its schema is {str(schema)[:40]!r}, no number")
+        raise ValueError(f"its schema is {str(schema)[:40]!r}, not a number")
     if schema > SCHEMA:
         raise _Newer(f"has schema {schema}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
     branch = forms.read(archive, header.get("branch"))
@@ -175,7 +188,7 @@ def _branch_in(archive: Archive) -> Branch:
 
 
 def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
-    """A value in the words of JSON; arrays go to ``arrays`` under their path in the tree."""
+    """Convert a value to JSON; arrays are stored in ``arrays`` under their path in the tree."""
     if type(value) in _CLASSES.values():
         value = {"__class__": type(value).__name__, **saved_fields(value)}
     if isinstance(value, np.ndarray):

@@ -1,7 +1,7 @@
-"""Tables of a branch for other programs: rows as .csv, everything as .mat for MATLAB and Octave.
+"""Tables of a branch for other programs: the points as .csv, all data as .mat for MATLAB and Octave.
 
-A .csv begins with lines "# name = text" that say what the curve is and what its columns mean; then comes the line of
-names (``pandas.read_csv(path, comment="#")``). A .mat has the same as its variables ``about`` and ``explained``.
+A .csv begins with lines "# name = text" that describe the curve and the meaning of its columns; the line of column
+names follows (``pandas.read_csv(path, comment="#")``). A .mat has the same texts in ``about`` and ``explained``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hbgear.io.branches.npz import encode
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+    """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all."""
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
         tables = [columns_of(one) for one in (branch, *branch.others)]
         table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
@@ -43,7 +43,7 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
 
 
 def _whole_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
-    """Columns of the .csv; with the number of the curve first, and nothing where one has no such column, of several."""
+    """Return the columns of the .csv; of several curves, with the number of the curve first and empty missing cells."""
     each = [{name: column.values for name, column in table.items()} for table in tables]
     if len(each) == 1:
         return each[0]
@@ -57,19 +57,19 @@ def _whole_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
 
 
 def _head(branch: Branch, columns: Mapping[str, Column]) -> Iterator[str]:
-    """Lines before the table: what the curve is, and what its columns mean; of all elements alike in one line."""
+    """Yield the lines before the table: description of the curve and of its columns, one line for all elements."""
     yield from (f"# {name} = {text}" for name, text in about(branch).items())
-    told = set()
+    described = set()
     for name, column in columns.items():
         key = f"{column.key}_ELEMENT" if column.element else name
         higher = column.key[1:].isdigit() and column.key not in ("a0", "a1", "b1")
-        if key not in told and not higher:
-            told.add(key)
+        if key not in described and not higher:
+            described.add(key)
             yield f"# column {key}: {column.meaning}{bracketed(column.unit)}"
 
 
 def _matlab(branch: Branch) -> dict[str, Any]:
-    """Variables of the .mat file: the fields of the branch, its measures, and rows counted from 1."""
+    """Return the variables of the .mat file: the fields of the branch, its measures, and indices counted from 1."""
 
     def convert(value: Any) -> Any:
         if isinstance(value, Branch) and value is not branch:
@@ -101,27 +101,27 @@ def _matlab(branch: Branch) -> dict[str, Any]:
 
 
 EXPLAINED = {
-    "parameter": "name of what was varied",
-    "values": "its value in each row [P x 1]",
-    "X": "unknowns of each row [P x n]: of each element a0, a1, b1, ..., aH, bH",
-    "fixed": "parameters that were held",
+    "parameter": "name of the continuation parameter",
+    "values": "its value at each point [P x 1]",
+    "X": "unknowns of each point [P x n]: of each element a0, a1, b1, ..., aH, bH",
+    "fixed": "fixed parameters",
     "tracked": "further parameters that vary along the curve",
-    "multipliers": "Floquet multipliers of each row [P x r], complex",
-    "iterations": "Newton steps of each row",
-    "residual": "residual of each row, relative to the forces",
-    "regime": "impact regime of each element in each row: 0 no impact, 1 single-sided, 2 double-sided, -1 unknown",
-    "error": "estimated error of the motion of each row, rms",
-    "step": "arclength step to each row",
-    "special": "special points: kind, label, row (from 1), parameters, multipliers, error of the place",
+    "multipliers": "Floquet multipliers of each point [P x r], complex",
+    "iterations": "Newton iterations of each point",
+    "residual": "residual of each point, relative to the forces",
+    "regime": "impact regime of each element at each point: 0 no impact, 1 single-sided, 2 double-sided, -1 unknown",
+    "error": "estimated error of the motion at each point, rms",
+    "step": "arclength step to each point",
+    "special": "special points: kind, label, row (point, from 1), parameters, multipliers, location error",
     "jumps": "jumps of a slow sweep: value, direction, motion before and after",
     "status": "why the trace ended", "message": "the same in words",
-    "layout": "how X is read: harmonics H, subharmonic order nu, names of the elements, corners of their laws",
+    "layout": "layout of X: harmonics H, subharmonic order nu, names of the elements, breakpoints of their laws",
     "meta": "versions, model and settings, in JSON",
-    "others": "further curves of the span, of the same form",
+    "others": "further curves of the span, in the same form",
     "modulus_error": "estimated error of the largest modulus of the multipliers",
     "amplitude": "measures of amplitude [P x m]: rms of the alternating part, pp2 half peak-to-peak, max, mean",
-    "stable": "whether each row is known to be stable", "undecided": "whether its error leaves that open",
-    "mesh_Hz": "mesh frequency of each row [Hz]", "pinion_rpm": "speed of the pinion of each row [r/min]",
-    "about": "what the curve is, in words",
+    "stable": "true where a point is verified to be stable", "undecided": "true where its stability is undecided",
+    "mesh_Hz": "mesh frequency of each point [Hz]", "pinion_rpm": "speed of the pinion at each point [r/min]",
+    "about": "description of the curve",
 }  # fmt: skip
-"""What the variables of a .mat are."""
+"""Meaning of the variables of a .mat file."""

@@ -1,4 +1,4 @@
-"""A gear pair with its operation as a file (TOML), checked before anything is computed, and written.
+"""Files of gear pairs with their operation (TOML), checked before any computation.
 
     torque = "200 N m"
     damping = 0.04
@@ -8,7 +8,7 @@
     module = "3 mm"
     face_width = "20 mm"
 
-    [wheel]                 # module, face width and angles are those of the pinion unless they are given
+    [wheel]                 # module, face width and angles default to those of the pinion
     teeth = 40
 
     [pair]
@@ -44,21 +44,27 @@ _TORQUE.__set_name__(object, "torque")
 
 
 class MachineFileError(TomlFileError):
-    """What is wrong with the file of a machine, one text for each error."""
+    """Error: the file of a machine is invalid; one text for each problem."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A gear pair and how it runs.
+    """A gear pair and its operation.
 
-    Parameters
+    Attributes
     ----------
-    pair : `GearPair`.
-    torque : on the pinion [N m].
-    damping : damping ratio of the mesh.
-    form : of the model, "torsion", "bearings" or "spatial".
-    supports : of pinion and wheel; None for the first form.
-    cycle : mesh stiffness and error from tables; None if they are computed.
+    pair : GearPair
+        Gear pair.
+    torque : float
+        Torque on the pinion [N m].
+    damping : float
+        Damping ratio of the mesh.
+    form : {"torsion", "bearings", "spatial"}, optional
+        Form of the model; default "torsion".
+    supports : (Support, Support), optional
+        Supports of pinion and wheel; default None, for the form "torsion".
+    cycle : MeshCycle, optional
+        Mesh stiffness and error from tables; default None, which computes them.
     """
 
     pair: GearPair
@@ -70,11 +76,11 @@ class Machine:
 
     @property
     def mesh(self) -> MeshCycle:
-        """Mesh stiffness and error, of the tables or computed."""
+        """Mesh stiffness and error, from tables or computed."""
         return self.cycle or self.pair.mesh(self.torque)
 
     def model(self, **options: Any) -> Model:
-        """The model, as by `GearPair.model`."""
+        """Return the model made by `GearPair.model`."""
         given = {"supports": self.supports, "cycle": self.cycle, **options}
         model: Model = self.pair.model(self.torque, self.damping, self.form, **given)
         return model
@@ -83,10 +89,20 @@ class Machine:
 def read_machine(path: str | os.PathLike[str]) -> Machine:
     """Read and check the file of a machine.
 
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the .toml file.
+
+    Returns
+    -------
+    Machine
+        The machine.
+
     Raises
     ------
     MachineFileError
-        If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+        If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
     text, data = checked(path, "a machine", MachineFileError, _schema())
     problems: list[tuple[Place, str]] = []
@@ -96,9 +112,9 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     return machine
 
 
-@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+@defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
-    """The form of the file, as a model of pydantic."""
+    """Return the schema of the file, a pydantic model."""
     from pydantic import create_model
 
     strict = exactly()
@@ -126,13 +142,13 @@ _KINDS: dict[str, Any] = {
 
 
 class _Reader:
-    """Makes objects of checked tables, and notes what they refuse with its place."""
+    """Makes objects from checked tables, and records refused values with their keys."""
 
     def __init__(self, problems: list[tuple[Place, str]], folder: Path) -> None:
         self.problems, self.folder = problems, folder
 
     def machine(self, data: Mapping[str, Any]) -> Machine | None:
-        """The machine; None if something was refused."""
+        """Return the machine; None if a value was refused."""
         own = {
             name: self._read(place, ("",), data[name]) for name, place in (("torque", _TORQUE), ("damping", DAMPING))
         }
@@ -161,7 +177,7 @@ class _Reader:
             return 0.0
 
     def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
-        """An instance; None if it refuses something, which is noted."""
+        """Return an instance; None if a value was refused, which is recorded."""
         return made(self.problems, place, cls, values)
 
     def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
@@ -179,7 +195,7 @@ class _Reader:
 
 
 def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of the wheel, with what it shares with the pinion where nothing is given."""
+    """Return the fields of the wheel, with missing ones from the pinion."""
     shared = {name: getattr(pinion, name) for name in _SHARED}
     if pinion.helix_angle:
         shared["helix_angle"] = pinion.helix_angle * (1 if wheel.get("internal") else -1)
@@ -187,7 +203,7 @@ def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _place_in(message: str, data: Mapping[str, Any]) -> Place:
-    """The key of the file that an error of the whole machine is about."""
+    """Return the key of the file that an error of the whole machine refers to."""
     for name in ("torque", "damping"):
         if f"{name} =" in message:
             return (name,)
@@ -196,18 +212,21 @@ def _place_in(message: str, data: Mapping[str, Any]) -> Place:
 
 
 def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()) -> None:
-    """Write the file of a machine (.toml), whole or not at all; numbers in SI, as they are.
+    """Write the file of a machine (.toml), completely or not at all, with numbers in full precision.
 
     Parameters
     ----------
-    machine : without tables of the mesh, which are files of their own.
-    path : of the file.
-    remarks : lines of comment at its head.
+    machine : Machine
+        A machine without tables of the mesh, which are separate files.
+    path : str or path-like
+        Path of the file.
+    remarks : tuple of str, optional
+        Comment lines at its start.
 
     Raises
     ------
     ValueError
-        If the machine has tables, or the path another ending.
+        If the machine has tables, or the path does not end in .toml.
     """
     checked_suffix(path, (".toml",), "the file of a machine is .toml")
     text = machine_text(machine, remarks)
@@ -216,7 +235,7 @@ def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple
 
 
 def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
-    """What `write_machine` writes."""
+    """Return the text that `write_machine` writes."""
     if machine.cycle is not None:
         raise ValueError("a machine with tables of the mesh is written by naming their files in [mesh]")
     lines = [f"# {remark}" for remark in remarks]
@@ -231,7 +250,7 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
 
 
 def _entries(thing: Any) -> list[str]:
-    """Keys with values that are not the default."""
+    """Return the lines of the fields whose values are not the default."""
     out = []
     for field in fields(thing):
         value, measured = getattr(thing, field.name), vars(type(thing)).get(field.name)
@@ -249,7 +268,7 @@ _WRITTEN = {"m": [("mm", 1e3), ("um", 1e6)], "rad": [("deg", 57.29577951308232)]
 
 
 def _quantity(value: float, unit: str) -> str:
-    """A quantity as text, in the unit in which it is read again to the same number and looks best."""
+    """Return a quantity as text, in the unit that gives the shortest text and the same number when it is read."""
     for name, factor in _WRITTEN.get(unit, []):
         text = f"{value * factor:.12g} {name}"
         if abs(value) * factor >= 0.1 and abs(float(text.split()[0]) / factor - value) <= 4e-15 * abs(value):

@@ -1,6 +1,6 @@
-"""A machine from matrices or measured receptances as a file (TOML), checked before anything is computed.
+"""Files of structures from matrices or measured receptances (TOML), checked before any computation.
 
-    [matrices]                        # Matrix Market or NumPy, each in a file of its own; C and G too
+    [matrices]                        # Matrix Market or NumPy, each in its own file; C and G too
     M = "mass.mtx"
     K = "stiffness.mtx"
     names = ["shaft", "case"]
@@ -15,8 +15,8 @@
     [[load]]
     cosine = { 1 = { shaft = 4.0 } }
 
-Numbers are in the units of the matrices. ``file = "machine.mat"`` (or .npz) has all of them, and M, K, C, G are then
-their names in it. ``[receptances]`` has ``file = "test.uff"``, or ``tables`` of response, force and file each, and
+Numbers are in the units of the matrices. ``file = "machine.mat"`` (or .npz) contains all matrices, and M, K, C, G are
+then their names in it. ``[receptances]`` has ``file = "test.uff"``, or ``tables`` of response, force and file each, and
 ``static``, ``quantity``, ``names`` of `hb.io.from_receptances`.
 """
 
@@ -41,11 +41,11 @@ Problems = list[tuple[Place, str]]
 
 
 class StructureFileError(TomlFileError):
-    """What is wrong with the file of a structure, one text for each error."""
+    """Error: the file of a structure is invalid; one text for each problem."""
 
 
 def is_structure(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is to be a structure: it has matrices or receptances. False of what cannot be read."""
+    """Return whether a file describes a structure: it has matrices or receptances. False if it cannot be read."""
     try:
         data = parsed(path, "a structure", StructureFileError)[1]
     except StructureFileError:
@@ -56,10 +56,20 @@ def is_structure(path: str | os.PathLike[str]) -> bool:
 def read_structure(path: str | os.PathLike[str]) -> System:
     """Read and check the file of a structure with its elements and loads.
 
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the .toml file.
+
+    Returns
+    -------
+    System
+        The structure with its elements and loads.
+
     Raises
     ------
     StructureFileError
-        If it or a file it names cannot be read, or a key, type or value is wrong.
+        If the file or a file that it names cannot be read, or a key, type or value is wrong.
     """
     text, data = checked(path, "a structure", StructureFileError, _schema())
     problems: Problems = []
@@ -69,9 +79,9 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     return system
 
 
-@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+@defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
-    """The form of the file, as a model of pydantic."""
+    """Return the schema of the file, a pydantic model."""
     from pydantic import create_model
 
     strict: Any = exactly()
@@ -108,10 +118,10 @@ def _schema() -> Any:
 
 
 def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System | None:
-    """The system; None if something was refused."""
+    """Return the system; None if a value was refused."""
     given = [name for name in ("matrices", "receptances") if data.get(name) is not None]
     if len(given) != 1:
-        problems.append(((given[-1] if given else "element",), "give [matrices] or [receptances], one of them"))
+        problems.append(((given[-1] if given else "element",), "give either [matrices] or [receptances]"))
         return None
     table = data[given[0]]
     part = _tried(problems, (given[0],), lambda: _matrices(table, folder) if "matrices" in given
@@ -129,7 +139,7 @@ def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System
 
 
 def _tried(problems: Problems, place: Place, make: Callable[[], Any]) -> Any:
-    """What is made; None if it is refused, which goes to the problems."""
+    """Return the result of ``make``; None if it is refused, with the reason added to the problems."""
     try:
         return make()
     except (ValueError, KeyError, IndexError, TypeError) as error:
@@ -148,7 +158,7 @@ def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
 def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
     rest = {name: table.get(name) for name in ("static", "quantity", "names")}
     if (table.get("file") is None) == (table.get("tables") is None):
-        raise ValueError("receptances are in a universal file or in tables: give file or tables, one of them")
+        raise ValueError("receptances are in a universal file or in tables: give either file or tables")
     if table.get("file") is not None:
         return from_receptances(folder / table["file"], **rest)
     return from_receptances({(one["response"], one["force"]): folder / one["file"] for one in table["tables"]}, **rest)
@@ -167,6 +177,6 @@ def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:
     for name in ("cosine", "sine"):
         wrong = next((order for order in table.get(name, {}) if not order.isdecimal()), None)
         if wrong is not None:
-            raise ValueError(f"{name}: '{wrong}' is no harmonic; give whole numbers, such as {{ 1 = {{ x = 2.0 }} }}")
+            raise ValueError(f"{name}: '{wrong}' is not a harmonic; give integers, such as {{ 1 = {{ x = 2.0 }} }}")
         waves[name] = {int(order): part.along(vector) for order, vector in table.get(name, {}).items()}
     return Load(constant, **waves, power=table.get("power", 0))

@@ -1,4 +1,4 @@
-"""Files in TOML: read whole, and errors by the line they are in."""
+"""TOML files: reading, validation by pydantic, and errors with line numbers."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hbgear.common.units import QuantityField
 from hbgear.io.branches.archive import too_deep
 
 Place = tuple[str | int, ...]
-"""Where something is in a file: keys and numbers of entries, from the outside in."""
+"""Position in a file: keys and indices of entries, from the outside in."""
 
 
 class TomlFileError(ValueError):
-    """What is wrong with a file, one text for each error."""
+    """Error: a file is invalid; one text for each problem."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("; ".join(problems))
@@ -28,18 +28,28 @@ class TomlFileError(ValueError):
 
 
 def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
-    """Text of a file, and what TOML reads in it.
+    """Return the text of a file and its TOML content.
 
     Parameters
     ----------
-    path : of the file.
-    what : it is to be, for errors: "a study".
-    error_class : raised if it cannot be read.
+    path : str or path-like
+        Path of the file.
+    what : str
+        Expected content, for errors: "a study".
+    error_class : type
+        Class of the error.
+
+    Returns
+    -------
+    text : str
+        Text of the file.
+    data : dict
+        Its content.
 
     Raises
     ------
     TomlFileError
-        Of the class given.
+        Of the given class, if the file cannot be read.
     """
     try:
         text = text_of_file(path, what)
@@ -54,14 +64,14 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
     except RecursionError:
         reason = _nested(text)
-    except ValueError:  # of Python, which reads no whole number of thousands of digits
+    except ValueError:  # Python reads no whole number with thousands of digits
         long = re.search(r"[0-9_]{4000,}", text)
         reason = f"a number has too many digits (at line {text.count(chr(10), 0, long.start() if long else 0) + 1})"
     raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
 
 
 def _nested(text: str) -> str:
-    """What is wrong with a text that has a value nested too deeply, with the line that opens the most of it."""
+    """Return the error of a text with a value that is nested too deeply, with the line that opens most levels."""
     opened = [line.count("[") + line.count("{") + line.count(".") for line in text.splitlines()]
     return f"a value in it is nested too deeply (at line {opened.index(max(opened)) + 1})"
 
@@ -69,12 +79,12 @@ def _nested(text: str) -> str:
 def checked(
     path: str | os.PathLike[str], what: str, error_class: type[TomlFileError], schema: Any
 ) -> tuple[str, dict[str, Any]]:
-    """Text of a file, and what stands in it if that is of the form of a model of pydantic.
+    """Return the text of a file and its content, validated by a pydantic model.
 
     Raises
     ------
     TomlFileError
-        Of the class given, if it cannot be read or is of another form.
+        Of the given class, if the file cannot be read or its content is invalid.
     """
     import pydantic
 
@@ -82,25 +92,25 @@ def checked(
     try:
         return text, schema.model_validate(data).model_dump(exclude_unset=True)
     except pydantic.ValidationError as error:
-        raise error_class(located(path, text, [told(schema, each) for each in error.errors()])) from None
+        raise error_class(located(path, text, [location_and_text(schema, each) for each in error.errors()])) from None
 
 
 def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Place, str]]) -> list[str]:
-    """Errors by place as texts with their lines, in the order of the lines."""
+    """Return the errors with their lines, in the order of the lines."""
     where = lines_of(text)
     lines = sorted((line_of(where, place), message) for place, message in problems)
     return [f"{path}, line {line}: {_in_one_line(message)}" for line, message in lines]
 
 
 def _in_one_line(message: str) -> str:
-    """Names in a file may go over several lines."""
+    """Return a message without line breaks, which names in a file may contain."""
     return " ".join(message.split()) if "\n" in message else message
 
 
 def lines_of(text: str) -> dict[Place, int]:
-    """Line at which the statement begins that brings each key into a TOML text.
+    """Return the line of the statement that defines each key of a TOML text.
 
-    Statements are parsed one by one: a table header, or a key with its value, which may go over several lines.
+    Statements are parsed one by one: a table header, or a key with its value, which may extend over several lines.
     """
     found: dict[Place, int] = {}
     header: Place = ()
@@ -108,7 +118,7 @@ def lines_of(text: str) -> dict[Place, int]:
     for n, line in enumerate(text.splitlines(), 1):
         start, statement = (start, f"{statement}\n{line}") if statement else (n, line)
         if start != n and not any(end in line for end in ("]", "}", '"""', "'''")):
-            continue  # within a value of several lines, which ends with one of these
+            continue  # inside a value of several lines, which ends with one of these
         try:
             data = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:
@@ -126,7 +136,7 @@ def lines_of(text: str) -> dict[Place, int]:
 
 
 def _places(data: Any) -> Iterator[Place]:
-    """Where keys and entries of lists are, from the outside in."""
+    """Yield the positions of keys and entries of lists, from the outside in."""
     pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in pairs:
         yield (key,)
@@ -134,7 +144,7 @@ def _places(data: Any) -> Iterator[Place]:
 
 
 def _numbered(header: Place, found: dict[Place, int]) -> Place:
-    """The header; of an array of tables, ``[[x]]``, with the number of this one."""
+    """Return the header; for an array of tables, ``[[x]]``, with the index of this one."""
     if not isinstance(header[-1], int):
         return header
     number = 0
@@ -144,19 +154,19 @@ def _numbered(header: Place, found: dict[Place, int]) -> Place:
 
 
 def line_of(lines: Mapping[Place, int], place: Place) -> int:
-    """Line of a key, or of the table it is missing in; 1 if it is nowhere."""
+    """Return the line of a key, or of the table in which it is missing; 1 if there is neither."""
     while place and place not in lines:
         place = place[:-1]
     return lines.get(place, 1)
 
 
-def told(schema: Any, error: Any) -> tuple[Place, str]:
-    """Place and text of an error of pydantic."""
+def location_and_text(schema: Any, error: Any) -> tuple[Place, str]:
+    """Return position and text of an error of pydantic."""
     place: Place = tuple(error["loc"])
     name = ".".join(map(str, place))
     if error["type"] == "extra_forbidden":
         for key in place[:-1]:
-            if isinstance(key, str):  # the form of the entries of a list is that of its key
+            if isinstance(key, str):  # the schema of the entries of a list is that of its key
                 schema = schema.model_fields[key].annotation
                 schema = next(iter(typing.get_args(schema)), schema)
         return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
@@ -169,7 +179,7 @@ def told(schema: Any, error: Any) -> tuple[Place, str]:
 
 
 def exactly() -> Any:
-    """Settings of a form of pydantic in which nothing else may stand, and no number is a text."""
+    """Return settings of a pydantic model that forbid other keys and convert no types."""
     from pydantic import ConfigDict
 
     return ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -179,10 +189,10 @@ def form(
     title: str, cls: type, kinds: Mapping[str, Any], required: Sequence[str], left_out: Sequence[str] = (),
     **more: tuple[Any, Any],
 ) -> Any:  # fmt: skip
-    """The form of a table with the fields of a dataclass, as a model of pydantic.
+    """Return the schema of a table with the fields of a dataclass, a pydantic model.
 
-    Quantities are texts or numbers; other fields are of the kinds given. ``more`` are keys beside the fields, as
-    pydantic's (kind, default).
+    Quantities are texts or numbers; the types of other fields are ``kinds``. ``more`` are additional keys with (type,
+    default).
     """
     from pydantic import create_model
 
@@ -198,9 +208,9 @@ def made(
     problems: list[tuple[Place, str]], place: Place, cls: type, values: Mapping[str, Any],
     make: Callable[..., Any] | None = None,
 ) -> Any:  # fmt: skip
-    """An instance by ``cls(**values)``, or by ``make``; None if something is refused, which goes to the problems.
+    """Return an instance by ``cls(**values)``, or by ``make``; None if a value is refused, which is added to problems.
 
-    Each quantity is tried by itself, so that all errors are told at once.
+    Each quantity is read separately, so that all errors are reported at once.
     """
     count = len(problems)
     for name, value in values.items():
@@ -220,5 +230,5 @@ def made(
 
 
 def bare(error: ValueError) -> str:
-    """What an error says, without the class or what else is at its head: the place in the file says that."""
+    """Return the text of an error without the class at its start, which the line in the file replaces."""
     return re.sub(r"^(the machine|[A-Z][A-Za-z]*(\.[a-z]+)?): ", "", str(error))

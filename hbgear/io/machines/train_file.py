@@ -1,4 +1,4 @@
-"""A train of gears as a file (TOML), checked before anything is computed.
+"""Files of gear trains (TOML), checked before any computation.
 
     balance = "wheel"
 
@@ -18,14 +18,14 @@
     pair = { backlash = "80 um" }
 
 Keys are the fields of `Train`, `Wheel`, `Shaft`, `Beam`, `Bearing`, `Mesh` and `Housing`; quantities are text with a
-unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`, a mesh by its fields or by those of
-its `GearPair` and a torque on the first wheel, from which stiffness, error, angles and backlash are computed.
+unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`; a mesh by its fields, or by those of
+its `GearPair` and a torque on the first wheel, which determine stiffness, error, angles and backlash.
 
-    [[bearing]]             # a table over the speed of the wheel
+    [[bearing]]             # a table over the wheel speed
     at = "pinion"
     table = { speed = ["600 r/min", "3000 r/min"], matrices = [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 0.0], [0.0, 2e8]]] }
 
-    [housing]               # rows of numbers, or files as of `hb.io.from_matrices`
+    [housing]               # rows of numbers, or files as for `hb.io.from_matrices`
     M = "mass.mtx"
     K = "stiffness.mtx"
     names = ["left", "right"]
@@ -59,11 +59,11 @@ _KINDS: dict[str, Any] = {
 
 
 class TrainFileError(TomlFileError):
-    """What is wrong with the file of a train, one text for each error."""
+    """Error: the file of a train is invalid; one text for each problem."""
 
 
 def is_train(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is to be a train: it has wheels in a list. False of what cannot be read."""
+    """Return whether a file describes a train: it has meshes in a list. False if it cannot be read."""
     try:
         return isinstance(parsed(path, "a train", TrainFileError)[1].get("mesh"), list)
     except TrainFileError:
@@ -73,10 +73,20 @@ def is_train(path: str | os.PathLike[str]) -> bool:
 def read_train(path: str | os.PathLike[str]) -> Train:
     """Read and check the file of a train.
 
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the .toml file.
+
+    Returns
+    -------
+    Train
+        The train.
+
     Raises
     ------
     TrainFileError
-        If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+        If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
     text, data = checked(path, "a train", TrainFileError, _schema())
     problems: list[tuple[Place, str]] = []
@@ -86,9 +96,9 @@ def read_train(path: str | os.PathLike[str]) -> Train:
     return train
 
 
-@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+@defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
-    """The form of the file, as a model of pydantic."""
+    """Return the schema of the file, a pydantic model."""
     from pydantic import create_model
 
     gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
@@ -120,11 +130,11 @@ _TABLES = ("table", "damping_table")
 """Fields of a bearing that are tables over speed."""
 
 _FUNCTIONS = ("stiffness", "error")
-"""Fields of a mesh that a file has no place for."""
+"""Fields of a mesh that a file cannot hold."""
 
 
 def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | None:
-    """The train; None if something was refused."""
+    """Return the train; None if a value was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
@@ -145,11 +155,11 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
 def _wheel(
     place: Place, table: Mapping[str, Any], gears: dict[str, Gear], problems: list[tuple[Place, str]]
 ) -> Wheel | None:
-    """A wheel by its fields, or of its gear; that is kept by the name of the wheel."""
+    """Return a wheel given by its fields, or by its gear, which is stored by the name of the wheel."""
     own = {name: value for name, value in table.items() if name != "gear"}
     if "gear" not in table:
         if "inertia" not in own:
-            problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear of which it follows"))
+            problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear that determines it"))
             return None
         return made(problems, place, Wheel, own)  # type: ignore[no-any-return]
     gear = made(problems, (*place, "gear"), Gear, table["gear"])
@@ -160,7 +170,7 @@ def _wheel(
 
 
 def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Bearing | None:
-    """A bearing, its tables over the speed of the wheel."""
+    """Return a bearing with its tables over the wheel speed."""
     own = dict(table)
     for name in _TABLES:
         if own.get(name) is not None:
@@ -174,7 +184,7 @@ def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place,
 
 
 def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Housing | None:
-    """The housing, its matrices out of files or as rows of numbers."""
+    """Return the housing with its matrices from files or rows of numbers."""
     try:
         sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
                    for name in ("M", "K", "C") if table.get(name) is not None}  # fmt: skip
@@ -188,11 +198,11 @@ def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place,
 def _mesh(
     place: Place, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[Place, str]]
 ) -> Mesh | None:
-    """A mesh by its fields, or of a pair of two of the gears under a torque."""
+    """Return a mesh given by its fields, or by a pair of two of the gears under a torque."""
     own = {name: value for name, value in table.items() if name not in ("pair", "torque")}
     if "pair" not in table and "torque" not in table:
         if "k_mean" not in own:
-            problems.append((place, "a mesh needs its k_mean, or pair and torque of which it follows"))
+            problems.append((place, "a mesh needs its k_mean, or pair and torque, which determine it"))
             return None
         return made(problems, place, Mesh, own)  # type: ignore[no-any-return]
     missing = [name for name in (own["first"], own["second"]) if name not in gears]

@@ -1,1 +1,1 @@
-"""Files of matrices: Matrix Market and MATLAB."""
+"""Readers of matrix files: Matrix Market and MATLAB."""

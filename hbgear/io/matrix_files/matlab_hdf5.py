@@ -1,4 +1,4 @@
-"""Matrices of MATLAB files of version 7.3, which are HDF5: dense ones transposed, sparse ones by columns."""
+"""Reader of MATLAB files of version 7.3, which are HDF5: dense matrices transposed, sparse matrices by columns."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from hbgear.io.matrix_files.matrix_market import DamagedFileError
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _NUMBERS = {b"double", b"single", b"logical", b"int8", b"int16", b"int32", b"int64", b"uint8", b"uint16", b"uint32",
             b"uint64"}  # fmt: skip
-_MOST = 1 << 30  # bytes of a matrix; more would be declared by a damaged file, or belong in a sparse matrix
+MAX_MATRIX_BYTES = 1 << 30
+"""Largest matrix that is read; only damaged files declare larger ones, or sparse matrices stored as dense."""
 
 
 def is_hdf5(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is HDF5, with or without the 512 bytes that MATLAB writes before."""
+    """Return whether a file is HDF5, with or without the 512 bytes that MATLAB writes at its start."""
     with open(path, "rb") as handle:
         start = handle.read(520)
     return start.startswith(_SIGNATURE) or start[512:] == _SIGNATURE
 
 
 def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Numeric matrices of a MATLAB file of version 7.3 by name; texts, cells and structures are left out.
+    """Return the numeric matrices of a MATLAB file of version 7.3 by name; texts, cells and structures are omitted.
 
     Raises
     ------
@@ -41,23 +42,23 @@ def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
             if node.attrs.get("MATLAB_class") not in _NUMBERS or "MATLAB_empty" in node.attrs:
                 continue
             size = node.nbytes if isinstance(node, h5py.Dataset) else sum(part.nbytes for part in node.values())
-            if size > _MOST:
+            if size > MAX_MATRIX_BYTES:
                 raise DamagedFileError(
-                    f"'{name}' has {size / 2**30:.1f} GiB; need at most {_MOST >> 30}, or a sparse matrix"
+                    f"'{name}' has {size / 2**30:.1f} GiB; need at most {MAX_MATRIX_BYTES >> 30}, or a sparse matrix"
                 )
             found[name] = _sparse(node) if isinstance(node, h5py.Group) else _dense(node[()])
     return found
 
 
 def _dense(stored: Any) -> Any:
-    """A matrix of what is stored column after column."""
+    """Return a matrix that is stored column by column."""
     if stored.dtype.names == ("real", "imag"):
         stored = stored["real"] + 1j * stored["imag"]
     return np.ascontiguousarray(stored.T)
 
 
 def _sparse(group: Any) -> Any:
-    """A sparse matrix of its columns; one without entries has only where they begin."""
+    """Return a sparse matrix that is stored by columns; one without entries has only their starts."""
     starts = np.asarray(group["jc"], dtype=np.int64)
     values = _dense(group["data"][()]) if "data" in group else np.empty(0)
     rows = np.asarray(group["ir"], dtype=np.int64) if "ir" in group else np.empty(0, dtype=np.int64)

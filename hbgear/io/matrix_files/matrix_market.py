@@ -1,4 +1,4 @@
-"""Matrix Market files, checked before SciPy reads them: of a damaged one it may write beyond the matrix."""
+"""Matrix Market files, checked before SciPy reads them: for a damaged file it may write outside of the matrix."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ import numpy as np
 import scipy.io
 
 _NUMBERS = b"0123456789+-.eE \t\r\n"
+"""Characters of numbers and spaces."""
+
 _TOKENS = {"real": 1, "integer": 1, "unsigned-integer": 1, "complex": 2, "pattern": 0}
 
 
 class DamagedFileError(ValueError):
-    """A file of matrices that is refused, with the reason."""
+    """Error: a file of matrices is refused, with the reason."""
 
 
 def read_matrix_market(path: str | os.PathLike[str]) -> Any:
-    """The matrix in a Matrix Market file.
+    """Return the matrix in a Matrix Market file.
 
     Raises
     ------
     DamagedFileError
-        If it has other characters than numbers, or not as many as its size says.
+        If the file has other characters than numbers, or another count of numbers than its size requires.
     """
     with open(path, "rb") as handle:
         content = handle.read()
@@ -32,7 +34,7 @@ def read_matrix_market(path: str | os.PathLike[str]) -> Any:
     next(lines)  # the size
     body = b"\n".join(lines)
     if body.translate(None, _NUMBERS):
-        raise DamagedFileError("it has characters that belong to no number")
+        raise DamagedFileError("it has characters that are not part of a number")
     found = np.array(body.split(), dtype=bytes).astype(float).size
     if form == "coordinate":
         expected = entries * (2 + _TOKENS[kind])

@@ -1,8 +1,8 @@
-"""Files of matrices that would unpack to far more than they hold are refused before they are read.
+"""Limit of the unpacked size of matrix files, checked before they are read.
 
     bytes unpacked <= 256 MB + 32 times the size of the file
 
-That is two matrices of 4000 coordinates, whatever is in them; larger ones, mostly zeros, are written as sparse.
+This admits two dense matrices of 4000 coordinates; larger ones, mostly zeros, are written as sparse.
 """
 
 from __future__ import annotations
@@ -16,37 +16,42 @@ from typing import IO
 import scipy
 
 SPARE, TIMES = 2**28, 32
-"""Bytes that a file may unpack to: these, and so many for each of its own."""
+"""Bytes that a file may unpack to: the first number, plus the second times the size of the file."""
 
-_CHUNK = 1 << 16
+_CHUNK_BYTES = 1 << 16
 
-_HEADER = 128  # bytes of a .mat file of version 5, behind which its variables follow, each with a tag of 8
+_HEADER_BYTES = 128
+"""Size of the header of a .mat file of version 5; its variables follow, each with a tag of 8 bytes."""
 
-_COMPRESSED = 15  # type of a variable that is compressed
+_COMPRESSED = 15
+"""Type of a compressed variable."""
 
-_FEWEST = {"coordinate": 4, "array": 2}  # characters of an entry in the text of a .mtx file: "1 1\n", "1\n"
+_MIN_ENTRY_CHARACTERS = {"coordinate": 4, "array": 2}
+"""Fewest characters of an entry in the text of a .mtx file: "1 1\\n", "1\\n"."""
 
-_MOST_ROWS = 1_000_000  # of a matrix, far beyond what can be solved for here
+MAX_MATRIX_ROWS = 1_000_000
+"""Largest number of rows of a matrix; larger systems cannot be solved here."""
 
 
 class TooMuch(ValueError):
-    """A file that declares more than it can hold."""
+    """Error: a file declares more than it can hold."""
 
 
 def check_mat(path: str | os.PathLike[str]) -> None:
-    """Refuse a MATLAB file of version 5 to 7 whose variables unpack to too much; of others nothing is known here.
+    """Refuse a MATLAB file of version 5 to 7 whose variables unpack to too many bytes; other versions are not checked.
 
-    Variables are unpacked piece by piece, and counted.
+    Variables are unpacked in chunks, whose bytes are counted.
 
     Raises
     ------
     TooMuch
+        If the variables exceed the limit.
     """
     size = os.path.getsize(path)
     limit = left = SPARE + TIMES * size
     with open(path, "rb") as handle:
-        head = handle.read(_HEADER)
-        if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
+        head = handle.read(_HEADER_BYTES)
+        if len(head) < _HEADER_BYTES or head[126:128] not in (b"IM", b"MI"):
             return
         order = "<" if head[126:128] == b"IM" else ">"
         while len(tag := handle.read(8)) == 8:
@@ -61,18 +66,18 @@ def check_mat(path: str | os.PathLike[str]) -> None:
                 handle.seek(length, os.SEEK_CUR)
 
 
-def _unpacked(handle: IO[bytes], length: int, most: int) -> int:
-    """Bytes to which the next ones of a file unpack, counted up to one more than the most."""
+def _unpacked(handle: IO[bytes], length: int, limit: int) -> int:
+    """Return the unpacked size of the next ``length`` bytes of a file, counted up to just above ``limit``."""
     unpacking, count = zlib.decompressobj(), 0
-    while length > 0 and count <= most:
-        data = handle.read(min(length, _CHUNK))
+    while length > 0 and count <= limit:
+        data = handle.read(min(length, _CHUNK_BYTES))
         if not data:
             break
         length -= len(data)
-        while data and count <= most:
+        while data and count <= limit:
             try:
-                count += len(unpacking.decompress(data, _CHUNK))
-            except zlib.error:  # the reader says what is damaged
+                count += len(unpacking.decompress(data, _CHUNK_BYTES))
+            except zlib.error:  # the reader reports the damage
                 handle.seek(length, os.SEEK_CUR)
                 return count
             data = unpacking.unconsumed_tail
@@ -80,13 +85,14 @@ def _unpacked(handle: IO[bytes], length: int, most: int) -> int:
 
 
 def check_mtx(path: str | os.PathLike[str]) -> None:
-    """Refuse a Matrix Market file that declares more rows or entries than its text can have.
+    """Refuse a Matrix Market file that declares more rows or entries than its text can hold.
 
     Raises
     ------
     TooMuch
+        If it declares more.
     """
     rows, columns, entries, form, _, symmetry = scipy.io.mminfo(path)
     stored = entries if form == "coordinate" or symmetry == "general" else (rows * (columns - 1)) // 2
-    if stored * _FEWEST[form] > os.path.getsize(path) or max(rows, columns) > _MOST_ROWS:
+    if stored * _MIN_ENTRY_CHARACTERS[form] > os.path.getsize(path) or max(rows, columns) > MAX_MATRIX_ROWS:
         raise TooMuch(f"it declares {rows} x {columns} with {entries} entries in {Path(path).stat().st_size:,} bytes")

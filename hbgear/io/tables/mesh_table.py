@@ -1,4 +1,4 @@
-"""Mesh stiffness and transmission error over a mesh cycle from tables of other programs or of a measurement."""
+"""Mesh stiffness and transmission error over a mesh cycle, from tables of other programs or measurements."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from hbgear.gears.mesh.mesh_cycle import MeshTable
 from hbgear.io.tables.table_reader import Kind, named, read_data_table, split
 from hbgear.io.tables.table_units import ANGLE, factor_of, plain_unit
 
-_CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
+PERIODICITY_TOLERANCE = 1e-3
+"""Largest difference between the first and last value of a cycle, relative to the range of values."""
 
 _PHASE = Kind(
     "phase", dict.fromkeys(("phase", "mesh phase", "phase of mesh", "mesh cycle", "cycle", "tau", "theta", "x"), None),
@@ -26,23 +27,31 @@ _PHASE = Kind(
 
 @checked_arguments()
 def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m") -> MeshTable:
-    """A function over a mesh cycle from a table of phases and values, measured or computed by other programs.
+    """Read a function over a mesh cycle from a table of phases and values.
 
-    One line names the columns with their units: ``phase [deg]; stiffness [N/um]``. The first column has the phases, as
-    shares of a mesh cycle [cycle], [rad] or [deg] of it, over one whole cycle; the last row may be the first of the
-    next cycle or the last before it. Columns are separated by commas, semicolons, tabs or spaces; lines that begin
-    with # are left out.
+    The header names the columns with their units: ``phase [deg]; stiffness [N/um]``. The first column contains the
+    phases, as fractions [cycle], [rad] or [deg] of a mesh cycle, over one whole cycle; the last row may be the first
+    one of the next cycle or the last one before it. Columns are separated by commas, semicolons, tabs or spaces; lines
+    that begin with # are comments.
 
     Parameters
     ----------
-    path : of the file.
-    column : of the values, 1 for the second one.
-    unit : that the values are converted to.
+    path : str or path-like
+        Path of the file.
+    column : int, optional
+        Column of the values; default 1, the second one.
+    unit : str, optional
+        Unit to which the values are converted; default "N/m".
+
+    Returns
+    -------
+    MeshTable
+        The function over a mesh cycle.
 
     Raises
     ------
     ValueError
-        If the file is no such table, a unit is missing or does not fit, or the values do not come back after a cycle.
+        If the file is not such a table, a unit is missing or unsuitable, or the values are not periodic.
 
     Examples
     --------
@@ -56,10 +65,10 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
     values = Kind("value", {}, lambda own: factor_of(own, [unit]) is not None, f"{unit} and units that convert to it")
     table = read_data_table(path, "a table of a mesh cycle", [_PHASE, values])
     if not 0 < column < len(table.headings):
-        raise ValueError(f"{path}: it has {len(table.headings)} columns and none with the number {column}, from 0")
+        raise ValueError(f"{path}: it has {len(table.headings)} columns, and no column {column} (from 0)")
     if named(table.headings[0], _PHASE) is None:
         raise ValueError(f"{path}: the first column is {quoted(split(table.headings[0])[0])}; need the phase, as in "
-                         "'phase [cycle]' (angles of a shaft are other phases)")  # fmt: skip
+                         "'phase [cycle]' (shaft angles are not phases of the mesh)")  # fmt: skip
     phases, found = table.column(0, _PHASE), table.column(column, values)
     if len(table.rows) < 3:
         raise ValueError(f"{path}: {len(table.rows)} rows of numbers are too few for a mesh cycle")
@@ -69,7 +78,7 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
 
 
 def _closed(path: object, lines: Sequence[int], phase: Array, value: Array) -> tuple[Array, Array]:
-    """Phases from 0 to 1 with the value of the end at both; refuses what does not come back."""
+    """Return phases from 0 to 1, with the same value at both ends; refuse values that are not periodic."""
     if np.any(np.diff(phase) < 0):
         line = lines[int(np.flatnonzero(np.diff(phase) < 0)[0]) + 1]
         raise ValueError(f"{path}: phases must ascend; line {line} goes back")
@@ -77,13 +86,13 @@ def _closed(path: object, lines: Sequence[int], phase: Array, value: Array) -> t
     length, step = float(phase[-1]), float(np.diff(phase).max())
     if abs(length - 1) < 1e-6:
         phase = phase / length
-        apart = abs(value[-1] - value[0])
-        if apart > max(_CLOSED * (value.max() - value.min()), 1e-12 * np.abs(value).max()):
+        difference = abs(value[-1] - value[0])
+        if difference > max(PERIODICITY_TOLERANCE * (value.max() - value.min()), 1e-12 * np.abs(value).max()):
             raise ValueError(
-                f"{path}: it is not periodic: it begins with {value[0]:.6g} and ends with {value[-1]:.6g} one cycle "
-                "later; give one whole mesh cycle (with a jump there, its phase twice)"
+                f"{path}: the values are not periodic: the first is {value[0]:.6g}, the last, one cycle later, "
+                f"{value[-1]:.6g}; give one whole mesh cycle (at a discontinuity, give its phase twice)"
             )
         return phase, np.append(value[:-1], value[0])
     if not (length < 1 and 1 - length <= 1.5 * step):
-        raise ValueError(f"{path}: its phases go over {length:.4g} mesh cycles; need one whole cycle, periodic")
+        raise ValueError(f"{path}: its phases span {length:.4g} mesh cycles; need one whole cycle, periodic")
     return np.append(phase, 1.0), np.append(value, value[0])

@@ -1,4 +1,4 @@
-"""Tables of frequency responses: every column by its name and unit.
+"""Tables of frequency responses: every column by name and unit.
 
 H = re + i im,   |H| e^(i phase)   or   10^(L/20) e^(i phase)   with the level L [dB] re 1 of the unit
 """
@@ -20,10 +20,12 @@ QUANTITIES = {
     "mobility": ("m/s/N", "rad/s/(N m)", "1/s/N"),
     "accelerance": ("m/s^2/N", "rad/s^2/(N m)", "1/s^2/N"),
 }
-"""Units of each quantity per force or moment: of displacement, of angle, and of one by the other's load."""
+"""Units of each quantity: displacement per force, angle per moment, and displacement per moment or angle per force."""
 
-_AMBIGUOUS = 2 * pi  # largest phase without a unit that may be in radians
-_SIZES = "m/N, mm/N, um/N, m/s/N, m/s^2/N, rad/(N m)"
+MAX_PHASE_IN_RADIANS = 2 * pi
+"""Phases [rad] up to this value may be radians or degrees, so that a unit is required."""
+
+_RESPONSE_UNITS = "m/N, mm/N, um/N, m/s/N, m/s^2/N, rad/(N m)"
 
 
 def _is_size(unit: str) -> bool:
@@ -42,11 +44,11 @@ KINDS = (
           **_SPEEDS},
          FREQUENCY.__contains__, ", ".join(FREQUENCY)),
     Kind("real part", dict.fromkeys(("real", "re", "real part", "re(H)", "real(H)", "re H", "H real"), ""), _is_size,
-         _SIZES),
+         _RESPONSE_UNITS),
     Kind("imaginary part", dict.fromkeys(("imag", "im", "imaginary", "imag part", "imaginary part", "im(H)", "imag(H)",
-                                          "im H", "H imag"), ""), _is_size, _SIZES),
+                                          "im H", "H imag"), ""), _is_size, _RESPONSE_UNITS),
     Kind("magnitude", dict.fromkeys(("magnitude", "mag", "amplitude", "abs", "modulus", "|H|", "abs(H)", "mag(H)"), "")
-         | {"db": "dB"}, _is_magnitude, f"{_SIZES}, dB, dB re 1 m/N"),
+         | {"db": "dB"}, _is_magnitude, f"{_RESPONSE_UNITS}, dB, dB re 1 m/N"),
     Kind("phase", dict.fromkeys(("phase", "angle", "phase angle", "arg", "arg(H)", "phase(H)", "angle(H)", "∠H"), ""),
          lambda unit: unit == "" or (unit in ANGLE and unit != "cycle"), "deg, rad, mrad"),
     Kind("coherence", dict.fromkeys(("coherence", "coh", "γ²", "gamma2"), ""), lambda unit: unit in ("", "%"), "-, %"),
@@ -58,17 +60,28 @@ _PAIRS = (("real part", "imaginary part"), ("magnitude", "phase"))
 
 
 def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[Array, ComplexArray, str]:
-    """Frequencies [Hz], a complex frequency response in SI, and which quantity it is.
+    """Read a frequency response: frequencies [Hz], complex values in SI, and the quantity.
 
     Parameters
     ----------
-    path : of the table.
-    quantity : "receptance", "mobility", "accelerance"; by default what the unit says, else "receptance".
+    path : str or path-like
+        Path of the table.
+    quantity : {"receptance", "mobility", "accelerance"} or None
+        Measured quantity; None takes it from the unit, else "receptance".
+
+    Returns
+    -------
+    f : ndarray, shape (P,)
+        Frequencies [Hz].
+    H : ndarray, shape (P,)
+        Complex frequency response in SI units.
+    quantity : str
+        The quantity.
 
     Raises
     ------
     ValueError
-        If the file is no such table, or a name or unit of a column is not known.
+        If the file is not such a table, or a name or unit of a column is unknown.
     """
     table = read_data_table(path, "a frequency response", KINDS, _DEFAULT)
     found = table.columns(KINDS)
@@ -77,7 +90,7 @@ def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[A
         raise ValueError(f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
                          "and imaginary part, or with magnitude and phase")  # fmt: skip
     if "coherence" in found:
-        found["coherence"].numbers()  # not used, but a cell that is no number says that the table is damaged
+        found["coherence"].numbers()  # not used, but refuses cells that are not numbers
     f = found["frequency"].numbers() * FREQUENCY[found["frequency"].unit]
     first, second = (found[role] for role in pairs[0])
     if pairs[0][0] == "magnitude":
@@ -89,24 +102,24 @@ def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[A
 
 
 def _sizes(column: Column, quantity: str | None) -> tuple[Array, str]:
-    """Numbers of a column in SI, and what they are per force."""
+    """Return the numbers of a column in SI, and their quantity per force."""
     values, level = column.numbers(), _level(column.unit)
     unit = column.unit if level is None else level
     if level is not None:
         values = 10 ** (values / 20)
         if not np.isfinite(values).all():
-            raise ValueError(f"'{column.file}': the column {column.heading!r} has levels that are no dB")
+            raise ValueError(f"'{column.file}': the column {column.heading!r} has levels that are not dB")
     if not unit:
         return values, quantity or "receptance"
     factor, own = _fitting(unit) or (1.0, "receptance")
     if quantity not in (None, own):
-        raise ValueError(f"'{column.file}': the column {column.heading!r} is in the unit of {own}, and not of "
+        raise ValueError(f"'{column.file}': the unit of the column {column.heading!r} is that of {own}, not "
                          f"{quantity}; give quantity='{own}', or correct the unit")  # fmt: skip
     return values * factor, own
 
 
 def _fitting(unit: str) -> tuple[float, str] | None:
-    """The factor to SI of a unit, and the quantity that it is of."""
+    """Return the factor of a unit to SI, and its quantity."""
     for quantity, units in QUANTITIES.items():
         if (found := factor_of(unit, units)) is not None:
             return found[0], quantity
@@ -114,7 +127,7 @@ def _fitting(unit: str) -> tuple[float, str] | None:
 
 
 def _level(unit: str) -> str | None:
-    """The unit that levels in dB are over, "" for that of the model; None if a unit is none of levels."""
+    """Return the reference unit of levels in dB, "" for the unit of the model; None if the unit is not a level."""
     found = re.fullmatch(r"dB(?:\s*(?:re\.?|ref\.?)?\s*(?:1\s*)?(.*))?", unit, re.IGNORECASE)
     if found is None:
         return None
@@ -123,9 +136,9 @@ def _level(unit: str) -> str | None:
 
 
 def _angles(column: Column) -> Array:
-    """Phases in radians; degrees without a unit, unless they may be in radians."""
+    """Return phases in radians; without a unit they are degrees, unless they may be radians."""
     values = column.numbers()
-    if not column.unit and np.abs(values).max() <= _AMBIGUOUS and values.any():
+    if not column.unit and np.abs(values).max() <= MAX_PHASE_IN_RADIANS and values.any():
         raise ValueError(f"'{column.file}': the column {column.heading!r} has no unit, and its numbers may be degrees "
                          "or radians; write 'phase [deg]' or 'phase [rad]'")  # fmt: skip
     factor = ANGLE[column.unit or "deg"]

@@ -1,7 +1,7 @@
-"""Tables of numbers from files: the name and the unit of every column are read, and its numbers converted.
+"""Reader of numeric tables: name and unit of every column are parsed, and its numbers converted.
 
-A reader lists the kinds of columns that it takes. What is not on the list, a name or a unit, is refused with what is;
-nothing is guessed from numbers.
+A reader lists the kinds of columns that it accepts. An unknown name or unit is refused with the accepted ones; nothing
+is guessed from the numbers.
 
     frequency [kHz]; |H| [dB]; phase (deg)        ->  roles "frequency", "magnitude", "phase" with their units
 """
@@ -26,13 +26,17 @@ from hbgear.io.tables.table_units import plain_unit
 class Kind:
     """A kind of column.
 
-    Parameters
+    Attributes
     ----------
-    role : name by which a reader asks for the column.
-    names : accepted names with the unit that each implies: "" for a number without one, None if a heading must state
-        one. They are compared without regard to capitals, underscores and hyphens.
-    unit : whether a unit is one of this kind.
-    accepted : the units in words, for errors.
+    role : str
+        Name by which a reader accesses the column.
+    names : dict of str to (str or None)
+        Accepted names with the unit that each implies: "" for a dimensionless number, None if the header must state
+        one. Case, underscores and hyphens are ignored.
+    unit : callable
+        Returns whether a unit belongs to this kind.
+    accepted : str
+        Accepted units in words, for errors.
     """
 
     role: str
@@ -45,11 +49,20 @@ class Kind:
 class Column:
     """A column of a table.
 
-    heading : as it is written, or the default of a table without headings.
-    unit : as `plain_unit` writes it; of its name if the heading states none.
-    cells : texts, one of each row.
-    lines : numbers of the lines they are in.
-    file : its name, for errors.
+    Attributes
+    ----------
+    heading : str
+        Header as written, or the default of a table without a header.
+    unit : str
+        Unit as `plain_unit` writes it, else implied by the name.
+    cells : tuple of str
+        Text of each row.
+    lines : tuple of int
+        Line numbers of the rows.
+    file : str
+        Name of the file, for errors.
+    stated : bool
+        Whether the header states the unit.
     """
 
     heading: str
@@ -60,35 +73,41 @@ class Column:
     stated: bool = True
 
     def number(self, i: int) -> float:
-        """The finite number in a cell.
+        """Return the finite number in a cell.
 
         Raises
         ------
         ValueError
-            If it is none; the message names the line.
+            If the cell is not a finite number; the message states the line.
         """
         value = number_of_cell(self.cells[i])
         if value is None or not np.isfinite(value):
-            why = why_no_number(self.cells[i]) if value is None else "must be a number that is finite"
-            raise self.wrong(i, why)
+            reason = why_no_number(self.cells[i]) if value is None else "must be a finite number"
+            raise self.wrong(i, reason)
         return value
 
-    def wrong(self, i: int, why: str) -> ValueError:
-        """The error of a cell, with its line."""
+    def wrong(self, i: int, reason: str) -> ValueError:
+        """Return the error of a cell, with its line."""
         return ValueError(f"'{self.file}', line {self.lines[i]}: {quoted(self.cells[i])} in the column "
-                          f"{quoted(self.heading)} {why}")  # fmt: skip
+                          f"{quoted(self.heading)} {reason}")  # fmt: skip
 
     def numbers(self) -> Array:
-        """All cells as finite numbers, in the unit of the column."""
+        """Return all cells as finite numbers, in the unit of the column."""
         return np.array([self.number(i) for i in range(len(self.cells))])
 
 
 @dataclass(frozen=True)
 class DataTable:
-    """A table whose columns are known by place.
+    """A table with columns by position.
 
-    file : name of the file, for errors.
-    headings : names with units, as they are written; of a table without a line of names the defaults of its reader.
+    Attributes
+    ----------
+    file : str
+        Name of the file, for errors.
+    headings : tuple of str
+        Headers with units, as written; for a table without a header, the defaults of its reader.
+    rows : tuple of Row
+        Rows of cells.
     """
 
     file: str
@@ -96,46 +115,54 @@ class DataTable:
     rows: tuple[Row, ...]
 
     def column(self, i: int, kind: Kind) -> Column:
-        """A column that is to be of a kind.
+        """Return a column of a given kind.
 
         Raises
         ------
         ValueError
-            If its unit is none of that kind, or is missing.
+            If its unit does not belong to that kind, or is missing.
         """
         return self._of_unit(i, kind, (named(self.headings[i], kind) or (None,))[0])
 
     def columns(
         self, kinds: Sequence[Kind], called: Mapping[str, str] | None = None, assumed: Mapping[str, str] | None = None
     ) -> dict[str, Column]:
-        """Columns by role.
+        """Return the columns by role.
 
         Parameters
         ----------
-        kinds : that the reader takes.
-        called : headings of roles that are called otherwise; columns that have no such heading are left out then.
-        assumed : units of roles that hold where a heading states none, and its name does not imply one.
+        kinds : sequence of Kind
+            Accepted kinds.
+        called : dict of str to str, optional
+            Headers of roles with other names; columns without such a header are then omitted.
+        assumed : dict of str to str, optional
+            Units of roles, used if neither the header nor its name gives one.
+
+        Returns
+        -------
+        dict of str to Column
+            The columns.
 
         Raises
         ------
         KeyError
-            If there is no column that is called so.
+            If a header of ``called`` does not exist.
         ValueError
-            If a column is of no kind, two are of one, or a unit is not accepted.
+            If a column has no kind, two have the same kind, or a unit is not accepted.
         """
         found: dict[str, Column] = {}
         by_role = {kind.role: kind for kind in kinds}
-        places = {role: self._place(role, head) for role, head in (called or {}).items()}
+        positions = {role: self._position(role, head) for role, head in (called or {}).items()}
         for i, heading in enumerate(self.headings):
-            role = next((role for role, place in places.items() if place == i), None)
+            role = next((role for role, position in positions.items() if position == i), None)
             kind = (
                 by_role[role] if role is not None else next((k for k in kinds if named(heading, k) is not None), None)
             )
             if kind is None and called:
                 continue
             if kind is None:
-                raise ValueError(f"'{self.file}': the column {quoted(heading)} is not known; {_accepted(kinds)}")
-            if role is None and kind.role in places:
+                raise ValueError(f"'{self.file}': the column {quoted(heading)} is unknown; {_accepted(kinds)}")
+            if role is None and kind.role in positions:
                 continue
             if kind.role in found:
                 first = quoted(found[kind.role].heading)
@@ -145,18 +172,18 @@ class DataTable:
             found[kind.role] = self._of_unit(i, kind, implied[0] or (assumed or {}).get(kind.role, implied[0]))
         return found
 
-    def _place(self, role: str, head: str) -> int:
+    def _position(self, role: str, head: str) -> int:
         for same in (lambda text: text.strip() == head.strip(), lambda text: split(text)[0].strip() == head.strip()):
-            places = [i for i, heading in enumerate(self.headings) if same(heading)]
-            if len(places) == 1:
-                return places[0]
+            positions = [i for i, heading in enumerate(self.headings) if same(heading)]
+            if len(positions) == 1:
+                return positions[0]
         raise KeyError(f"'{self.file}': there is no column {quoted(head)} for {role}; it has "
                        f"{', '.join(quoted(heading) for heading in self.headings)}")  # fmt: skip
 
     def _of_unit(self, i: int, kind: Kind, implied: str | None) -> Column:
         heading = self.headings[i]
         name, stated = split(heading)
-        if normal(heading) in map(normal, kind.names):  # "Re(H)" is no Re in henry
+        if normal(heading) in map(normal, kind.names):  # "Re(H)" is not Re in henry
             stated = None
         unit = implied if stated is None else plain_unit(stated)
         which = f"'{self.file}': the column {quoted(heading)}"
@@ -164,31 +191,40 @@ class DataTable:
             example = f"{name} [{kind.accepted.split(',')[0]}]"
             raise ValueError(f"{which} has no unit; write it as in {quoted(example)}; accepted are {kind.accepted}")
         if not kind.unit(unit):
-            raise ValueError(f"{which} has a unit that is not known for the {kind.role}; accepted are {kind.accepted}")
+            raise ValueError(f"{which} has an unknown unit for the {kind.role}; accepted are {kind.accepted}")
         cells = tuple(row.cells[i] for row in self.rows)
         return Column(heading, unit, cells, tuple(row.line for row in self.rows), self.file, stated is not None)
 
 
 def read_data_table(path: object, what: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:
-    """The table in a file.
+    """Read the table in a file.
 
     Parameters
     ----------
-    path : of the file.
-    what : it is to be, for errors: "measurements".
-    kinds : of columns that are taken.
-    default : headings of a table without a line of names, of which it has the first ones; () if it must have one.
+    path : str or path-like
+        Path of the file.
+    what : str
+        Expected content, for errors: "measurements".
+    kinds : sequence of Kind
+        Accepted kinds of columns.
+    default : sequence of str, optional
+        Headers of a table without a header, which has the first ones; default (), a header is required.
+
+    Returns
+    -------
+    DataTable
+        The table.
 
     Raises
     ------
     ValueError
-        If the file cannot be read, is no regular file or too large, or is no such table.
+        If the file cannot be read, is not a regular file, is too large, or is not such a table.
     """
     return data_table(bytes_of_file(path, what), str(path), kinds, default)  # type: ignore[arg-type]
 
 
 def data_table(content: bytes, name: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:
-    r"""The table in the bytes of a file; see `read_data_table`.
+    r"""Return the table in the bytes of a file; see `read_data_table`.
 
     Examples
     --------
@@ -210,7 +246,7 @@ def data_table(content: bytes, name: str, kinds: Sequence[Kind], default: Sequen
 
 
 def split(heading: str) -> tuple[str, str | None]:
-    """Name and unit of a heading: ``speed [r/min]``, ``speed (r/min)`` or ``speed / (r/min)``; None without one.
+    """Return name and unit of a header: ``speed [r/min]``, ``speed (r/min)`` or ``speed / (r/min)``; None without unit.
 
     Examples
     --------
@@ -225,14 +261,14 @@ def split(heading: str) -> tuple[str, str | None]:
 
 
 def normal(name: str) -> str:
-    """A name without capitals, underscores, hyphens and double spaces; Omega stays apart from omega."""
+    """Return a name in lower case without underscores, hyphens and double spaces; Omega remains distinct from omega."""
     text = unicodedata.normalize("NFKC", name).replace("Ω", "Omega")
     text = " ".join(re.sub(r"[_\-]+", " ", text).split())
     return text if text == "Omega" else text.casefold()
 
 
 def named(heading: str, kind: Kind) -> tuple[str | None] | None:
-    """The unit that the name of a heading implies, in a tuple; None if it is no name of this kind."""
+    """Return the unit that the name of a header implies, in a tuple; None if it is not a name of this kind."""
     for text in (heading, split(heading)[0]):
         for name, unit in kind.names.items():
             if normal(text) == normal(name):
@@ -241,20 +277,20 @@ def named(heading: str, kind: Kind) -> tuple[str | None] | None:
 
 
 def _in_remark(text: TableText, kinds: Sequence[Kind]) -> tuple[str, ...] | None:
-    """The last remark before rows without a line of names, if it names one of the columns."""
+    """Return the last comment before rows without a header, if it names one of the columns."""
     if text.remark is None or not any(named(cell, kind) is not None for cell in text.remark for kind in kinds):
         return None
     return text.remark
 
 
 def _check_note(note: str, name: str, kinds: Sequence[Kind]) -> None:
-    """Refuse a table without a line of names whose last remark has units: the columns are in other ones, perhaps."""
+    """Refuse a table without a header whose last comment states units: the columns may be in these units."""
     for found in re.finditer(r"\[([^\[\]]*)\]|\(([^()]*)\)", note):
         unit = plain_unit(found[1] if found[1] is not None else found[2])
         if unit and any(kind.unit(unit) for kind in kinds):
             raise ValueError(
                 f"'{name}' has no line of column names, and its last remark {quoted(note)} has the unit {quoted(unit)}"
-                "; name every column in a line without a remark sign"
+                "; name every column in a line without a comment sign"
             )
 
 

@@ -1,9 +1,9 @@
-"""Text of a table as headings and rows of cells, however a program or a person wrote it.
+"""Text of a table as headers and rows of cells, in the formats of common programs.
 
-encoding    UTF-8 with or without byte order mark, UTF-16, Windows-1252 (which has µ and ° of Latin-1)
-separator   semicolon, tab, comma, or spaces; the decimal mark is a point or, where no comma separates, a comma
+encoding    UTF-8 with or without byte order mark, UTF-16, Windows-1252 (which includes µ and ° of Latin-1)
+separator   semicolon, tab, comma, or spaces; the decimal mark is a point or, unless commas separate cells, a comma
 comments    lines that begin with #, %, ! or //; the last one before the numbers may name the columns
-headings    one line, with a second one of units where the first has none
+headers     one line, and a second one with units if the first has none
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from dataclasses import dataclass
 
 from hbgear.common.text.messages import quoted
 
-LONGEST = 200
-"""Characters above which a cell is refused."""
+MAX_CELL_CHARACTERS = 200
+"""Largest number of characters of a cell; longer ones are refused."""
 
-MOST_COLUMNS = 1000
+MAX_COLUMNS = 1000
+"""Largest number of columns; tables with more are refused."""
 
-_COMMENT = re.compile(r"\s*(#(?!N/A|NV\b|DIV/0|REF!|VALUE!|NAME\?|NUM!|NULL!)|%|!|//)")  # no errors of spreadsheets
+_COMMENT = re.compile(r"\s*(#(?!N/A|NV\b|DIV/0|REF!|VALUE!|NAME\?|NUM!|NULL!)|%|!|//)")  # not errors of spreadsheets
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _GROUPED = re.compile(r"[-+]?\d{1,3}([ ,.'’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 _NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
@@ -31,7 +32,7 @@ _MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe\0\0", "utf-32-le"), (b"\0\0\xf
 
 @dataclass(frozen=True)
 class Row:
-    """Cells of a line of a table, and the number of the line."""
+    """Cells of a line of a table, and its line number."""
 
     line: int
     cells: tuple[str, ...]
@@ -39,12 +40,18 @@ class Row:
 
 @dataclass(frozen=True)
 class TableText:
-    """Headings and rows of a table.
+    """Headers and rows of a table.
 
-    headings : names of the columns as they are written, with their units; None without a line of names.
-    rows : as many cells in each as there are headings, or as in the first row.
-    remark : without a line of names, cells of the last remark before the rows, if there are as many as columns.
-    note : the whole of that remark.
+    Attributes
+    ----------
+    headings : tuple of str or None
+        Names of the columns as written, with their units; None without a header.
+    rows : tuple of Row
+        Rows with as many cells as there are headers, or as the first row has.
+    remark : tuple of str or None
+        Without a header, the cells of the last comment before the rows, if there are as many as columns.
+    note : str
+        That comment as a whole.
     """
 
     headings: tuple[str, ...] | None
@@ -54,12 +61,12 @@ class TableText:
 
 
 def decoded(content: bytes, name: str) -> str:
-    """The text of the bytes of a table.
+    """Return the text of the bytes of a table.
 
     Raises
     ------
     ValueError
-        If they are no text.
+        If they are not text.
 
     Examples
     --------
@@ -77,21 +84,28 @@ def decoded(content: bytes, name: str) -> str:
             continue
         if not _NO_TEXT.search(text):
             return text
-    raise ValueError(f"'{name}' cannot be read as a table: it is no text (UTF-8, UTF-16 or Latin-1)")
+    raise ValueError(f"'{name}' cannot be read as a table: it is not text (UTF-8, UTF-16 or Latin-1)")
 
 
 def table_text(text: str, name: str) -> TableText:
-    r"""Headings and cells of a table.
+    r"""Return the headers and cells of a table.
 
     Parameters
     ----------
-    text : of the whole table.
-    name : of its file, for errors.
+    text : str
+        Text of the whole table.
+    name : str
+        Name of its file, for errors.
+
+    Returns
+    -------
+    TableText
+        Headers and rows.
 
     Raises
     ------
     ValueError
-        If there are no rows, their numbers of cells differ, or a cell is too long; the message names the line.
+        If there are no rows, their numbers of cells differ, or a cell is too long; the message states the line.
 
     Examples
     --------
@@ -113,8 +127,8 @@ def table_text(text: str, name: str) -> TableText:
     named = [_headings(line, mark, width) for line in heads]
     if above > 2 or (above == 2 and not _second_of_units(named)):
         i, line = lines[above - 2 if above > 2 else 0]
-        raise ValueError(f"'{name}', line {i}: {quoted(line.strip()[:80])} is no row of numbers; mark remarks with #, "
-                         "and give one line of column names")  # fmt: skip
+        raise ValueError(f"'{name}', line {i}: {quoted(line.strip()[:80])} is not a row of numbers; mark comments with "
+                         "#, and give one line of column names")  # fmt: skip
     headings = _joined(named) if above == 2 else named[0] if above else None
     if above == 1 and headings is None:
         raise ValueError(f"'{name}': {_mismatch(heads[0], mark, width, body[0])}")
@@ -123,7 +137,7 @@ def table_text(text: str, name: str) -> TableText:
 
 
 def number_of_cell(text: str) -> float | None:
-    """The number in a cell, with a decimal point or a decimal comma; None if it is none.
+    """Return the number in a cell, with a decimal point or comma; None if it is not a number.
 
     Examples
     --------
@@ -139,14 +153,14 @@ def number_of_cell(text: str) -> float | None:
 
 
 def why_no_number(text: str) -> str:
-    """What is wrong with a cell that should be a number, for errors."""
+    """Return the reason why a cell is not a number, for errors."""
     if _GROUPED.fullmatch(text.strip()):
-        return "has separators of thousands; leave them out"
+        return "has thousands separators; remove them"
     return "must be a number"
 
 
 def _lines(text: str) -> tuple[list[tuple[int, str]], str | None]:
-    """Numbers and texts of the lines that are no remarks, and the last remark before them."""
+    """Return numbers and texts of the lines that are not comments, and the last comment before them."""
     lines: list[tuple[int, str]] = []
     remark = None
     for i, line in enumerate(re.split(r"\r\n|\n|\r", text.removeprefix("\ufeff")), 1):
@@ -158,7 +172,7 @@ def _lines(text: str) -> tuple[list[tuple[int, str]], str | None]:
 
 
 def _has_numbers(line: str) -> bool:
-    """Whether half of the cells of a line or more are numbers, in one of the ways to separate them."""
+    """Return whether at least half of the cells of a line are numbers, for one of the separators."""
     strong = next((mark for mark in ";\t" if mark in line), None)
     for mark in [strong] if strong is not None else [",", None]:
         cells = [cell for part in line.split(mark) if (cell := part.strip(' "'))]
@@ -168,28 +182,29 @@ def _has_numbers(line: str) -> bool:
 
 
 def _separator(lines: Sequence[str]) -> str | None:
-    """The character between the cells of rows of numbers; None for spaces."""
+    """Return the separator of rows of numbers; None for spaces."""
     if any(";" in line for line in lines):
         return ";"
     if all("\t" in line and ",\t" not in line for line in lines):
         return "\t"
     if not any("," in line for line in lines):
         return None
-    cells = [line.split() for line in lines]  # with spaces between them, commas inside of numbers are decimal ones
+    cells = [line.split() for line in lines]  # with spaces as separators, commas in numbers are decimal marks
     spaced = all(len(row) > 1 and all("," not in cell or number_of_cell(cell) is not None for cell in row)
                  and not any(cell.startswith(",") or cell.endswith(",") for cell in row) for row in cells)  # fmt: skip
     return None if spaced else ","
 
 
 def _cells(line: str, mark: str | None, i: int, name: str) -> tuple[str, ...]:
-    """Cells of a row."""
+    """Return the cells of a row."""
     cells = line.split(mark)
-    if len(cells) > MOST_COLUMNS:
-        raise ValueError(f"'{name}', line {i} has {len(cells)} cells; a table has at most {MOST_COLUMNS} columns")
-    long = next((cell for cell in cells if len(cell) > LONGEST), None)
+    if len(cells) > MAX_COLUMNS:
+        raise ValueError(f"'{name}', line {i} has {len(cells)} cells; a table has at most {MAX_COLUMNS} columns")
+    long = next((cell for cell in cells if len(cell) > MAX_CELL_CHARACTERS), None)
     if long is not None:
         raise ValueError(
-            f"'{name}', line {i}: a cell has {len(long)} characters, {quoted(long[:20])} ...; need at most {LONGEST}"
+            f"'{name}', line {i}: a cell has {len(long)} characters, {quoted(long[:20])} ...; "
+            f"need at most {MAX_CELL_CHARACTERS}"
         )
     if mark is None:
         return tuple(cells)
@@ -200,11 +215,11 @@ def _cells(line: str, mark: str | None, i: int, name: str) -> tuple[str, ...]:
 
 
 def _headings(line: str, mark: str | None, width: int) -> tuple[str, ...] | None:
-    """Names of columns in a line; None if no way to separate them gives as many as there are columns."""
+    """Return the names of columns in a line; None if no separator gives as many as there are columns."""
     for split in _splits(line, mark):
         while len(split) > width and not split[-1]:
             split.pop()
-        if len(split) == width and max(map(len, split), default=0) <= LONGEST:
+        if len(split) == width and max(map(len, split), default=0) <= MAX_CELL_CHARACTERS:
             return tuple(split)
     return None
 
@@ -223,7 +238,7 @@ def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
 
 
 def _second_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
-    """Whether the second of two lines before the numbers has the units of the columns that the first names."""
+    """Return whether the second of two lines before the numbers has the units of the columns in the first."""
     first, second = named
     if first is None or second is None or any("[" in name for name in first):
         return False
@@ -245,7 +260,7 @@ def _mismatch(head: str, mark: str | None, width: int, row: tuple[int, str]) -> 
 
 
 def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | None, name: str) -> list[Row]:
-    """Rows with as many cells in each; refuses what is cut off, and two kinds of decimal marks."""
+    """Return rows with equal numbers of cells; refuse cut rows and two different decimal marks."""
     width = len(rows[0].cells) if headings is None else len(headings)
     out = []
     marks: Counter[str] = Counter()
@@ -255,15 +270,15 @@ def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | No
             cells = cells[:-1]
         if len(cells) != width:
             hint = " (with decimal commas, separate columns by semicolons or tabs)" if mark == "," else ""
-            raise ValueError(f"'{name}', line {row.line} has {len(cells)} cells, where there are {width} columns; need "
-                             f"one for each{hint}")  # fmt: skip
+            raise ValueError(f"'{name}', line {row.line} has {len(cells)} cells, and the table has {width} columns; "
+                             f"need one for each{hint}")  # fmt: skip
         for cell in cells:
             if number_of_cell(cell) is not None:
                 marks.update(each for each in ".," if each in cell)
                 if len(marks) > 1:
                     raise ValueError(
-                        f"'{name}', line {row.line}: {quoted(cell)} has another decimal mark than numbers before it; "
-                        "use points or commas throughout, and no separators of thousands"
+                        f"'{name}', line {row.line}: {quoted(cell)} has another decimal mark than earlier numbers; "
+                        "use points or commas throughout, and no thousands separators"
                     )
         out.append(Row(row.line, cells))
     return out

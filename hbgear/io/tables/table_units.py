@@ -1,4 +1,4 @@
-"""Units of columns of tables, as they are written in headings, and the factors to the units that are computed with.
+"""Units of columns of tables, as written in headers, and their factors to the units of the computation.
 
 n [r/min] -> 1/60 Hz,   omega [rad/s] -> 1/(2 pi) Hz,   x [mm/N] -> 1e-3 m/N,   L [dB re 1 mm/N] -> 1e-3 10^(L/20) m/N
 """
@@ -21,7 +21,7 @@ FREQUENCY = {
 ANGLE = {"deg": pi / 180, "rad": 1.0, "mrad": 1e-3, "cycle": 2 * pi}
 """Radians of each unit of angle."""
 
-_OTHERS = {
+_SPELLINGS = {
     "hz": "Hz", "khz": "kHz", "cps": "Hz", "cycle/s": "Hz", "cycles/s": "Hz",
     "rpm": "r/min", "1/min": "r/min", "min^-1": "r/min", "min-1": "r/min", "u/min": "r/min", "rev/min": "r/min",
     "tr/min": "r/min", "cpm": "r/min", "r/min": "r/min", "rps": "r/s", "rev/s": "r/s", "u/s": "r/s", "r/s": "r/s",
@@ -29,13 +29,14 @@ _OTHERS = {
     "deg/s": "deg/s", "degree": "deg", "degrees": "deg", "grad": "grad", "deg": "deg", "rad": "rad", "radian": "rad",
     "radians": "rad", "mrad": "mrad", "cycle": "cycle", "cycles": "cycle", "-": "", "1": "", "none": "", "": "",
 }  # fmt: skip
-"""Other ways to write a unit, without regard to capitals."""
+"""Other spellings of a unit, in lower case."""
 
-_NOT_SIMPLE = {"mHz", "MHz"}  # which differ by capitals only
+_CASE_SENSITIVE = {"mHz", "MHz"}
+"""Units that differ in case only."""
 
 
 def plain_unit(text: str) -> str:
-    """A unit as the tables here and Pint have it; "" for a number without one.
+    """Return a unit in the spelling of this module and Pint; "" for a dimensionless number.
 
     Examples
     --------
@@ -47,11 +48,11 @@ def plain_unit(text: str) -> str:
     text = " ".join(text.replace("·", "*").replace("⋅", "*").split())
     text = re.sub(r"^\(([^()]*)\)", r"\1", text)
     text = re.sub(r"/\s*\(([^()]*)\)", lambda found: "/" + re.sub(r"\s*[* ]\s*", "/", found[1].strip()), text)
-    return text if text in _NOT_SIMPLE else _OTHERS.get(text.casefold(), text)
+    return text if text in _CASE_SENSITIVE else _SPELLINGS.get(text.casefold(), text)
 
 
 def factor_of(unit: str, units: Sequence[str]) -> tuple[float, str] | None:
-    """By how much a number in a unit is multiplied to be in the first of some SI units that fits; None if none does.
+    """Return the factor from a unit to the first compatible one of some SI units, and that unit; None without one.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.design.uncertainty.uncertainty_band import ResponseBand, ellipse_contact
 from hbgear.harmonic.equations.layout import layout_of
-from hbgear.plot.branch_sections import stretches
+from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import name_axes
 from hbgear.plot.style import COLOURS, LINES, MEASURES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
 
@@ -104,7 +104,7 @@ _TURN = 0.1  # rad by which the normal turns at most from one edge of a triangle
 
 def _curve(ax: Axes, found: ResponseBand) -> None:
     """The curve in the colours of its regimes, dashed where it is unstable."""
-    for (regime, stable), first, last in stretches(found.branch, found.element):
+    for (regime, stable), first, last in sections(found.branch, found.element):
         style, width = LINES[stable]
         rows = slice(first, last + 1)
         name = "_curve" if regime == "unknown" else in_words(regime)

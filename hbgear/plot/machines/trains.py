@@ -13,7 +13,7 @@ from hbgear.gears.trains.planetary import PlanetarySet
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_kinematics import inner_first
 from hbgear.harmonic.equations.layout import layout_of
-from hbgear.plot.branch_sections import stretches
+from hbgear.plot.branch_sections import sections
 from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, styled
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
         ax.axhline(1.0, color=GREY, linewidth=0.8, label="even, at rest")
         for j, name in enumerate(found.meshes):
             colour = BRANCHES[j % len(BRANCHES)]
-            for i, ((_, stable), first, last) in enumerate(stretches(curve, 0)):
+            for i, ((_, stable), first, last) in enumerate(sections(curve, 0)):
                 some = slice(first, last + 1)
                 style, width = LINES[stable]
                 ax.plot(curve.values[some], found.factor[some, j], linestyle=style, linewidth=width, color=colour,
