@@ -27,12 +27,13 @@ def module_of(path: Path):
     return module
 
 
-def test_picture_of_the_rooms_is_that_of_the_code():
-    rooms = module_of(ROOT / "docs" / "rooms.py")
-    assert rooms.upward() == []
-    assert rooms.picture() == (ROOT / "docs" / "rooms.svg").read_text(encoding="utf-8"), "run python docs/rooms.py"
+def test_picture_of_the_packages_agrees_with_the_code():
+    packages = module_of(ROOT / "docs" / "packages.py")
+    assert packages.upward() == []
+    picture = (ROOT / "docs" / "packages.svg").read_text(encoding="utf-8")
+    assert packages.picture() == picture, "run python docs/packages.py"
     folders = {path.parent.name for path in (ROOT / "hbgear").glob("*/__init__.py")}
-    assert folders == set(rooms.ROOMS)
+    assert folders == set(packages.PACKAGES)
 
 
 @pytest.mark.parametrize("page", [*paths(), ROOT / "CONTRIBUTING.md"], ids=lambda page: str(page.relative_to(ROOT)))
