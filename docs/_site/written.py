@@ -63,13 +63,13 @@ def write(path: Path, text: str) -> None:
 # ---- public names
 
 
-def returned(function: Any) -> list[str]:
-    """Return the full names of the classes of hbgear in the return annotation of a function."""
+def returned_classes(function: Any) -> dict[str, Any]:
+    """Return the classes in the return annotation of a function that have no public name, by full name."""
     plain = inspect.unwrap(function) if inspect.isfunction(function) else function
     names = re.findall(r"\w+", str(getattr(plain, "__annotations__", {}).get("return", "")))
     found = [getattr(plain, "__globals__", {}).get(name) for name in names]
     own = [thing for thing in found if inspect.isclass(thing) and thing.__module__.startswith("hbgear.")]
-    return [f"{thing.__module__}.{thing.__qualname__}" for thing in own if id(thing) not in PUBLIC]
+    return {f"{thing.__module__}.{thing.__qualname__}": thing for thing in own if id(thing) not in PUBLIC}
 
 
 def entry(name: str, thing: Any) -> str:
@@ -142,14 +142,10 @@ def api_pages() -> None:
         module = importlib.import_module(f"hbgear.{space}")
         names = {name: getattr(module, name) for name in module.__all__}
         also = sorted(name for name in names if core.get(name) is names[name])
-        own = {name: thing for name, thing in names.items() if name not in also}
-        for thing in list(own.values()):
-            for result in returned(thing):
-                place, _, name = result.rpartition(".")
-                own.setdefault(name, getattr(importlib.import_module(place), name))
+        results = {name: result for thing in names.values() for name, result in returned_classes(thing).items()}
+        results = {name: result for name, result in results.items() if not (DOCS / "api" / f"{name}.rst").exists()}
         text = first_line(module) + (f"\n\nAlso in ``hbgear``: {', '.join(also)}." if also else "")
-        shown = {name: thing for name, thing in own.items() if name in names}
-        results = {f"{thing.__module__}.{name}": thing for name, thing in own.items() if name not in names}
+        shown = {name: thing for name, thing in names.items() if name not in also}
         parts = [tables(f"hbgear.{space}", shown), table("Results", results)]
         write(DOCS / "api" / f"{space}.rst", page(f"hbgear.{space}", text, f"hbgear.{space}", parts))
         made.append(space)
