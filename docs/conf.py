@@ -1,7 +1,7 @@
-"""How the site is built: `sphinx-build -W docs build/site`, with the packages of the extra "docs".
+"""Configuration of the site: `sphinx-build -W docs build/site`, with the packages of the extra "docs".
 
-Pages are those of this folder, in Markdown. Four folders beside them are written at each build and not kept:
-`tutorials` and `gallery` from the scripts that run, `api` from the docstrings, `studies` from the folder of that name.
+The pages of this folder are Markdown. Each build writes four more folders, which are not under version control:
+`tutorials` and `gallery` from the scripts, `api` from the docstrings, `studies` from the folder of that name.
 """
 
 import logging
@@ -14,7 +14,7 @@ import mathml
 
 import hbgear
 
-logging.getLogger("pint.util").setLevel(logging.ERROR)  # that Nm is defined anew
+logging.getLogger("pint.util").setLevel(logging.ERROR)  # warns of the redefinition of Nm
 
 project, author, version = "hbgear", "hbgear developers", hbgear.__version__
 release = version
@@ -26,13 +26,13 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_gallery.gen_gallery",
     "sphinx_copybutton",
-    "docstrings",  # as they are written here
+    "docstrings",  # numpydoc docstrings: prose of reStructuredText
     "mathml",  # equations without scripts and without a network
     "written",  # pages of the API, of the commands and of the studies
-    "whole",  # no link leads nowhere, and nothing is loaded from elsewhere
+    "whole",  # check of links; no content from other sites
 ]
 exclude_patterns = ["_site", "scripts", "README.md"]
-suppress_warnings = ["config.cache", "ref.python"]  # `size` may be that of several classes
+suppress_warnings = ["config.cache", "ref.python"]  # `size` is an attribute of several classes
 smartquotes = False  # "--harmonics" is two dashes
 default_role = "obj"  # `trace` in a docstring
 
@@ -42,10 +42,11 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # the sections Parameters say it
+autodoc_typehints = "none"  # types are in the sections Parameters
 autodoc_preserve_defaults = True
+autodoc_inherit_docstrings = False  # overridden methods of base classes are documented there
 napoleon_google_docstring = False
-napoleon_use_param = False  # parameters that are described together stay together
+napoleon_use_param = False  # parameters with a common description stay together
 napoleon_use_rtype = False
 napoleon_attr_annotations = False
 

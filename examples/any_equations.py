@@ -1,9 +1,9 @@
-"""Continuation of equations that have nothing to do with gears: a plane curve, and Bratu's problem on a fine grid.
+"""Continuation of other equations than gears: a plane curve, and the Bratu problem on a fine grid.
 
-    x^2 (1 - x^2) = p^2                          a figure of eight, its crossing point a branch point
-    u'' + p exp(u / (1 + q u)) = 0,   u(0) = u(1) = 0        for q = 0 a fold at p = 3.513830719125160
+    x^2 (1 - x^2) = p^2                          a figure of eight with a branch point
+    u'' + p exp(u / (1 + q u)) = 0,   u(0) = u(1) = 0        fold at p = 3.513830719125160 for q = 0
 
-The discretised Bratu problem has 10 000 unknowns and a sparse Jacobian: what is bordered stays sparse.
+The discretised Bratu problem has 10 000 unknowns and a sparse Jacobian; bordered matrices are sparse as well.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import hbgear as hb
 
 
 class Eight:
-    """x^2 (1 - x^2) - p^2 = 0: one equation, and the least that a problem can be."""
+    """x^2 (1 - x^2) - p^2 = 0: a minimal problem with one equation."""
 
     def evaluate(self, X: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
-        """R (1,) and dR/dX (1, 1)."""
+        """Return R (1,) and dR/dX (1, 1)."""
         x = X[0]
         return np.array([x**2 - x**4 - p**2]), np.array([[2 * x - 4 * x**3]])
 
@@ -28,7 +28,7 @@ class Eight:
 class Bratu:
     """u'' + p exp(u / (1 + q u)) = 0 on n inner points by second differences.
 
-    It says more than it must: the derivatives in p and q, which spares evaluations, and the usual value of q.
+    Optional parts: the derivatives with respect to p and q, which save evaluations, and a default of q.
     """
 
     parameters: ClassVar[dict[str, float]] = {"q": 0.0}
@@ -39,12 +39,12 @@ class Bratu:
         self.D = sparse.diags_array([ones[1:], -2 * ones, ones[1:]], offsets=[-1, 0, 1], format="csc") / self.h**2
 
     def evaluate(self, X: np.ndarray, p: float, q: float) -> tuple[np.ndarray, sparse.csc_array]:
-        """R (n,) and dR/dX (n, n), sparse."""
+        """Return R (n,) and the sparse dR/dX (n, n)."""
         now = self.linearise(X, "", p=p, q=q)
         return now.R, now.dR_dX
 
     def linearise(self, X: np.ndarray, name: str, p: float, q: float) -> hb.continuation.Evaluation:
-        """R, dR/dX, the derivative of R in p or q, and the size of the terms of R."""
+        """Return R, dR/dX, the derivative of R with respect to p or q, and the size of the terms of R."""
         power = X / (1 + q * X)
         source = np.exp(power)
         bent = self.D @ X
@@ -56,17 +56,17 @@ class Bratu:
 
 
 FINE = hb.NewtonSettings(tolerance=1e-8)
-"""Rounding of u'' on n points is 1e-16 n^2 of its size."""
+"""The relative rounding error of u'' on n points is 1e-16 n^2."""
 
 
 def bratu(n: int = 10_000) -> hb.Branch:
-    """The curve from u = 0 around its fold."""
+    """Return the curve from u = 0 through its fold."""
     high = hb.Event("high", lambda point: float(np.max(point.X)) - 4.0, "u(1/2) = 4", terminal=True)
     return hb.trace(Bratu(n), "p", (0.0, 4.0), np.zeros(n), events=[high], settings=FINE)
 
 
 def cusp(curve: hb.Branch) -> hb.Branch:
-    """The fold as q rises, to the cusp where it meets the upper one, and that one until u(1/2) = 10 as q falls."""
+    """Return the curve of folds in q, through the cusp, up to u(1/2) = 10."""
     far = hb.Event("far", lambda point: float(np.max(point.X)) - 10.0, "u(1/2) = 10", terminal=True)
     return hb.trace(
         hb.continuation.FoldProblem(curve.problem, "p"),
@@ -79,7 +79,7 @@ def cusp(curve: hb.Branch) -> hb.Branch:
 
 
 def eight() -> hb.Branch:
-    """One lobe, through the crossing point to the other, and out at p = -0.4."""
+    """Return the curve through both lobes and the branch point, up to p = -0.4."""
     return hb.trace(Eight(), "p", (-0.4, 0.6), np.array([0.9]))
 
 

@@ -1,4 +1,4 @@
-"""A spur pair with backlash: its response curve, the jumps of a slow sweep, and a motion beside the jump.
+"""A spur pair with backlash: response curve, jumps of a slow sweep, and the motion at a fold.
 
     python examples/first_jump.py [--quick]
 
@@ -16,9 +16,9 @@ harmonics = 8 if "--quick" in sys.argv else 16
 pair = hb.HarmonicBalance(hb.SpurPair(), harmonics)
 curve = hb.trace(pair, "Omega", (1.5, 0.3))
 for jump in curve.jumps():
-    way = "up" if jump.direction > 0 else "down"
+    direction = "up" if jump.direction > 0 else "down"
     before, after = (motion.amplitude("rms") for motion in (jump.before, jump.after))
-    print(f"{jump.label} sweep {way} jumps at Omega = {jump.value:.4f}, amplitude {before:.4f} to {after:.4f}")
+    print(f"{jump.label} sweep {direction} jumps at Omega = {jump.value:.4f}, amplitude {before:.4f} to {after:.4f}")
 
 if "--quick" not in sys.argv:
     hb.plot.save(hb.plot.response(curve), "first_jump.png")

@@ -1,4 +1,4 @@
-"""An event of your own: where the teeth come closer to their backs than they may, and how that moves with the load.
+"""Your own event: frequencies at which the largest deflection reaches a limit.
 
     python examples/own_event.py [--quick]
 

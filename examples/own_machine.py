@@ -1,4 +1,4 @@
-"""A machine of your own as a model: a rotor that rubs in its casing, followed in its clearance.
+"""Your own machine as a model: a rotor with a casing; its fold is followed in the clearance.
 
     x'' + 2 zeta x' + x + p(x) = mu Omega^2 cos(Omega t),   p(x) = k max(|x| - gap, 0) sign x
 
@@ -6,7 +6,7 @@
 
 Prints:
 
-    the rotor jumps as long as its clearance is below 1.487
+    the rotor jumps if its clearance is below 1.487
 """
 
 import sys
@@ -25,7 +25,7 @@ class Rub(hb.mechanics.Model):
     mu: float = 0.15
 
     def system(self) -> hb.System:
-        """Matrices, the casing as an element, and the unbalance, which grows with Omega^2."""
+        """Return the matrices, the casing as an element, and an unbalance that grows with Omega^2."""
         casing = hb.Element([1.0], hb.Backlash(b=self.gap, k=self.k), name="casing")
         unbalance = hb.Load(cosine={1: [self.mu]}, power=2)
         return hb.System([[1.0]], [[2 * self.zeta]], [[1.0]], [casing], unbalance)
@@ -34,4 +34,4 @@ class Rub(hb.mechanics.Model):
 problem = hb.HarmonicBalance(Rub(), 7 if "--quick" in sys.argv else 15)
 curve = hb.trace(problem, "Omega", (0.6, 2.4))
 folds = hb.trace(hb.continuation.FoldProblem(problem, "Omega"), "gap", (1.0, 3.0), start=curve["LP1"])
-print(f"the rotor jumps as long as its clearance is below {folds['CP1'].parameters['gap']:.3f}")
+print(f"the rotor jumps if its clearance is below {folds['CP1'].parameters['gap']:.3f}")

@@ -1,9 +1,9 @@
-"""Make all studies, or some: those whose figures are there and whose sources have not changed are skipped.
+"""Run all studies, or some. Studies with existing figures and unchanged sources are skipped.
 
     python -m studies [NAME ...] [--quick] [-o DIR] [--jobs N] [--again] [--list] [--gallery]
 
-NAME is a study (dong_2022.fig04) or a folder of them (dong_2022). Several run at once, each in a process of its own
-with one BLAS thread; those that measure time run after the others, alone. ``studies/README.md`` is the gallery.
+NAME is a study (dong_2022.fig04) or a folder of studies (dong_2022). Several studies run at once, each in a process
+with one BLAS thread. Studies that measure time run alone after the others. ``studies/README.md`` is the gallery.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from studies import study
 from studies.gallery import gallery
 
 MADE = study.ROOT / ".made.json"
-"""What was made from which sources; not under version control."""
+"""Hashes of the sources of existing figures; not under version control."""
 
 
 def names() -> list[str]:
-    """All studies: modules of the folders here that have ``run``."""
+    """Return the names of all studies: modules with a function ``run``."""
     found = []
     for info in pkgutil.walk_packages([str(study.ROOT)], "studies."):
         if not info.ispkg and info.name.count(".") == 2:
@@ -45,7 +45,7 @@ def names() -> list[str]:
 
 
 def chosen(wanted: Sequence[str]) -> list[str]:
-    """Studies asked for, all if none.
+    """Return the selected studies, by default all.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def chosen(wanted: Sequence[str]) -> list[str]:
 
 
 def fingerprint(name: str) -> str:
-    """Of all a study's figure depends on: the sources of hbgear, of the studies beside it, and its own."""
+    """Return the hash of the sources of a figure: hbgear, the study, and the studies that it imports."""
     own = study.ROOT / name.split(".")[1]
     sources = [*Path(hbgear.__file__).parent.rglob("*.py"), *own.glob("*.py"), *study.ROOT.glob("*.py")]
     skipped = {path for path in own.glob("*.py") if f"studies.{own.name}.{path.stem}" in set(names()) - {name}}
@@ -74,13 +74,13 @@ def fingerprint(name: str) -> str:
 
 
 def is_made(name: str, made: dict[str, Any]) -> bool:
-    """Whether the files of a study are there and its sources are those they were made from."""
+    """Return whether the files of a study exist and its sources are unchanged."""
     here = made.get(name)
     return bool(here) and here["fingerprint"] == fingerprint(name) and all(map(os.path.exists, here["files"]))
 
 
 def make_all(todo: Sequence[str], out: Path | None, quick: bool, jobs: int, made: dict[str, Any]) -> list[str]:
-    """Make studies, noting each as it is done; what failed, with why. Ctrl-C keeps what is done."""
+    """Run studies and store their hashes; return failures with their reasons. Ctrl-C keeps finished studies."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     failed: list[str] = []
     with Progress(*columns, TextColumn("left"), TimeRemainingColumn()) as bar:
@@ -97,14 +97,14 @@ def _tell(bar: Progress, task: Any, text: str) -> None:
 
 
 def _in_processes(
-    group: Sequence[str], workers: int, out: Path | None, quick: bool, made: dict[str, Any], tell: Any
+    group: Sequence[str], workers: int, out: Path | None, quick: bool, made: dict[str, Any], report: Any
 ) -> list[str]:
     failed: list[str] = []
     if not group:
         return failed
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
     begun = time.monotonic()
-    # what is submitted must not be from here: a package's __main__ is not imported by the processes
+    # functions of __main__ cannot be submitted: the processes do not import it
     running: dict[Future[list[Path]], str] = {pool.submit(study.make, name, out, quick): name for name in group}
     try:
         while running:
@@ -113,13 +113,13 @@ def _in_processes(
                 error = future.exception()
                 if error is not None:
                     failed.append(f"{name}: {type(error).__name__}: {error}")
-                    tell(f"failed  {failed[-1]}")
+                    report(f"failed  {failed[-1]}")
                     continue
                 if out is None and not quick:
                     made[name] = {"fingerprint": fingerprint(name), "files": [str(path) for path in future.result()]}
                     with atomic_write(MADE, "w") as handle:
                         json.dump(made, handle, indent=1)
-                tell(f"made    {name}  ({time.monotonic() - begun:.0f} s since the start)")
+                report(f"made    {name}  ({time.monotonic() - begun:.0f} s since the start)")
     except KeyboardInterrupt:
         for process in list((pool._processes or {}).values()):
             process.terminate()
@@ -130,21 +130,23 @@ def _in_processes(
 
 
 def main() -> int:
-    """Command line; exit code 1 if a study failed, 2 for bad input, 3 when interrupted."""
+    """Run the command; exit code 1 if a study failed, 2 for bad input, 3 when interrupted."""
     parser = argparse.ArgumentParser(prog="python -m studies", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("names", nargs="*", metavar="NAME")
-    parser.add_argument("--quick", action="store_true", help="smaller forms, as the tests run them; needs -o")
-    parser.add_argument("-o", "--out", type=Path, help="folder for all figures (default: figures beside each study)")
+    parser.add_argument("--quick", action="store_true", help="reduced size as in the tests; needs -o")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="folder for all figures (default: figures, in the folder of each study)"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many at once")
-    parser.add_argument("--again", action="store_true", help="make also what is there and unchanged")
-    parser.add_argument("--list", action="store_true", help="name the studies and stop")
+    parser.add_argument("--again", action="store_true", help="run also unchanged studies")
+    parser.add_argument("--list", action="store_true", help="list the studies and stop")
     parser.add_argument("--gallery", action="store_true", help="only write studies/README.md")
     given = parser.parse_args()
     try:
         todo = chosen(given.names)
         if given.quick and given.out is None:
-            raise ValueError("--quick would replace the full figures by small ones; say where to with -o DIR")
+            raise ValueError("--quick would replace the full figures by reduced ones; give a folder with -o DIR")
         if given.jobs < 1:
             raise ValueError(f"--jobs {given.jobs} must be at least 1")
     except ValueError as error:
@@ -157,11 +159,11 @@ def main() -> int:
     if not given.gallery:
         made = json.loads(MADE.read_text()) if MADE.exists() else {}
         skip = [] if given.again or given.out else [name for name in todo if is_made(name, made)]
-        print(f"{len(skip)} of {len(todo)} studies are there and unchanged")
+        print(f"{len(skip)} of {len(todo)} studies exist and are unchanged")
         try:
             failed = make_all([n for n in todo if n not in skip], given.out, given.quick, given.jobs, made)
         except KeyboardInterrupt:
-            print("stopped; what is made stays, and the next run goes on with the rest", file=sys.stderr)
+            print("stopped; finished studies are kept, and the next run continues with the others", file=sys.stderr)
             return 3
     if given.out is None:
         (study.ROOT / "README.md").write_text(gallery(names()), encoding="utf-8")

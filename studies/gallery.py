@@ -1,4 +1,4 @@
-"""The gallery page: every figure with one sentence and the command that makes it."""
+"""Gallery page: every figure with one sentence and its command."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from studies import study
 
 HEAD = """# Studies
 
-Every figure below is made by one command, shown beside it; all of them by
+Each figure has the command that computes it. All figures are computed by
 
 ```sh
 python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/python -m studies
 ```
 
-which runs as many at once as there are cores, and skips what is there and unchanged. This page is written by
-`python -m studies --gallery`. Each study is a short script on the public interface of hbgear: `run(quick=False)`
-computes, `plot(results)` draws. `python -m studies.dong_2022.fig04 --pdf` writes the figure as .pdf too.
+which runs one study per core and skips studies that are unchanged. `python -m studies --gallery` writes this page. Each
+study is a short script that uses the public interface of hbgear: `run(quick=False)` computes, `plot(results)` draws.
+`python -m studies.dong_2022.fig04 --pdf` also writes the figure as .pdf.
 """
 
 
 def gallery(names: Sequence[str]) -> str:
-    """The page in Markdown.
+    """Return the page in Markdown.
 
     Parameters
     ----------
-    names : studies as dotted names, ``studies.folder.study``.
+    names : sequence of str
+        Studies as dotted names, ``studies.folder.study``.
     """
     parts, last = [HEAD], ""
     for name in names:

@@ -1,11 +1,11 @@
-"""What every study shares: how it is run, where its figures go, and how they look.
+"""Common parts of the studies: command line, folders and style of figures.
 
-A study is a module with a docstring whose first line says in one sentence what its figure shows, and
+A study is a module with a docstring, whose first line describes the figure in one sentence, and
 
-    run(quick=False)   the results; ``quick`` is a smaller form with the same parts, for the tests
-    plot(results)      the figure (`matplotlib.figure.Figure`)
-    report(results)    text in Markdown, a table for instance; a study has a figure, a report or both
-    ALONE = True       optional: it measures time, so nothing else may run beside it
+    run(quick=False)   returns the results; ``quick`` is a reduced form with the same parts, for the tests
+    plot(results)      returns the figure (`matplotlib.figure.Figure`)
+    report(results)    returns text in Markdown; a study has a figure, a report or both
+    ALONE = True       optional: the study measures time and must run alone
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BLUE, ORANGE, PURPLE, GREEN, GREY = "#1f4e8c", "#d9730d", "#9c1f5c", "#2f7d4f", 
 
 @contextmanager
 def journal() -> Iterator[None]:
-    """Settings of a figure for print, while it is made."""
+    """Apply the settings of figures for print."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -43,7 +43,7 @@ def journal() -> Iterator[None]:
 
 
 def folder(module: ModuleType) -> Path:
-    """Where the figures of a study are kept: ``figures`` beside it."""
+    """Return the folder of the figures of a study."""
     assert module.__file__
     return Path(module.__file__).parent / "figures"
 
@@ -53,14 +53,19 @@ def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequenc
 
     Parameters
     ----------
-    name : of its module, ``studies.dong_2022.fig04``.
-    out : folder to write to, by default `folder`.
-    quick : see `run` of the study.
-    kinds : of figures, "png", "pdf" or "svg".
+    name : str
+        Name of the module, ``studies.dong_2022.fig04``.
+    out : Path, optional
+        Folder of the files. By default `folder`.
+    quick : bool, optional
+        Argument of ``run``. By default False.
+    kinds : sequence of {"png", "pdf", "svg"}, optional
+        Formats of the figure. By default "png".
 
     Returns
     -------
-    The files written.
+    list of Path
+        The files written.
     """
     module: Any = importlib.import_module(name)
     stem, out = name.rsplit(".", 1)[-1], out or folder(module)
@@ -76,12 +81,12 @@ def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequenc
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """Ctrl-C ends the whole study and writes nothing: a trace alone would keep half a curve."""
+    """Let Ctrl-C end the study without writing files: a trace would return a part of the curve."""
     raise SystemExit(3)
 
 
 def draw(plot: Any, results: Any, stem: Path, kinds: Sequence[str] = ("png",)) -> list[Path]:
-    """Write the figure of these results in files of these kinds."""
+    """Write the figure in files of the given formats."""
     with journal():
         import matplotlib.pyplot as plt
 
@@ -96,15 +101,17 @@ def draw(plot: Any, results: Any, stem: Path, kinds: Sequence[str] = ("png",)) -
 
 
 def main() -> None:
-    """Command line of a study that is run as ``python -m``."""
+    """Run the command line of a study, ``python -m``."""
     spec = sys.modules["__main__"].__spec__
     assert spec is not None
     name = spec.name
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=sys.modules["__main__"].__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("-o", "--out", type=Path, help="folder for the figure (default: figures beside the study)")
-    parser.add_argument("--quick", action="store_true", help="a smaller form, as the tests run it")
-    parser.add_argument("--pdf", action="store_true", help="the figure as .pdf too; git ignores it beside the study")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="folder for the figure (default: figures, in the folder of the study)"
+    )
+    parser.add_argument("--quick", action="store_true", help="reduced size as in the tests")
+    parser.add_argument("--pdf", action="store_true", help="also write the figure as .pdf; git ignores it")
     given = parser.parse_args()
     for path in make(name, given.out, given.quick, ("png", "pdf") if given.pdf else ("png",)):
         if path.suffix == ".md":

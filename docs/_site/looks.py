@@ -1,10 +1,10 @@
-"""How figures of the scripts look: set anew before each of them."""
+"""Settings of the figures of the scripts, reset before each script."""
 
 from typing import Any
 
 
 def reset(gallery: Any, name: str) -> None:
-    """Matplotlib's own settings, at a resolution for screens of any density."""
+    """Restore the defaults of matplotlib, with a resolution for high-density screens."""
     import matplotlib
 
     matplotlib.use("Agg")

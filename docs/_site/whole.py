@@ -1,6 +1,6 @@
-"""The site is whole: each link within it leads somewhere, and no page loads anything from elsewhere.
+"""Check of the built site: every internal link has a target, and no page loads content from another site.
 
-What is not so is a warning, with which a build by ``-W`` ends. Links to other sites are not followed.
+Faults are warnings, so a build with ``-W`` fails. Links to other sites are not followed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LOADS = {("script", "src"), ("link", "href"), ("img", "src"), ("source", "src"),
 
 
 class Page(HTMLParser):
-    """What a page refers to, and the places in it that can be referred to."""
+    """Links of a page, and the identifiers that links can refer to."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -26,7 +26,7 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        """Note identifiers and references of an element."""
+        """Store identifiers and references of an element."""
         for key, value in attributes:
             if key == "id" and value:
                 self.places.add(value)
@@ -35,7 +35,7 @@ class Page(HTMLParser):
 
 
 def faults(root: Path) -> list[str]:
-    """Links that lead nowhere and things loaded from elsewhere, of all pages below a folder."""
+    """Return broken links and content from other sites, of all pages below a folder."""
     pages = {path.resolve(): Page(path.read_text(encoding="utf-8")) for path in sorted(root.rglob("*.html"))}
     found = []
     for path, page in pages.items():
@@ -63,6 +63,6 @@ def check(app: Sphinx, error: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """What Sphinx asks of an extension."""
+    """Register the extension."""
     app.connect("build-finished", check, priority=900)
     return {"parallel_read_safe": True}

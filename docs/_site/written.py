@@ -1,11 +1,11 @@
-"""Pages that are written at each build: of public names, of commands, and of the studies.
+"""Pages that each build writes: API reference, commands, studies.
 
-    api/        every name of `hbgear` and of its documented sub-modules, one page each, and result classes
+    api/        one page for each object of `hbgear`, its sub-modules and `hbgear.plot`, and for each result class
     commands.md every command of ``hbgear`` with its options
     studies/    studies/README.md, the figures and tables of the studies
 
-Nothing is listed here by hand, so a new name, command or study has its place without a change. Links of pages to files
-that the site has elsewhere are turned round as they are read.
+The pages are generated from the package, so a new name, command or study needs no change here. Links of pages to files
+of the repository are adapted to the site when a page is read.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ PUBLIC = {
 
 
 def forget() -> None:
-    """Remove pages of scripts, studies and rooms that are no more."""
+    """Remove pages of earlier builds whose sources do not exist any more."""
     for folder in ("tutorials", "gallery"):
         scripts = {path.stem for path in (DOCS / "scripts" / folder).glob("*.py")} | {"index"}
         for path in (DOCS / folder).glob("*.*"):
@@ -63,24 +63,24 @@ def write(path: Path, text: str) -> None:
 # ---- public names
 
 
-def returned(function: Any) -> list[str]:
-    """Full names of classes of hbgear that a function returns, as its annotation says."""
+def returned_classes(function: Any) -> dict[str, Any]:
+    """Return the classes in the return annotation of a function that have no public name, by full name."""
     plain = inspect.unwrap(function) if inspect.isfunction(function) else function
     names = re.findall(r"\w+", str(getattr(plain, "__annotations__", {}).get("return", "")))
     found = [getattr(plain, "__globals__", {}).get(name) for name in names]
     own = [thing for thing in found if inspect.isclass(thing) and thing.__module__.startswith("hbgear.")]
-    return [f"{thing.__module__}.{thing.__qualname__}" for thing in own if id(thing) not in PUBLIC]
+    return {f"{thing.__module__}.{thing.__qualname__}": thing for thing in own if id(thing) not in PUBLIC}
 
 
 def entry(name: str, thing: Any) -> str:
-    """The directive that documents a thing under a name."""
+    """Return the directive that documents an object."""
     if inspect.isclass(thing):
         return f".. autoclass:: {name}\n   :members:\n"
     return f".. autofunction:: {name}\n" if inspect.isroutine(thing) else f".. autodata:: {name}\n"
 
 
 def described(name: str) -> str:
-    """What stands below a constant of `hbgear.plot` in the file that defines it."""
+    """Return the docstring below a constant of `hbgear.plot`, from the file that defines it."""
     for file in sorted(Path(plot.__file__).parent.glob("*.py")):
         for node, below in pairwise([*ast.parse(file.read_text(encoding="utf-8")).body, ast.Pass()]):
             targets = getattr(node, "targets", [getattr(node, "target", None)])
@@ -90,21 +90,18 @@ def described(name: str) -> str:
     return ""
 
 
-def plot_entry(name: str) -> str:
-    """The directive of a name of `hbgear.plot`."""
-    thing = getattr(plot, name)
-    if inspect.isclass(thing) or inspect.isroutine(thing):
-        return entry(f"hbgear.plot.{name}", thing)
+def constant_entry(name: str) -> str:
+    """Return the directive of a constant of `hbgear.plot`."""
     return f".. py:data:: {name}\n\n   {' '.join(escaped(described(name)).split())}\n"
 
 
 def page(title: str, text: str, module: str, entries: list[str]) -> str:
-    """A page of the reference."""
+    """Return the text of a page of the reference."""
     return f"{title}\n{'=' * len(title)}\n\n{text}\n\n.. currentmodule:: {module}\n\n" + "\n".join(entries)
 
 
 def first_line(thing: Any) -> str:
-    """First line of a docstring."""
+    """Return the first line of a docstring."""
     return (inspect.getdoc(thing) or "").partition("\n")[0]
 
 
@@ -114,18 +111,30 @@ def object_page(name: str, thing: Any) -> str:
     return f"   * - :doc:`{name.removeprefix('hbgear.')} <{name}>`\n     - {escaped(first_line(thing))}\n"
 
 
+def table(title: str, names: dict[str, Any]) -> str:
+    """Write one page for each object; return a table of them with a title, or nothing without objects."""
+    rows = "".join(object_page(name, thing) for name, thing in sorted(names.items()))
+    return f"{title}\n{'-' * len(title)}\n\n.. list-table::\n   :widths: 30 70\n\n{rows}\n" if rows else ""
+
+
+def is_type_alias(thing: Any) -> bool:
+    """Return whether an object is not a function, a class or a module."""
+    return not (inspect.isroutine(thing) or inspect.isclass(thing) or inspect.ismodule(thing))
+
+
 def tables(space: str, names: dict[str, Any]) -> str:
-    """Tables of the functions and the classes of a sub-module, functions first; one page for each of them."""
-    out = ""
-    for title, kind in (("Functions", inspect.isroutine), ("Classes", inspect.isclass)):
-        rows = "".join(object_page(f"{space}.{name}", thing) for name, thing in sorted(names.items()) if kind(thing))
-        if rows:
-            out += f"{title}\n{'-' * len(title)}\n\n.. list-table::\n   :widths: 30 70\n\n{rows}\n"
-    return out
+    """Return tables of the functions and the classes of a sub-module, functions first."""
+    kinds = {"Functions": inspect.isroutine, "Classes": inspect.isclass}
+    if space != "hbgear.plot":  # its constants are on one page
+        kinds["Types"] = is_type_alias
+    return "".join(
+        table(title, {f"{space}.{name}": thing for name, thing in names.items() if kind(thing)})
+        for title, kind in kinds.items()
+    )
 
 
 def api_pages() -> None:
-    """One page for each object and one for each sub-module, functions first."""
+    """Write one page for each object and one for each sub-module, functions first."""
     made = ["hbgear"]
     core = {name: getattr(hb, name) for name in hb.__all__ if not name.startswith("__")}
     write(DOCS / "api" / "hbgear.rst", page("hbgear", first_line(hb), "hbgear", [tables("hbgear", core)]))
@@ -133,23 +142,22 @@ def api_pages() -> None:
         module = importlib.import_module(f"hbgear.{space}")
         names = {name: getattr(module, name) for name in module.__all__}
         also = sorted(name for name in names if core.get(name) is names[name])
-        own = {name: thing for name, thing in names.items() if name not in also}
-        for thing in list(own.values()):
-            for result in returned(thing):
-                place, _, name = result.rpartition(".")
-                own.setdefault(name, getattr(importlib.import_module(place), name))
+        results = {name: result for thing in names.values() for name, result in returned_classes(thing).items()}
+        results = {name: result for name, result in results.items() if not (DOCS / "api" / f"{name}.rst").exists()}
         text = first_line(module) + (f"\n\nAlso in ``hbgear``: {', '.join(also)}." if also else "")
-        shown = {name: thing for name, thing in own.items() if name in names}
-        further = [entry(f"{thing.__module__}.{name}", thing) for name, thing in own.items() if name not in names]
-        parts = [tables(f"hbgear.{space}", shown), *(["Results\n-------\n", *further] if further else [])]
+        shown = {name: thing for name, thing in names.items() if name not in also}
+        parts = [tables(f"hbgear.{space}", shown), table("Results", results)]
         write(DOCS / "api" / f"{space}.rst", page(f"hbgear.{space}", text, f"hbgear.{space}", parts))
         made.append(space)
-    entries = [plot_entry(name) for name in plot.__all__]
+    drawn = {name: getattr(plot, name) for name in plot.__all__}
+    constants = [name for name, thing in drawn.items() if not (inspect.isclass(thing) or inspect.isroutine(thing))]
+    entries = [tables("hbgear.plot", drawn)]
+    entries += ["Constants\n---------\n", *map(constant_entry, constants)] if constants else []
     write(DOCS / "api" / "plot.rst", page("hbgear.plot", first_line(plot), "hbgear.plot", entries))
     listed = "\n".join(f"   {space}" for space in [*made, "plot"])
     head = (
-        "API reference\n=============\n\nNames of ``import hbgear as hb`` and of its sub-modules. Every example runs "
-        "in a test. Names that are not listed may change without notice.\n\n"
+        "API reference\n=============\n\nObjects of ``import hbgear as hb`` and of its sub-modules, with one page for "
+        "each object. Every example runs in a test. Names that are not listed may change without notice.\n\n"
         f".. toctree::\n   :maxdepth: 1\n\n{listed}\n\n"
     )
     write(DOCS / "api" / "index.rst", f"{head}:ref:`All names in alphabetical order <genindex>`.\n")
@@ -159,12 +167,12 @@ def api_pages() -> None:
 
 
 def cell(text: str) -> str:
-    """Text for a cell of a table."""
+    """Return text for a cell of a table."""
     return " ".join(text.replace("|", "\\|").replace("<", "&lt;").split())
 
 
 def option_row(parameter: Any, context: Any) -> str:
-    """A row of the table of options: how it is written, and what it does."""
+    """Return a row of the table of options: its names, and its help."""
     record = parameter.get_help_record(context)
     written = ", ".join([*parameter.opts, *parameter.secondary_opts])
     if parameter.param_type_name == "argument":
@@ -173,7 +181,7 @@ def option_row(parameter: Any, context: Any) -> str:
 
 
 def command_page() -> None:
-    """All commands, as their own help says."""
+    """Write the page of all commands with their help."""
     group: Any = typer.main.get_command(commands)
     parts = ["# Commands\n", "As `hbgear COMMAND --help` prints them.\n"]
     for name, command in sorted(group.commands.items()):
@@ -190,7 +198,7 @@ def command_page() -> None:
 
 
 def study_pages() -> None:
-    """The gallery of the studies, with its figures and tables."""
+    """Write the gallery of the studies, with its figures and tables."""
     write(DOCS / "studies" / "index.md", (STUDIES / "README.md").read_text(encoding="utf-8"))
     for path in sorted(STUDIES.glob("*/figures/*")):
         target = DOCS / "studies" / path.relative_to(STUDIES)
@@ -206,9 +214,9 @@ def study_pages() -> None:
 
 
 def turned(text: str, depth: int) -> str:
-    """Links as the site has them: pages are written so that they hold in the repository.
+    """Return a page with its links adapted from the repository to the site.
 
-    ``../studies/README.md`` is ``studies/index.md`` here, ``scripts/gallery/x.py`` is ``gallery/x.rst``.
+    ``../studies/README.md`` becomes ``studies/index.md``, ``scripts/gallery/x.py`` becomes ``gallery/x.rst``.
     """
     up = "../" * (depth + 1)
     text = text.replace(f"]({up}studies/README.md", f"]({'../' * depth}studies/index.md")
@@ -220,12 +228,12 @@ def turned(text: str, depth: int) -> str:
 
 
 def read(app: Sphinx, name: str, source: list[str]) -> None:
-    """Turn the links of a page as it is read."""
+    """Adapt the links of a page when it is read."""
     source[0] = turned(source[0], name.count("/"))
 
 
 def all_pages(app: Sphinx) -> None:
-    """Write them all."""
+    """Write all generated pages."""
     forget()
     api_pages()
     command_page()
@@ -233,7 +241,7 @@ def all_pages(app: Sphinx) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """What Sphinx asks of an extension."""
+    """Register the extension."""
     app.connect("builder-inited", all_pages, priority=100)
     app.connect("source-read", read)
     return {"parallel_read_safe": True}

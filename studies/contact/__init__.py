@@ -1,1 +1,1 @@
-"""Contact: what the exact projection of backlash gains over samples of it."""
+"""Contact: accuracy of the exact projection of backlash and of AFT."""

@@ -1,12 +1,12 @@
-"""Errors of backlash forces: with the number of samples N, and with the number of harmonics H if nothing is sampled.
+"""Errors of backlash forces: AFT with N samples, and exact projection with H harmonics.
 
     python -m studies.contact.sampling [--quick] [-o DIR]
 
 Left, against the exact projection of the same harmonics: force and Jacobian of random motions, and the jump-up
-frequency of the spur pair of Kahraman & Singh (F_ah = 0.05) at H = 10, beside what ten harmonics lose of it without
-any sampling. Right, against many harmonics: both jump frequencies of the exact projection.
+frequency of the spur pair of Kahraman & Singh (F_ah = 0.05) at H = 10, with the truncation error of ten harmonics for
+comparison. Right, against many harmonics: both jump frequencies of the exact projection.
 
-Sampling errors depend on where the samples fall; each is a root mean square over motions or neighbouring N.
+Sampling errors depend on the positions of the samples; each value is a root mean square over motions or neighbouring N.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ UP, DOWN = "#1f4e8c", "#d9730d"
 
 @dataclass(frozen=True)
 class Results:
-    """Errors and what they were measured against.
+    """Errors, and the numbers of samples and harmonics.
 
     N (a,), force, jacobian (a,): relative errors of sampled forces; N_fold (b,), fold (b,): of the jump-up frequency.
     H (c,), folds (c, 2): errors of the jump-up and jump-down frequency of the exact projection.

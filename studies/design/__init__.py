@@ -1,5 +1,5 @@
 """Many designs: tolerances and their effect.
 
-One response curve for each of many parameter sets, as manufacturing and operation scatter them: what is certain about
-a peak or a jump, and which parameter decides it.
+One response curve for each of many parameter sets, which scatter due to manufacturing and operation: distribution of
+peaks and jumps, and the effect of each parameter.
 """

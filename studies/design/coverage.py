@@ -1,17 +1,17 @@
-"""How often the truth lies within two standard errors of a fit: noise draws on synthetic sweeps of two gear pairs.
+"""Coverage of two standard errors of a fit, for samples of noise on synthetic sweeps of two gear pairs.
 
     python -m studies.design.coverage [--quick] [-o DIR]
 
-60 points of sweeps in both directions with 1 % of noise. Of the spur pair (H = 8) the largest magnitude of the gap in
-its own unit; damping, half backlash, mean load and the first amplitude of the error are sought from a start 30 to 60 %
-off. Alternating amplitudes would not tell the backlash: while no tooth touches on its back, a wider gap only shifts the
-motion. Once more with the frequencies at which the sweeps jump, known to 0.1 %. Of the double-helical pair (H = 8) half
-the peak-to-peak value in um over the speed in r/min; damping, half backlash and mesh stiffness are sought, of which the
-last two are the units as well.
+60 points of sweeps in both directions with 1 % of noise. Spur pair (H = 8): the data are the largest magnitude of the
+gap; damping, half backlash, mean load and the first amplitude of the error are fitted from a start 30 to 60 % away.
+Alternating amplitudes do not depend on the backlash: while no tooth makes contact at its back, a wider gap only shifts
+the motion. Once more with the frequencies at which the sweeps jump, known to 0.1 %. Of the double-helical pair (H = 8)
+half the peak-to-peak value in um over the speed in r/min; damping, half backlash and mesh stiffness are sought, of
+which the last two are the units as well.
 
 Standard errors are those of the likelihood, to the side to which it falls more slowly
 (`hbgear.design.fitting.profile_likelihood`);
-beside them stands what those of first order would cover. Of the first draws the likelihood is looked at too: each
+the table also has the coverage of first-order errors. For the first samples the likelihood is evaluated as well: each
 parameter is held at its true value and the others are fitted again, by which the sum of squares should rise by less
 than 4 in 95 % of the draws.
 """
@@ -141,7 +141,7 @@ def run(quick: bool = False) -> Results:
 
 
 def plot(results: Results) -> Figure:
-    """Distribution of the differences to the truth, in standard errors, beside the normal one."""
+    """Return the distribution of the differences to the truth, in standard errors, and the normal one."""
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(1, len(results.off), figsize=(3.6 * len(results.off), 2.8), squeeze=False,
@@ -177,8 +177,8 @@ def report(results: Results) -> str:
     lines.append("")
     for name, rate in results.rate.items():
         draws, worst = len(results.off[name]), results.residual[name].max()
-        told = f"{draws} draws, {rate:.0f} a minute of the processor"
-        lines.append(f"{name}: {told}, largest mean square of the residuals {worst:.2f}.  ")
+        text = f"{draws} draws, {rate:.0f} a minute of the processor"
+        lines.append(f"{name}: {text}, largest mean square of the residuals {worst:.2f}.  ")
     return "\n".join(lines)
 
 

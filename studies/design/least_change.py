@@ -1,10 +1,11 @@
-"""The least change of the double-helical pair that removes its jumps, beside a map of all changes.
+"""Smallest change of the double-helical pair that removes its jumps, and a map of all changes.
 
     python -m studies.design.least_change [--quick] [-o DIR]
 
-At zeta = 0.05 the pair jumps. Its damping and the factors of all stiffness and all error amplitudes may change. For
-each pair of factors the damping at which the two folds meet (`hbgear.critical`, H = 8) makes a point of the surface
-beyond which there is no jump; the nearest point of it is what `hbgear.redesign` is to find, in a few steps.
+At zeta = 0.05 the pair jumps. Its damping and the factors of all stiffness and error amplitudes may change. For
+each pair of factors the damping at which the two folds meet (`hbgear.analysis.critical_parameter`, H = 8) makes a point
+of the surface beyond which there is no jump. `hbgear.design.redesign` should find the nearest point of this surface in
+a few steps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the scatter of damping, load and mesh excitation moves the response and the jumps of the double-helical pair.
+"""Effect of scatter of damping, load and mesh excitation on response and jumps of the double-helical pair.
 
     python -m studies.design.tolerances [--quick] [-o DIR]
 

@@ -1,4 +1,4 @@
-"""The four backlashes and the speeds of Figures 17 and 18: two ways each of putting them into the model.
+"""The four backlashes and the speeds of Figures 17 and 18: two interpretations of each.
 
 A backlash length B = 2 b enters as
 
@@ -52,7 +52,7 @@ def fields(length: float, entry: str) -> dict[str, float]:
     Raises
     ------
     ValueError
-        If the entry is neither "gap" nor "unit".
+        If the entry is not "gap" or "unit".
     """
     if entry == "gap":
         return {"W": length / (2 * hb.gears.DoubleHelicalPair().b_c) - 1}
@@ -67,7 +67,7 @@ def omega(speed: Array, mapping: str) -> Array:
     Raises
     ------
     ValueError
-        If the mapping is neither "model" nor "paper".
+        If the mapping is not "model" or "paper".
     """
     if mapping not in MAPPINGS:
         raise ValueError(f"a speed is mapped as one of {', '.join(MAPPINGS)}, got '{mapping}'")

@@ -1,12 +1,12 @@
-"""Basins of the pair where two motions are stable: beside the main resonance at zeta = 0.05, and near Omega = 1/3.
+"""Basins of attraction of two stable motions: near the main resonance at zeta = 0.05, and near Omega = 1/3.
 
     python -m studies.dong_2022.basins [--quick] [-o DIR]
 
 Each cell is a start, integrated until it has settled. (a) zeta = 0.05 at Omega = 0.867, between the folds: both halves
 of the pinion are turned so that the gaps start with d and the rate d', all else starts at rest at zero. Dots are the
-starts from rest at each backlash W of `from_rest`: while no tooth touches on its back, rest in the middle of a gap
-b_c (1 + W) is the start d = -W. (b) Base case at Omega = 0.325: the motion of the mesh period (square) is disturbed at
-tau = 0 by moving the floating pinion along its shaft, by z and at the rate z': one gap opens and the other closes.
+starts from rest at each backlash W of `from_rest`: while no tooth makes contact at its back, rest in the middle of a
+gap b_c (1 + W) is the start d = -W. (b) Base case at Omega = 0.325: the motion of the mesh period (square) is disturbed
+at tau = 0 by moving the floating pinion along its shaft, by z and at the rate z': one gap opens and the other closes.
 Where the disturbance is large enough the motion doubles its period.
 """
 
@@ -81,7 +81,7 @@ def rest() -> float:
 def settled(pair: hb.gears.DoubleHelicalPair, Omega: float, states: Array, periods: int) -> tuple[Array, Array, Array]:
     """Half peak-to-peak of the left gap over two periods, how far these differ, and how far they differ from the next.
 
-    Counted after so many periods from each state.
+    Evaluated after the given number of periods.
     """
     end = hb.time.integrate(pair, states, periods, Omega, method="exponential", samples=32).end
     last = hb.time.integrate(pair, end, 4, Omega, method="exponential", samples=128).d[:, 0]
@@ -91,7 +91,7 @@ def settled(pair: hb.gears.DoubleHelicalPair, Omega: float, states: Array, perio
 
 
 def between_folds(shape: tuple[int, int], periods: int) -> Map:
-    """Starts with the same gap and rate in both halves; the unstable motion tells the two stable ones apart."""
+    """Starts with the same gap and rate in both halves; the unstable motion separates the two stable ones."""
     x, y = np.linspace(-1.0, 3.0, shape[0]), np.linspace(-1.5, 1.5, shape[1])
     d, rate = (grid.ravel() for grid in np.meshgrid(x, y))
     A, _, left = settled(LOW, FOLDED, turned(LOW, d, rate - rest()), periods)
@@ -103,7 +103,7 @@ def between_folds(shape: tuple[int, int], periods: int) -> Map:
 
 
 def near_third(shape: tuple[int, int], periods: int) -> Map:
-    """Starts beside the motion of the mesh period, the pinion moved along its shaft."""
+    """Starts near the motion of the mesh period, with the pinion moved along its shaft."""
     x, y = np.linspace(-4.0, 4.0, shape[0]), np.linspace(-0.8, 0.8, shape[1])
     z, rate = (grid.ravel() for grid in np.meshgrid(x, y))
     pair = hb.gears.DoubleHelicalPair()

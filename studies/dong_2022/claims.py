@@ -1,4 +1,4 @@
-"""Every claim of the paper's figures beside what this model gives, with a verdict that is computed.
+"""Claims of the paper's figures compared with the results of this model, with computed verdicts.
 
     python -m studies.dong_2022.claims [--quick] [-o DIR]
 
@@ -42,7 +42,7 @@ class Case:
 
     @property
     def linear(self) -> bool:
-        """Whether the teeth never part."""
+        """Whether the teeth never lose contact."""
         return self.regimes == ("no_impact",)
 
 
@@ -214,7 +214,7 @@ CLAIMS = (
     Claim("3", "Omega = 1: single-sided impact",
           lambda r: f"{r['motions']['1']['regime']}, least gap {r['motions']['1']['least']:.4f} b_c",
           (lambda r: r["motions"]["1"]["regime"] == "single_sided",),
-          "the teeth part only while the least gap is below b_c, just below Omega = 1"),
+          "the teeth lose contact only while the least gap is below b_c, just below Omega = 1"),
     Claim("3", "Omega = 1/2 and 1/3: closed curves, not circular",
           lambda r: "the strongest order has " + amounts(
               [strongest(m["orders"]) for m in (r["motions"]["1/2"], r["motions"]["1/3"], r["doubled"])])
@@ -230,11 +230,13 @@ CLAIMS = (
           lambda r: f"one period: {words(r['motions']['1/3'])}; two periods: {words(r['doubled'])}",
           (lambda r: r["motions"]["1/3"]["regime"] == "no_impact",
            lambda r: r["motions"]["1/3"]["stable"] or r["doubled"]["regime"] == "no_impact"),
-          "only the symmetric motion, which is unstable, has none; in the stable motion of two periods the teeth part"),
+          "only the symmetric motion, which is unstable, has none; in the stable motion of two periods the teeth "
+          "lose contact"),
     Claim("4", "base case: jump at 0.89",
           lambda r: f"jumps: {folds([r['base']])}; steepest rise {r['base'].slope:.1f} at {r['base'].slope_at:.4f}",
           (lambda r: near(r["base"].jumps, 0.89, 0.01), lambda r: abs(r["base"].slope_at - 0.89) < 0.02),
-          "a steep rise where the teeth begin to part, without a fold: the case lies just above a cusp in damping"),
+          "a steep rise where the teeth begin to lose contact, without a fold: the case lies just above a "
+          "cusp in damping"),
     Claim("4", "only no impact and single-sided impact",
           lambda r: ", ".join(r["base"].regimes),
           (lambda r: set(r["base"].regimes) == {"no_impact", "single_sided"},),
@@ -245,7 +247,8 @@ CLAIMS = (
           "harmonics 2 and 3 of stiffness and error excite the main resonance"),
     Claim("5", "amplitude grows with backlash W",
           lambda r: "peaks " + amounts(peaks(r["W"])), (lambda r: rising(peaks(r["W"])),),
-          "W only shifts the gap by a constant while no tooth touches on its back; where two motions are stable it can "
+          "W only shifts the gap by a constant while no tooth makes contact at its back; where two motions are "
+          "stable it can "
           "decide which is reached from rest (from_rest)"),
     Claim("5", "jump frequency leans to the right with W",
           lambda r: "peak at " + amounts([c.peak_at for c in r["W"]]),
@@ -259,7 +262,7 @@ CLAIMS = (
           (lambda r: bool(r["eps"][0].jumps), lambda r: rising([c.slope for c in r["eps"]][::-1]),
            lambda r: not r["eps"][-1].jumps), "the rise weakens as claimed; the base case has no fold to lose"),
     Claim("6", "at W = 0.6, eps_1 = 0.13 is linear", lambda r: ", ".join(r["eps W"][1].regimes),
-          (lambda r: r["eps W"][1].linear,), "the teeth do not part with this stiffness, at W = 0 either"),
+          (lambda r: r["eps W"][1].linear,), "the teeth do not lose contact with this stiffness, at W = 0 either"),
     Claim("7", "amplitude falls with damping", lambda r: "peaks " + amounts(peaks(r["zeta"])),
           (lambda r: rising(peaks(r["zeta"])[::-1]),), "damping limits the resonance"),
     Claim("7", "damping reduces the jump",
@@ -267,20 +270,21 @@ CLAIMS = (
           (lambda r: bool(r["zeta"][0].jumps), lambda r: rising([c.slope for c in r["zeta"]][::-1])),
           "the rise weakens as claimed; the folds are already gone at zeta = 0.063"),
     Claim("7", "at W = 0.6, zeta = 0.07 is linear", lambda r: ", ".join(r["zeta W"][1].regimes),
-          (lambda r: r["zeta W"][1].linear,), "whether the teeth part does not depend on W"),
+          (lambda r: r["zeta W"][1].linear,), "whether the teeth lose contact does not depend on W"),
     Claim("8", "larger error, larger amplitude", lambda r: "peaks " + amounts(peaks(r["e"])),
           (lambda r: rising(peaks(r["e"])[::-1]),),
           "error and stiffness variation add with their phases, which differ by the reading of the sign of e"),
     Claim("8", "e = 0 still jumps", lambda r: f"jumps: {folds([r['e'][-1]])}; " + ", ".join(r["e"][-1].regimes),
-          (lambda r: bool(r["e"][-1].jumps),), "parting of the teeth alone does not make a fold at this damping"),
+          (lambda r: bool(r["e"][-1].jumps),), "loss of contact alone does not make a fold at this damping"),
     Claim("9", "more load, larger amplitude", lambda r: "peaks " + amounts(peaks(r["torque"])),
           (lambda r: rising(peaks(r["torque"])),), "with the load grows the force of the stiffness variation"),
     Claim("9", "with the load the peak leans to the right",
           lambda r: "peak at " + amounts([c.peak_at for c in r["torque"]]),
-          (lambda r: rising([c.peak_at for c in r["torque"]]),), "the teeth part less and the softening is smaller"),
+          (lambda r: rising([c.peak_at for c in r["torque"]]),),
+          "the teeth lose contact less and the softening is smaller"),
     Claim("9", "with enough load the system is linear", lambda r: ", ".join(r["torque"][-1].regimes),
           (lambda r: r["torque"][-1].linear, lambda r: not r["torque"][-1].jumps),
-          "closure and stiffness excitation both grow with the load: no jump, but the teeth part"),
+          "closure and stiffness excitation both grow with the load: no jump, but the teeth lose contact"),
     Claim("14", "Omega = 1/3: mesh orders 1, 2, 3",
           lambda r: f"{amounts(r['motions']['1/3']['orders'][:3])}, {words(r['motions']['1/3'])}; two periods: orders "
           f"1/2, 1, 3/2: {amounts(r['doubled']['orders'][:3])}, {words(r['doubled'])}",

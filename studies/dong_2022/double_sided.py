@@ -1,17 +1,18 @@
-"""Backlash, load, damping and stiffness variation at which teeth would begin to meet on their backs.
+"""Backlash, load, damping and stiffness variation at which contact at the back sides of the teeth begins.
 
     python -m studies.dong_2022.double_sided [--quick] [-o DIR]
 
-As long as no tooth touches on its back the motion does not depend on the gap, so the depth by which the teeth part,
+As long as no tooth makes contact at its back the motion does not depend on the gap, so the depth by which the teeth
+lose contact,
 
     depth = b - min d,   the largest of all stable motions at all Omega,
 
 can be computed with a gap as wide as you like. Contact on the back begins where the gap is no wider, 2 b = depth. Two
 motions are looked at: that of the mesh period near Omega = 0.9, and that of twice the period near Omega = 1/3, which
-parts the teeth further. Only stable periodic motions count: at low damping that of the mesh period loses its stability
-before its fold (Neimark-Sacker), which makes the kinks in (b). Figure: (a) half backlash at which each grazes the back
-flank, followed in Omega as a problem of its own; (b) its largest value against the load for several dampings; below the
-lines impact is double-sided.
+separates the teeth further. Only stable periodic motions count: at low damping that of the mesh period loses its
+stability before its fold (Neimark-Sacker), which makes the kinks in (b). Figure: (a) half backlash at which each grazes
+the back flank, followed in Omega as a problem of its own; (b) its largest value against the load for several dampings;
+below the lines impact is double-sided.
 """
 
 from __future__ import annotations
@@ -83,8 +84,8 @@ def depth(motion: str, harmonics: int = 16, **changes: float) -> float:
     assert branch.stable is not None
     counted = branch.stable.copy()
     for point in branch.special:
-        beside = branch.stable[max(point.index - 1, 0) : point.index + 2]
-        counted[point.index] |= bool(point.located and point.kind in ("LP", "PD", "NS") and beside.any())
+        neighbours = branch.stable[max(point.index - 1, 0) : point.index + 2]
+        counted[point.index] |= bool(point.located and point.kind in ("LP", "PD", "NS") and neighbours.any())
     return float(np.max(1 + WIDE - lowest(branch)[counted]))
 
 

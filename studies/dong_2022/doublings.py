@@ -1,8 +1,8 @@
-"""Where and why the base case doubles its period near Omega = 1/3, and up to which damping.
+"""Period doubling of the base case near Omega = 1/3: cause, range and critical damping.
 
     python -m studies.dong_2022.doublings [--quick] [-o DIR]
 
-Without impact a small disturbance v of a motion obeys, whatever load and error are,
+Without impact a small disturbance v of a motion satisfies, for any load and error,
 
     M v'' + C v' + K v + sum_j w_j [k(tau) w_j^T v + c_j w_j^T v'] = 0
 
@@ -38,7 +38,7 @@ SPAN = (0.40, 0.28)
 DOWN = (0.350, 0.342, 0.338, 0.333, 0.329, 0.325, 0.321, 0.318, 0.314, 0.305)
 """Omega of the sweeps."""
 DISTURBANCE = 0.02
-"""Of the sweeps, relative to the state: two equal helices stay alike without it."""
+"""Disturbance of the sweeps relative to the state: without it two equal helices keep the same motion."""
 OTHER = {"zeta": (0.2, 1e-3), "eps_scale": (0.3, 1.7)}
 """Second parameters in which the boundaries are followed: first the end without doubling, then the other."""
 TITLES = ("(b) doubling against damping", "(c) doubling against stiffness variation")
@@ -227,7 +227,9 @@ def _motion(ax: Axes, point: hb.Point) -> None:
         theta, d = point.samples(element)
         ax.plot(np.append(theta, 2 * np.pi) / np.pi, np.append(d, d[0]), color=color, label=name)
     ax.axhline(1.0, color=study.GREY, lw=0.7, zorder=0)
-    ax.annotate("teeth part below", (0.92, 1.0), (0, -4), textcoords="offset points", ha="center", va="top", fontsize=8)
+    ax.annotate(
+        "teeth lose contact below", (0.92, 1.0), (0, -4), textcoords="offset points", ha="center", va="top", fontsize=8
+    )
     ax.set_xlim(0, 2)
     ax.set_xlabel("mesh periods [-]")
     ax.set_ylabel("gap $d/b_c$ [-]")
@@ -247,7 +249,7 @@ def report(results: Results) -> str:
     lines = [
         f"Anti-phase mode: omega_a = {omega:.4f}, zeta_a = {zeta:.4f}, g = {g:.5f}. Principal parametric resonance "
         f"between Omega = {low:.4f} and {high:.4f} to first order; computed: {found[0]:.5f} to {found[1]:.5f}. Load, "
-        "error and backlash do not matter, as the teeth do not part before.", "",
+        "error and backlash do not matter, as the teeth do not lose contact before.", "",
         "| parameter | base case | doubling vanishes at | Omega there | first order |",
         "| --- | --- | --- | --- | --- |",
     ]  # fmt: skip
@@ -258,9 +260,11 @@ def report(results: Results) -> str:
         lines.append("| " + " | ".join([*cells, f"{point.parameters['Omega']:.5f}", theory]) + " |")
     lines += [
         "",
-        f"At the boundaries the doubled motion grows at a fixed Omega until the teeth part, as for a linear system; "
+        f"At the boundaries the doubled motion grows at a fixed Omega until the teeth lose contact, as for a "
+        f"linear system; "
         f"then it bends to lower Omega, to a fold at {fold.parameters['Omega']:.5f} with half peak-to-peak "
-        f"{fold.amplitude('pp2'):.3f} b_c. Between that fold and Omega = {found[0]:.4f} it is there beside the stable "
+        f"{fold.amplitude('pp2'):.3f} b_c. Between that fold and Omega = {found[0]:.4f} it exists together "
+        f"with the stable "
         "symmetric motion: a sweep down leaves it at the fold, a sweep up finds it at the doubling.", "",
         "| sweep | Omega | period | half peak-to-peak, left | right | harmonic balance |",
         "| --- | --- | --- | --- | --- | --- |",

@@ -180,7 +180,7 @@ def stretches(curve: hb.Branch, rows: np.ndarray) -> list[tuple[float, float]]:
 
 
 def parted(curve: hb.Branch) -> list[tuple[float, float]]:
-    """Ranges of Omega in which the teeth part."""
+    """Ranges of Omega in which the teeth lose contact."""
     return stretches(curve, np.array([name != "no_impact" for name in curve.regimes]))
 
 

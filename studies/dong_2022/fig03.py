@@ -2,9 +2,9 @@
 
     python -m studies.dong_2022.fig03 [--quick] [-o DIR]
 
-At Omega = 1/3 the motion of one period is unstable; what is seen in its place takes two periods and parts the teeth.
-Stable motions are solid, unstable ones dashed, with a dot once per period of the excitation. The teeth are apart where
-d < b_c, shaded; their backs would touch at d = -b_c.
+At Omega = 1/3 the motion of one period is unstable; what is seen in its place takes two periods and separates the
+teeth. Stable motions are solid, unstable ones dashed, with a dot once per period of the excitation. The teeth are apart
+where d < b_c, shaded; their backs would touch at d = -b_c.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from studies.dong_2022.fig04 import doubled
 
 FREQUENCIES = {"1": 1.0, "1/2": 0.5, "1/3": 1 / 3}
 CORNER = 1.0
-"""Gap d / b_c at which the teeth part (W = 0)."""
+"""Gap d / b_c at which the teeth lose contact (W = 0)."""
 RANGE = (0.7, 2.3)
 """Gap d / b_c shown in every panel."""
 

@@ -4,7 +4,7 @@
 
 Between PD1 and PD2 the motion of one period is unstable and one of two periods takes its place. That one is stable
 down to a fold below PD2, where both are stable: the sweep up meets it at PD2 and the sweep down follows it to the fold.
-It leaves the curve vertically, since the equations are linear until the teeth part.
+It leaves the curve vertically, since the equations are linear until the teeth lose contact.
 Sweeps are time integrations with the state carried over, disturbed a little at every frequency.
 """
 

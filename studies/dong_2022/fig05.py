@@ -2,8 +2,8 @@
 
     python -m studies.dong_2022.fig05 [--quick] [-o DIR]
 
-The teeth part at d = 1 + W. While no tooth touches on its back, d - W obeys equations without W: every motion is
-shifted by W and keeps its shape, its stability and the frequencies of its special points.
+The teeth lose contact at d = 1 + W. While no tooth makes contact at its back, d - W obeys equations without W: every
+motion is shifted by W and keeps its shape, its stability and the frequencies of its special points.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m studies.dong_2022.fig06 [--quick] [-o DIR]
 
-The teeth no longer part with the second set. They do not at W = 0 either: the curves of both W are the same.
+The teeth no longer lose contact with the second set. They do not at W = 0 either: the curves of both W are the same.
 """
 
 from __future__ import annotations

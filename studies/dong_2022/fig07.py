@@ -2,7 +2,7 @@
 
     python -m studies.dong_2022.fig07 [--quick] [-o DIR]
 
-At zeta = 0.07 the teeth still part, at W = 0.6 as at W = 0; at zeta = 0.1 they do not.
+At zeta = 0.07 the teeth still lose contact, at W = 0.6 as at W = 0; at zeta = 0.1 they do not.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python -m studies.dong_2022.fig09 [--quick] [-o DIR]
 
 The paper does not print its loads; these are torques on each half of the pinion around its base case. Light loads have
-folds and jumps, heavy ones none, but the teeth part at all of them.
+folds and jumps, heavy ones none, but the teeth lose contact at all of them.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Figure 14: spectrum of the gap motion at Omega = 1/3, beside the lines measured at 400 r/min.
+"""Figure 14: spectrum of the gap motion at Omega = 1/3, with the lines measured at 400 r/min.
 
     python -m studies.dong_2022.fig14 [--quick] [-o DIR]
 
 The symmetric motion, equal in both helices, holds whole mesh orders only, and is unstable here: Omega = 1/3 lies
 between two period doublings. What is stable is a motion of twice the mesh period, with half orders in which the
-helices move against each other; `doublings` says why.
+helices move against each other; the study `doublings` explains it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def report(results: Results) -> str:
     worst = max(abs(results["symmetric"].multipliers), default=0.0)  # type: ignore[arg-type]
     text = [
         f"The symmetric motion has a multiplier of magnitude {worst:.4f} and is not what a machine would do; the "
-        'doubled one is stable and parts the teeth, which the paper\'s "no impact at Omega = 1/3" does not allow for. '
+        'doubled one is stable and separates the teeth, in contrast to "no impact at Omega = 1/3" in the paper. '
         "A simulation of two equal helices from symmetric initial values never leaves the symmetric motion.",
         f"Mesh orders 1, 2, 3 of the paper are there in both motions. Its third line, {rig.lines[2]} Hz, is order "
         f"{rig.orders[2]:.3f}: three times {rig.lines[0]} Hz is {3 * rig.lines[0]:.1f} Hz, so it is either misread or "

@@ -1,4 +1,4 @@
-"""Figure 15: spectrum of the gap motion at Omega = 1/2, beside the lines measured at 600 r/min.
+"""Figure 15: spectrum of the gap motion at Omega = 1/2, with the lines measured at 600 r/min.
 
     python -m studies.dong_2022.fig15 [--quick] [-o DIR]
 

@@ -1,4 +1,4 @@
-"""Figure 16: spectrum of the gap motion at Omega = 1, beside the line measured at 1200 r/min.
+"""Figure 16: spectrum of the gap motion at Omega = 1, with the line measured at 1200 r/min.
 
     python -m studies.dong_2022.fig16 [--quick] [-o DIR]
 

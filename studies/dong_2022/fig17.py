@@ -91,7 +91,8 @@ def report(results: Results) -> str:
     widest = backlash.percent(np.array(base.B[-1]), np.array(base.B[0]))
     return "\n".join([
         *lines, "",
-        f"The four backlashes differ by {widest:.2f} %. As long as no tooth touches on its back, the motion about "
+        f"The four backlashes differ by {widest:.2f} %. As long as no tooth makes contact at its back, the "
+        f"motion about "
         "its mean does not depend on the gap: only the mean shifts. What changes with the backlash is then the "
         "transmission error, and only because it is given in units of b_c. Without impact every order is the sum of a "
         "part that the load and the stiffness drive, which stays, and one that the error drives, which grows by as "

@@ -28,7 +28,7 @@ def run(quick: bool = False) -> Results:
 
     With the error kept in um those of the first and the last only. The quick form has two backlashes and three speeds.
     """
-    steep = np.arange(1055.0, 1075.0, 0.5)  # the rise beside the cusp
+    steep = np.arange(1055.0, 1075.0, 0.5)  # the rise near the cusp
     full = np.unique(np.concatenate([np.arange(400.0, 1400.1, 10.0), steep]))
     speeds = np.array([400.0, 500.0, 600.0]) if quick else full
     lengths = (base.B[0], base.B[-1]) if quick else base.B
@@ -69,8 +69,8 @@ def plot(results: Results) -> Figure:
 def _line(ax: Any, x: Array, y: Array, stable: Array, color: str, label: str) -> None:
     """Solid where stable, dashed where not."""
     ax.plot(x, np.where(stable, y, np.nan), color=color, lw=1.1, label=label)
-    beside = np.convolve(~stable, [1, 1, 1], "same") > 0
-    ax.plot(x, np.where(beside, y, np.nan), "--", color=color, lw=1.0, label="_")
+    shown = np.convolve(~stable, [1, 1, 1], "same") > 0
+    ax.plot(x, np.where(shown, y, np.nan), "--", color=color, lw=1.0, label="_")
 
 
 def _omega_axis(ax: Any, mapping: str) -> None:
@@ -116,7 +116,8 @@ def _remarks(gaps: dict[tuple[str, str], list[backlash.Gap]]) -> list[str]:
     return [
         *out, "",
         "The length of backlash enters in two ways. With b = b_c (1 + W) at b_c = 25 um the error stays what it is in "
-        "um; then, as no tooth touches on its back, a wider gap shifts the mean (and with it the largest |d|) by half "
+        "um; then, as no tooth makes contact at its back, a wider gap shifts the mean (and with it the largest "
+        "|d|) by half "
         "of what the backlash grows, and leaves the vibration as it is. With b_c = b the error, given in units of b_c, "
         "grows in proportion, and this alone changes the vibration. That amplitude grows with backlash therefore holds "
         "for the displacement from the middle of the gap, or for a larger error, not for the vibration. That it grows "

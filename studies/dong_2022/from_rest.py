@@ -1,11 +1,12 @@
-"""Motions reached from rest at several backlashes W: whether the start explains the W of the paper's Figure 5.
+"""Motions reached from rest at several backlashes W: effect of the initial state in Figure 5 of the paper.
 
     python -m studies.dong_2022.from_rest [--quick] [-o DIR]
 
-While no tooth touches on its back, W changes no periodic motion apart from its mean. It does change how far apart the
-teeth are at rest in the middle of the gap, and so, where two motions are stable, which of them is reached. The machines
-have two folds (dotted): the reduction to one degree of freedom (F_m = 0.109) and the pair with zeta = 0.05. Above, dots
-are settled motions from rest (all coordinates zero) on the response curve; below, the motion reached for each W.
+While no tooth makes contact at its back, W changes no periodic motion apart from its mean. It does change how far apart
+the teeth are at rest in the middle of the gap, and so, where two motions are stable, which of them is reached. The
+machines have two folds (dotted): the reduction to one degree of freedom (F_m = 0.109) and the pair with zeta = 0.05.
+Above, dots are settled motions from rest (all coordinates zero) on the response curve; below, the motion reached for
+each W.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def machine(name: str, W: float) -> hb.mechanics.Model:
     Raises
     ------
     ValueError
-        If there is none of that name.
+        If there is no machine of this name.
     """
     if name not in TITLES:
         raise ValueError(f"no machine '{name}'; there are {', '.join(TITLES)}")
@@ -78,7 +79,7 @@ def spread(part: dict[str, Any]) -> np.ndarray:
 def upper(part: dict[str, Any]) -> np.ndarray:
     """(W, Omega) 1 if the larger of two stable motions was reached, 0 if the smaller, nan where only one is stable.
 
-    The unstable motion between the folds tells them apart.
+    The unstable motion between the folds separates them.
     """
     curve = part["curve"]
     x, A = curve.values[~curve.stable], curve.amplitude("pp2")[~curve.stable]

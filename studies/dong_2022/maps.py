@@ -2,10 +2,10 @@
 
     python -m studies.dong_2022.maps [--quick] [-o DIR]
 
-In each panel one parameter is changed from the base case (grey line: it lies beside the cusp, without a jump). Between
+In each panel one parameter is changed from the base case (grey line: it is close to the cusp, without a jump). Between
 the lines a slow sweep finds two motions, depending on where it came from; at the cusp (star) the jump vanishes. The
 inset holds a second, smaller jump near Omega = 0.453. In the panel of W the damping is 0.05, as the base case has no
-jump for any W: as no tooth touches on its back, the backlash cannot matter.
+jump for any W: as no tooth makes contact at its back, the backlash cannot matter.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def plot(results: Results) -> Figure:
 
 
 def _notes(ax: Axes, found: hb.analysis.JumpMap, unit: float) -> None:
-    """Value and Omega of the upper cusp beside it; the note of a lower one is left to the enlarged part."""
+    """Label the upper cusp with its value and Omega; the inset has the label of a lower one."""
     top = max((cusp.parameters["Omega"] for cusp in found.cusps), default=0.0)
     for note in list(ax.texts):
         value, Omega = note.xy  # type: ignore[attr-defined]
@@ -145,7 +145,8 @@ def report(results: Results) -> str:
 def _remarks(results: Results) -> list[str]:
     boundaries, maps = results["boundaries"], results["maps"]
     out = [
-        "Load, error and b_c have one boundary between them: as long as no tooth touches on its back, the motion about "
+        "Load, error and b_c have one boundary between them: as long as no tooth makes contact at its back, the "
+        "motion about "
         "the middle of the contact side, d - b, scales with load and error together, so only e b_c k_mean / T counts. "
         f"Base load over critical load {boundaries['torque'].own / boundaries['torque'].value:.5f}"
     ]

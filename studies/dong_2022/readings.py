@@ -1,4 +1,4 @@
-"""Readings of what the paper leaves open, each beside the claims of Figures 3 and 4 that it reproduces.
+"""Interpretations of unspecified data of the paper, with the claims of Figures 3 and 4 that each reproduces.
 
     python -m studies.dong_2022.readings [--quick] [-o DIR]
 
@@ -79,7 +79,7 @@ def held(numbers: Case, regimes: dict[str, str]) -> tuple[bool, ...]:
 
 
 def from_rest(name: str, W: float, near: Array, lower: Array, periods: int) -> dict[str, Any]:
-    """Which claims hold of the motions reached from rest after so many periods, and the numbers behind them.
+    """Return the claims that hold for motions reached from rest after a number of periods, and their numbers.
 
     near, lower : frequencies near the jump, and near 1/3 and 1/2.
     """

@@ -30,7 +30,7 @@ class Reached:
 
 
 def reached(model: hb.mechanics.Model, frequencies: Array, periods: int, tolerance: float = 1e-3) -> Reached:
-    """Motions after so many periods from rest; two successive periods may differ by the tolerance.
+    """Motions after a number of periods from rest; two successive periods may differ by the tolerance.
 
     All frequencies are integrated at once.
     """

@@ -1,4 +1,4 @@
-"""Spectra of the gap motion beside the lines measured on the test rig: what Figures 14 to 16 share.
+"""Spectra of the gap motion with the lines measured on the test rig: common parts of Figures 14 to 16.
 
 The rig turns at speeds n whose mesh frequency is f = teeth_p n / 60, so a line at f_k is of mesh order f_k / f. Only
 the frequencies of measured lines are known, not their heights.

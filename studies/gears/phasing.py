@@ -1,4 +1,4 @@
-"""A planetary set with four planets and backlash in all eight meshes: planets in phase, and one after the other.
+"""A planetary set with four planets and backlash in all eight meshes: planets in phase and in sequence.
 
     python -m studies.gears.phasing [--quick] [-o DIR]
 
@@ -6,9 +6,9 @@ The machine of Lin and Parker (1999) with 28, 36 and 100 teeth, whose planets al
 and with 27, 35 and 97, where they do so one after the other; nothing else differs. In phase, forces of the planets add
 up along the circumference and cancel sideways: the rotational mode at 7774 Hz is excited, sun and ring rest in their
 bearings. In turn, they cancel along the circumference (but for every fourth harmonic) and the translational modes at
-7190 and 10438 Hz are excited. Both lose contact and jump. Until BP1 each planet of the sequential set does what the one
-before it did, a quarter of the period later; there a motion leaves in which they do not (symmetry breaking). The curves
-are held against integration in time at 12 points each.
+7190 and 10438 Hz are excited. Both lose contact and jump. Up to BP1 each planet of the sequential set repeats the
+motion of the previous one a quarter of the period later; at BP1 a branch starts without this symmetry (symmetry
+breaking). The curves are compared with time integration at 12 points each.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def case(name: str, check: bool = True) -> Case:
     curve = hb.trace(hb.HarmonicBalance(model, HARMONICS), "Omega", SPAN)
     first = next((point.label for point in curve.special if point.kind == "BP"), None)
     broken = hb.switch(curve, first) if first else None
-    told = hb.validate(curve, 12, landing="nearest") if check else None
-    confirmed = "not checked" if told is None else f"{sum(row.ok for row in told.rows)} of {len(told.rows)}"
+    report = hb.validate(curve, 12, landing="nearest") if check else None
+    confirmed = "not checked" if report is None else f"{sum(row.ok for row in report.rows)} of {len(report.rows)}"
     return Case(name, model, curve, broken, confirmed)
 
 

@@ -1,4 +1,4 @@
-"""How much tip relief cures the jump of a spur pair at its load, and what the same relief does at half of it.
+"""Tip relief that removes the jump of a spur pair at its load, and its effect at half of the load.
 
     python -m studies.gears.relief [--quick] [-o DIR]
 

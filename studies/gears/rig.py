@@ -1,13 +1,13 @@
-"""The marine pair whose test rig was measured, from its drawing: how far the published data go.
+"""The marine pair of the test rig from its drawing: comparison with the published data.
 
     python -m studies.gears.rig [--quick] [-o DIR]
 
 Dong et al. (2022) publish the teeth of a double-helical pair (25 and 75, module 6 mm, 24.43 degrees, two halves of 55
 mm), its masses and supports, a load, the backlash of their rig (51 um) and the frequencies of the lines they measured
-at 400, 600 and 1200 r/min. They do not publish heights of lines, the accuracy of the teeth, nor where along the speeds
-the rig resonates. So three things can be redone: the mesh stiffness of the drawing beside the one they assume; the
-response of the machine with the one and the other; and the measured lines beside the orders of the mesh, with the sizes
-the drawing gives them. The teeth are those of the drawing without errors, so what excites is their deflection alone.
+at 400, 600 and 1200 r/min. They do not publish amplitudes of lines, the accuracy of the teeth, or the resonance
+speeds of the rig. Three comparisons are possible: the mesh stiffness of the drawing with the assumed one, the responses
+of the machine for both, and the measured lines with the mesh orders and their amplitudes computed from the drawing. The
+teeth are those of the drawing without errors, so what excites is their deflection alone.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def report(results: Results) -> str:
         "",
         f"With the machine of the paper the largest motion is at {peaks['from the drawing']:.0f} r/min of the pinion "
         f"with the teeth of the drawing, at {peaks['as published']:.0f} as published, and the fastest test is at "
-        f"{max(test.speed for test in RIG):.0f}. So no test can have met the main resonance of this machine, nor a "
+        f"{max(test.speed for test in RIG):.0f}. So no test can have reached the main resonance of this machine, or a "
         "jump of it; the paper pairs 1200 r/min with Omega = 1.",
         "",
         "| speed [r/min] | measured line [Hz] | mesh order | off that order by [Hz] | drawing [nm] "
@@ -131,7 +131,7 @@ def report(results: Results) -> str:
     lines += [
         "",
         "All lines but two are orders of the mesh to the last digit printed; 506.7 Hz and 480 Hz are not. Their "
-        "heights are not published: sizes cannot be compared, nor a damping ratio found.",
+        "heights are not published: amplitudes cannot be compared, and no damping ratio can be identified.",
         "",
     ]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Basins of the two motions of the spur pair at Omega = 0.65: which start leads to contact, which to impacts.
+"""Basins of the two motions of the spur pair at Omega = 0.65: permanent contact or impacts, depending on the start.
 
     python -m studies.kahraman_singh_1990.basins [--quick] [-o DIR]
 
@@ -76,7 +76,7 @@ def plot(results: Results) -> Figure:
 
 
 def report(results: Results) -> str:
-    """Attractors from time integration beside the motions of the curve, in Markdown."""
+    """Return a table of the attractors from time integration and the motions of the curve, in Markdown."""
     lines = ["| motion | rms, integrated | rms, harmonic balance | share of the starts |", "| --- | --- | --- | --- |"]
     attractors = sorted(results.found.attractors, key=lambda a: a.rms)
     stable = iter(attractors)

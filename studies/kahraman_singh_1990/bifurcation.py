@@ -83,8 +83,8 @@ def plot(results: Results) -> Figure:
 def _line(ax: Axes, branch: hb.Branch, height: Array, color: str) -> None:
     """One line, dashed where it is unstable."""
     stable = np.asarray(branch.stable)
-    beside = ~stable | np.append(~stable[1:], False) | np.append(False, ~stable[:-1])  # up to the last stable row
-    for part, style in ((beside, "--"), (stable, "-")):
+    extended = ~stable | np.append(~stable[1:], False) | np.append(False, ~stable[:-1])  # up to the last stable row
+    for part, style in ((extended, "--"), (stable, "-")):
         ax.plot(branch.values, np.where(part, height, np.nan), style, color=color, lw=0.9, zorder=4)
 
 
@@ -96,7 +96,7 @@ def report(results: Results) -> str:
             ", ".join(f"{p.parameters['Omega']:.6f}" for p in branch.special if p.kind == kind) for kind in ("PD", "LP")
         ]
         lines.append(f"| period {period} | {kinds[0] or 'none'} | {kinds[1] or 'none'} |")
-    lines += ["", "| sweep | chaotic, or not settled beside a doubling | jumps between |", "| --- | --- | --- |"]
+    lines += ["", "| sweep | chaotic, or not settled near a doubling | jumps between |", "| --- | --- | --- |"]
     for s in results.sweeps:
         wild = s.values[~s.settled]
         where = f"{len(wild)} of {len(s)} values from {wild.min():.4f} to {wild.max():.4f}" if len(wild) else "none"

@@ -1,4 +1,4 @@
-"""Motions of longer periods: from one that a sweep met to its whole branch, and to those that double from it.
+"""Branches of longer periods, from a motion of a sweep, and branches that start at their period doublings.
 
 A sweep knows the state (x, x') at tau = 0 of a motion of nu periods. Shooting closes it, its harmonics start the
 harmonic balance of order nu, and continuation does the rest. Where its branch ends on one of half the period, that one

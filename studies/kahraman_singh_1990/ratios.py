@@ -6,12 +6,12 @@ F_ah / F_m = 0.5, 1 and 2 with F_m = 0.1, and 2 with F_m = 0.3. Drawn are the mo
 coloured by impact, and those of longer periods, coloured by period: the ones that leave by period doubling, and
 branches of three and seven periods that touch no other; a motion that a sweep met was the way to those. Triangles are
 slow sweeps by time integration. Every motion on which a sweep settled lies on a branch; where it did not settle the
-largest Lyapunov exponent is positive: chaos. Dotted lines are the frequencies at which the teeth first part, from the
-linear pair,
+largest Lyapunov exponent is positive: chaos. Dotted lines are the frequencies at which the teeth first lose contact,
+from the linear pair,
 
     (1 - r^2)^2 + (2 zeta r)^2 = (F_ah / F_m)^2 r^4.
 
-As long as the teeth do not meet on their backs, (x - b) / F_m depends on the ratio alone, and so do the folds.
+As long as the teeth do not make contact at their backs, (x - b) / F_m depends on the ratio alone, and so do the folds.
 """
 
 from __future__ import annotations

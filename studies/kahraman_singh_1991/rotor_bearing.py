@@ -29,7 +29,7 @@ ELEMENTS = {"gap": "mesh gap $p/b_c$", "bearing 1": "pinion $y_1/b_c$"}
 
 @dataclass(frozen=True)
 class Results:
-    """The curve, that of linear bearings, and the points held against time integration."""
+    """The curve, that of linear bearings, and the points compared with time integration."""
 
     curve: hb.Branch
     linear: hb.Branch
@@ -80,7 +80,7 @@ def _handles(curve: hb.Branch) -> list[Line2D]:
 
 
 def report(results: Results) -> str:
-    """The points held against time integration, in Markdown."""
+    """The points compared with time integration, in Markdown."""
     headers, rows = results.report.table()
     lines = ["| " + " | ".join(headers) + " |", "|" + " --- |" * len(headers)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]).replace("|mu|", "largest mu")

@@ -1,12 +1,12 @@
-"""Ten thousand random machines: how their traces end, how right their special points, verdicts and landings are.
+"""Ten thousand random machines: status of traces, accuracy of special points, stability and motions after jumps.
 
     python -m studies.random.campaign [--quick] [-o DIR]
 
 Spur pairs, double-helical pairs, pairs on bearings and two masses with one or two elements (`studies.random.machines`),
 each traced by the default call on one core. Every status is looked at: whether the curve ends where it says, solves its
-equations, and covers the span or says what it does not. Two hundred machines are held against the truth
+equations, and covers the span or says what it does not. Two hundred machines are compared with the truth
 (`studies.random.truth`): special points and verdicts against shooting, landings of jumps against another integration.
-What was computed is kept beside this file, in ``.store``, by the state of the sources; a run that was stopped goes on.
+Results are stored in the folder ``.store`` by the state of the sources; a stopped run can be resumed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TRACED = {"spur": 8000, "helical": 1250, "bearings": 600, "two": 450}
 """Machines of each kind that are traced, the fewer the longer they take."""
 
 HELD = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
-"""Those of them, the first, that are held against the truth."""
+"""Those of them, the first, that are compared with the truth."""
 
 
 def run(quick: bool = False) -> Results:

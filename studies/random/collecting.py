@@ -55,7 +55,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Results:
-    """All traces, and what was held against the truth; seconds it took, of all processes together."""
+    """All traces, and what was compared with the truth; seconds it took, of all processes together."""
 
     ended: list[Ended]
     compared: list[Comparison]
@@ -146,7 +146,7 @@ def _covered(branch: Branch) -> list[tuple[float, float]]:
 
 
 def held(it: Machine) -> Comparison:
-    """The machine held against the truth; what cannot be traced is told by `followed`."""
+    """The machine compared with the truth; `followed` reports machines that cannot be traced."""
     try:
         with _limited(10 * SECONDS):
             return truth.compare(it)
@@ -166,7 +166,7 @@ def work(kind: str, first: int, count: int, compare: bool) -> list[dict[str, Any
 
 
 def collect(traced: Mapping[str, int], compared: Mapping[str, int], processes: int, store: Path | None) -> Results:
-    """Trace and compare so many machines of each kind, or read what is known of them.
+    """Trace and compare a number of machines of each kind, or read stored results.
 
     store : folder of what was computed, None to keep nothing. Tasks are ordered by kind only, so any part of a larger
     run is found by it again.

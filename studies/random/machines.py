@@ -1,8 +1,8 @@
 """Machines drawn at random: spur pairs, double-helical pairs, pairs on bearings, two masses with one or two elements.
 
-    machine("spur", 7)  is the same machine wherever it is asked for: kind and number are its seed
+    machine("spur", 7)  is reproducible: kind and number are the seed
 
-One machine in eight is extreme: next to no damping, stiff stops, hardly any load, strong excitation.
+One machine in eight is extreme: very small damping, stiff stops, very small load, strong excitation.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ def report(results: Results) -> str:
         rows.append([TITLES[kind], len(some), *(count[s] for s in _statuses(results)), failed, wrong,
                      f"{np.median(seconds):.2f}", f"{np.max(seconds):.1f}"])  # fmt: skip
     lines = [_row(row) for row in rows]
-    lines += ["", f"{len(results.compared)} machines are held against the truth. Errors are those of Omega.", ""]
+    lines += ["", f"{len(results.compared)} machines are compared with the truth. Errors are those of Omega.", ""]
     lines += [_row(row) for row in _points(results)]
     verdicts = [v for one in results.compared for v in one.verdicts]
     wrong_ones = [v for v in verdicts if v.wrong]
@@ -176,7 +176,7 @@ def report(results: Results) -> str:
     astray = [j for j in sure if not j.right]
     undecided, unsure = sum(v.stable is None for v in verdicts), len(jumps) - len(sure)
     lines += ["", f"Of {len(verdicts)} verdicts {len(wrong_ones)} are wrong and {undecided} undecided; of {len(jumps)} "
-              f"jumps, {unsure} of them told to be indeterminate or slow, {len(astray)} land elsewhere. "
+              f"jumps, {unsure} of them reported as indeterminate or slow, {len(astray)} land elsewhere. "
               f"{results.seconds / 60:.0f} min of one core."]  # fmt: skip
     lines += ["", "What is not as it should be, by machine (kind:number):", ""]
     lines += [f"* {one.machine}: {one.status}; {one.untrue}" for one in results.ended if one.untrue]

@@ -1,4 +1,4 @@
-"""Verdicts on stability of a mass with a stop against motions that are computed exactly from contact to contact.
+"""Stability of a mass with a stop compared with motions computed exactly from contact to contact.
 
     python -m studies.random.stops --count 20 --every 4    # stiffnesses from 10 to 1e5, two dampings, two gaps
 
@@ -93,7 +93,7 @@ class Stop:
         return None
 
     def shoot(self, q: float, v: float, Omega: float) -> tuple[Array, Array] | None:
-        """State and multipliers of the motion that Newton finds; None if it has no contact, or there is none."""
+        """Return state and multipliers of the motion of Newton's method; None without contact or convergence."""
         y = np.array([q, v])
         for _ in range(12):
             end, Phi, _ = self.march(float(y[0]), float(y[1]), Omega)
@@ -108,7 +108,7 @@ class Stop:
 
 
 def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
-    """Each of so many rows with contact, but special points, against the exact motion."""
+    """Compare points with contact, except special points, with the exact motion."""
     special, out = {point.index for point in curve.special}, []
     k = np.arange(1, curve.layout.harmonics + 1)  # type: ignore[union-attr]
     for i in [i for i in np.flatnonzero(curve.regime[:, 0] > 0).tolist() if i not in special][::every]:
@@ -140,11 +140,13 @@ def main() -> None:
                 seconds = time.process_time() - start
                 shots = compared(stop, curve, given.every)
                 total += shots
-                print(f"zeta {zeta}, gap {gap}, k {k:.4g}: {told(shots)}, {seconds:.1f} s, {curve.status}", flush=True)
-    print(f"all: {told(total)}")
+                print(
+                    f"zeta {zeta}, gap {gap}, k {k:.4g}: {summary(shots)}, {seconds:.1f} s, {curve.status}", flush=True
+                )
+    print(f"all: {summary(total)}")
 
 
-def told(shots: list[Shot]) -> str:
+def summary(shots: list[Shot]) -> str:
     """The numbers of wrong and undecided verdicts, in words."""
     undecided = sum(shot.verdict == "undecided" for shot in shots)
     wrong = [shot.row for shot in shots if shot.verdict not in (shot.right, "undecided")]

@@ -1,4 +1,4 @@
-"""Special points, verdicts and landings of a traced machine held against shooting and integration in time.
+"""Special points, verdicts and landings of a traced machine compared with shooting and integration in time.
 
     python -m studies.random.truth --count 20            # of each kind; the worst pairs of true and stated error
     python -m studies.random.truth spur:7 two:3          # these machines, point by point
@@ -8,9 +8,9 @@ corners of the laws met exactly) in the plane across the curve, and a secant alo
 
     LP  t_Omega = 0      PD  det(Phi + 1) = 0      NS  |mu| = 1 of a pair      GR  extremum of an element = corner
 
-Where to look is told by a trace with four times the harmonics, and by the points found: what shooting confirms of the
-former and the curve does not have is missing, what it does not confirm of the latter is false. BP points, where
-two curves cross, are compared with those of the finer trace alone.
+Candidates are the special points of the curve and of a trace with four times the harmonics. A point of the finer trace
+that shooting confirms and the curve does not have is missing; a point of the curve that shooting does not confirm is
+false. BP points, where two curves cross, are compared with those of the finer trace alone.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from hbgear.time.shooting import variation
 from studies.random.machines import KINDS, Machine, machine
 
 FINER = 4
-"""Times the harmonics of the curve, of the trace that tells where to look."""
+"""Factor of the harmonics of the finer trace, whose special points are candidates."""
 
 NEAR = 0.1
 """Distance, in Omega over the span and in the motion over its size, within which shooting looks for a point."""
@@ -163,24 +163,24 @@ def polished(kind: str, orbits: Orbits, u: Array, tangent: Array, corner: tuple[
     Raises
     ------
     NotFound
-        If there is none within `NEAR`.
+        If no motion is within `NEAR`.
     """
     test, slope = _test(kind, corner), orbits.slope(u)
     orbit = orbits.at(u, tangent, slope)
     tangent, u = orbit.tangent, orbit.u
-    here, beside = (0.0, test(orbit)), 1e-3
+    here, ahead = (0.0, test(orbit)), 1e-3
     for _ in range(9):
         try:
-            orbit = orbits.at(u + beside * orbits.scale * tangent, tangent, slope)
+            orbit = orbits.at(u + ahead * orbits.scale * tangent, tangent, slope)
         except NotFound:
-            beside = 0.5 * (here[0] + beside)
+            ahead = 0.5 * (here[0] + ahead)
             continue
-        there = beside, test(orbit)
+        there = ahead, test(orbit)
         rise = (there[1] - here[1]) / (there[0] - here[0])
-        beside = there[0] - there[1] / rise if rise else np.nan
-        if not abs(beside) <= NEAR:
+        ahead = there[0] - there[1] / rise if rise else np.nan
+        if not abs(ahead) <= NEAR:
             break
-        if abs(beside - there[0]) <= 1e-8:
+        if abs(ahead - there[0]) <= 1e-8:
             return orbit
         here = there if abs(there[1]) < abs(here[1]) else here
     raise NotFound(f"no {kind} near Omega = {u[-1]:.6g}")
@@ -257,7 +257,7 @@ class Landed:
 
     @property
     def sure(self) -> bool:
-        """Whether it is said to land there whatever the sweep: not indeterminate, not left slowly."""
+        """Return whether the motion is determined for every sweep: not indeterminate, not left slowly."""
         return "indeterminate" not in self.note and "slow" not in self.note
 
 
@@ -288,7 +288,7 @@ def curves(branch: Branch) -> list[Branch]:
 
 
 def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0) -> Comparison:
-    """A machine traced by the default call and held against the truth."""
+    """A machine traced by the default call and compared with the truth."""
     begun = time.process_time()
     branch = traced(it, harmonics)
     fine = traced(it, FINER * harmonics, accuracy=None)
@@ -415,7 +415,7 @@ def _distance(it: Machine, one: SpecialPoint, other: SpecialPoint) -> float:
 
 
 def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.random.Generator) -> list[Verdict]:
-    """Some rows, half of them those nearest to the unit circle, beside the multipliers of the motion shot there."""
+    """Compare points, half of them nearest to the unit circle, with the multipliers found by shooting."""
     if branch.multipliers is None:
         return []
     plain = np.setdiff1d(np.arange(len(branch)), [p.index for p in branch.special])
@@ -451,7 +451,7 @@ FARTHER = 8.0, 64.0
 
 
 def landed(it: Machine, branch: Branch) -> list[Landed]:
-    """The jumps of a curve, decided by integration, beside an integration of our own, from another distance."""
+    """Compare the jumps of a curve, decided by integration, with another integration from another distance."""
     out = []
     for jump in branch.jumps(landing="integrate"):
         for times in (1.0, *FARTHER):

@@ -1,1 +1,1 @@
-"""Speed, measured side by side."""
+"""Measured times, and comparison with other packages."""

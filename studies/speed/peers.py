@@ -1,10 +1,10 @@
-"""hbgear beside other Python packages for harmonic balance: the same curves, run by run in turn, time and accuracy.
+"""hbgear and other Python packages for harmonic balance: time and accuracy for the same curves, run in turn.
 
     python -m studies.speed.peers [--quick] [-o DIR]
 
 Duffing oscillator (H = 7), spur gear pair (H = 10) and a chain of n masses with a cubic spring at its end (H = 5);
 their equations are in `peers_curve`. Each package runs in an environment of its own, made on first use in `.peers`
-beside this file, on one core. Folds and peaks of the packages are taken from their points by parabolas. pyHarm has
+next to this file, on one core. Folds and peaks of the packages are taken from their points by parabolas. pyHarm has
 arclength continuation with step control, harmonicbalance one with a fixed step and one coordinate; mousai finds motions
 at given frequencies, so it finds jumps and no folds; so does algebraic-hbm, for one coordinate and polynomial laws, and
 compiles its equations for every curve. None of them gives stability.
@@ -207,7 +207,7 @@ def report(rows: list[Row]) -> str:
 def against_before(rows: list[Row]) -> list[str]:
     """Lines of a table: hbgear with stability against pyHarm, and the fastest package known before on this machine.
 
-    That one was measured elsewhere, beside pyHarm, whose time here and there gives the ratio of the machines.
+    That one was measured on another machine together with pyHarm, whose times give the ratio of the machines.
     """
     done = {(row["problem"], row["tool"]): row for row in rows if "failure" not in row}
     lines = ["| problem | curve of pyHarm over that of hbgear | pyHarm here / there |"

@@ -11,7 +11,7 @@ from studies.speed.peers_curve import Curve, Problem
 
 
 def trace(given: Problem) -> Curve:
-    """All points, converged or not: it does not tell them apart. One coordinate only."""
+    """All points, converged or not: the package does not distinguish them. One coordinate only."""
     from harmonicbalance.fourier import Fourier  # type: ignore[import-not-found]
     from harmonicbalance.predictorcorrector import PredictorCorrectorSolver  # type: ignore[import-not-found]
 

@@ -1,10 +1,10 @@
-"""Where the time of a point goes: balance, elimination, stability, special points, the rest; beside its LU alone.
+"""Time of a point: balance, elimination, stability, special points, other; and its LU factorisation alone.
 
     python -m studies.speed.profile [--quick] [-o DIR]
 
 The kernels are timed in loops over the rows of a curve, and taken as often as a point asks for them: those of the
 balance once for each Newton step and once for its result. What special points cost is the difference that leaving them
-out makes. The rest is Python's rows, and steps taken again. The limit beside it is the LU factorisation of the bordered
+out makes. The rest is Python's rows, and steps taken again. For comparison: the LU factorisation of the bordered
 matrix by LAPACK, as often, and nothing else.
 """
 
@@ -70,7 +70,7 @@ def eliminations(A: Any, work: Any) -> None:
 
 @kernel
 def predictions(u: Any, t: Any, scale: Any, out: Any) -> None:
-    """Predictions behind so many rows with their tangents (P, history, n)."""
+    """Predictions behind points with their tangents (P, history, n)."""
     for p in range(u.shape[0]):
         predict(u[p], t[p], u.shape[1], scale, 0.01, out)
 
@@ -149,7 +149,7 @@ def report(rows: list[dict[str, Any]]) -> str:
 
 
 def plot(rows: list[dict[str, Any]]) -> Figure:
-    """For each case a stacked bar of the parts of a point, and the LU factorisations alone beside it."""
+    """For each case a stacked bar of the parts of a point, and the LU factorisations alone."""
     figure, axes = plt.subplots(1, len(rows), figsize=(7.2, 3.8), layout="constrained")
     for ax, row in zip(axes, rows, strict=True):
         low = 0.0

@@ -30,7 +30,7 @@ from studies import study
 ALONE = True
 CHAIN_MODES, HOUSING_MODES = 20, 60
 SPAN = (8.0, 4.0)
-"""Omega of the geared housing; its mesh resonates near 6.3, and the teeth part there."""
+"""Omega of the geared housing; its mesh resonates near 6.3, and the teeth lose contact there."""
 
 
 def chain(n: int, dense: bool = True) -> hb.System:
@@ -153,8 +153,8 @@ def report(results: dict[str, list[dict[str, Any]]]) -> str:
         cells += [f"{row['modulation']:.3f}", f"{row['damping']:.3f}"]
         lines.append("| " + " | ".join(cells) + " |")
     note = (
-        "Points are with stability unless alone, and with 5 harmonics whatever these leave (`accuracy=None`): of the"
-        " chain from n = 100 that is 5 % of some motions, so that `trace` would follow it anew with 10. The cost of"
+        "Points are with stability unless alone, and with 5 harmonics at any truncation error (`accuracy=None`): of the"
+        " chain from n = 100 that is 5 % of some motions, so that `trace` would trace it again with 10. The cost of"
         " stability goes with the length of the period: the fastest motion of the kept modes is followed through it,"
         " and the period of the chain grows with n."
         " Errors of receptance are the largest at harmonics 0 to 5 of the highest Omega."

@@ -27,12 +27,13 @@ def module_of(path: Path):
     return module
 
 
-def test_picture_of_the_rooms_is_that_of_the_code():
-    rooms = module_of(ROOT / "docs" / "rooms.py")
-    assert rooms.upward() == []
-    assert rooms.picture() == (ROOT / "docs" / "rooms.svg").read_text(encoding="utf-8"), "run python docs/rooms.py"
+def test_picture_of_the_packages_agrees_with_the_code():
+    packages = module_of(ROOT / "docs" / "packages.py")
+    assert packages.upward() == []
+    picture = (ROOT / "docs" / "packages.svg").read_text(encoding="utf-8")
+    assert packages.picture() == picture, "run python docs/packages.py"
     folders = {path.parent.name for path in (ROOT / "hbgear").glob("*/__init__.py")}
-    assert folders == set(rooms.ROOMS)
+    assert folders == set(packages.PACKAGES)
 
 
 @pytest.mark.parametrize("page", [*paths(), ROOT / "CONTRIBUTING.md"], ids=lambda page: str(page.relative_to(ROOT)))
@@ -41,6 +42,47 @@ def test_files_that_a_page_names_exist(page):
     for name in re.findall(r"`((?:\w+/)+\w+\.(?:py|md))`", text) + re.findall(r"\]\((?!\w+:)([^)#\s]+)", text):
         places = (ROOT / name, ROOT / "hbgear" / name, page.parent / name)
         assert any(place.exists() for place in places), f"{page.name} names {name}"
+
+
+def defined_in(path: Path) -> set[str]:
+    """Return the names that a module defines at its top level."""
+    names = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        names |= {getattr(node, "name", ""), *(getattr(target, "id", "") for target in targets)}
+    return names
+
+
+def test_table_how_to_add_names_what_exists():
+    text = (
+        (ROOT / "docs" / "extending.md").read_text(encoding="utf-8").partition("## How to add")[2].partition("\n## ")[0]
+    )
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")][1:]
+    added = {row[0] for row in rows}
+    kinds = ("law", "model", "gear model", "event", "measure", "command", "study")
+    assert all(any(kind in one for one in added) for kind in kinds)
+    for row in rows:
+        words = re.findall(r"`([^`]+)`", " ".join(row[1:]))
+        files = [ROOT / word for word in words if "/" in word]
+        assert files and all(path.exists() for path in files), row[0]
+        defined = set().union(*(defined_in(path) for path in files if path.suffix == ".py"))
+        names = [word for word in re.findall(r"`([^`]+)`", " ".join(row[2:])) if "/" not in word]
+        assert set(names) <= defined, f"{row[0]}: {set(names) - defined}"
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/architecture.md"])
+def test_names_of_the_steps_of_a_period_doubling_exist(page):
+    """And detection and location are named in the README."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    modules = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "hbgear").rglob("*.py"))
+    named = set(re.findall(r"`(?!True|None)([A-Z]\w+)(?:\.(\w+))?`", text)) | {
+        (name, "") for name in re.findall(r"`([a-z]+_[a-z_]+)`", text)
+    }
+    missing = [f"{name} {method}" for name, method in named
+               if not re.search(rf"\b(?:class|def) {name}\b|^{name}\b", modules, re.M)
+               or (method and not re.search(rf"\b(?:def )?{method}\b", modules))]  # fmt: skip
+    assert not missing
+    assert ("PeriodDoublingEvent", "locate") in named and ("EventDetector", "") in named | {(a, "") for a, _ in named}
 
 
 _DOI = r"10\.\d{4,9}/[\w.()%/-]*[\w)]"

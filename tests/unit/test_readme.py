@@ -280,12 +280,12 @@ def test_times_are_those_of_the_studies():
     def seconds(problem, tool):
         return round(float(cell("peers", "| problem | tool |", [problem, tool], "curve [s]")), 2)
 
-    text = r"Duffing curve of (\d+) points.*? to ([\de-]+), takes ([\d.]+) s, that of a spur pair ([\d.]+) s"
+    text = r"Duffing curve of (\d+) points.*? to ([\de-]+), takes ([\d.]+) s, a spur pair ([\d.]+) s"
     points, folds, duffing, spur = stated(text)
     assert folds == float(cell("peers", "| problem |", ["Duffing", "hbgear, stability"], "error of folds"))
     assert points == int(cell("peers", "| problem |", ["Duffing", "hbgear, stability"], "points"))
     assert duffing == seconds("Duffing", "hbgear, stability") and spur == seconds("spur pair", "hbgear, stability")
-    (own,) = stated(r"of the double-helical pair ([\d.]+) s")
+    (own,) = stated(r"and the double-helical pair ([\d.]+) s")
     assert own == round(float(cell("points", "| case |", ["DoubleHelicalPair, H = 16"], "curve [s]")), 1)
     others = stated(r"without stability: ([\d.]+) s and more, ([\d.]+) s and more")
     for least, problem in zip(others, ("Duffing", "spur pair"), strict=True):
@@ -300,7 +300,7 @@ def test_times_are_those_of_the_studies():
 
 
 def test_comparison_is_that_of_the_studies():
-    """The page that says beside what hbgear stands."""
+    """The page that compares hbgear with other tools."""
     own, other, spur, spur_other, error, other_error = stated(
         r"takes hbgear ([\d.]+) s with stability and folds, the next package ([\d.]+) s without stability; a spur pair "
         r"with backlash ([\d.]+) s and ([\d.]+) s\. The folds of the spur pair come out to ([\de-]+) and ([\de-]+)\."
@@ -321,7 +321,7 @@ def test_cost_of_sweeps_and_of_size_is_that_of_the_studies():
     assert count == 131 and "settled to 1e-5" in ALL
     assert ratio == float(cell("sweep_ratio", row, ["1e-05"], "over continuation (H = 16)"))
     assert slow == round(float(cell("sweep_ratio", row, ["1e-05"], "over continuation")), -2)
-    chain, ten = stated(r"a chain of (\d+) masses costs per point what one of (\d+) does")
+    chain, ten = stated(r"a chain of (\d+) masses costs per point as much as one of (\d+), without")
     ratio = float(cell("scale", "| n of the chain |", [f"{chain:.0f}"], "points alone over n = 10"))
     assert ten == 10 and ratio == pytest.approx(1.0, abs=0.2)  # of times below a tenth of a millisecond
     (large,) = stated(r"structures of (\d+ \d+) coordinates".replace(r"(\d+ \d+)", r"(100) 000"))

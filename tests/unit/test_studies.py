@@ -53,7 +53,7 @@ def test_runner_refuses_what_is_not_there(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["studies", "dong_2023"])
     assert main() == 2 and "no study 'studies.dong_2023'" in capsys.readouterr().err
     monkeypatch.setattr("sys.argv", ["studies", "--quick"])
-    assert main() == 2 and "say where to" in capsys.readouterr().err
+    assert main() == 2 and "give a folder" in capsys.readouterr().err
 
 
 def test_runner_skips_what_is_unchanged(tmp_path):

@@ -1,9 +1,8 @@
 """
-Basins of two motions
-=====================
+Basins of attraction of two motions
+===================================
 
-Which start of the gap and its rate ends in which motion, at a frequency between the two
-folds.
+The final motion for each initial gap and velocity, at a frequency between the two folds.
 """
 
 import matplotlib.pyplot as plt

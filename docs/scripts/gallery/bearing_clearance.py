@@ -2,8 +2,8 @@
 Clearance in mesh and bearings
 ==============================
 
-The gear-rotor-bearing model of Kahraman and Singh (1991), three degrees of freedom; lightly
-loaded bearings lose contact, too.
+The gear-rotor-bearing model of Kahraman and Singh (1991) with three degrees of freedom.
+Lightly loaded bearings lose contact as well.
 """
 
 import matplotlib.pyplot as plt
@@ -20,8 +20,8 @@ hb.plot.responses(
 )
 
 # %%
-# The pinion in its bearing, of the machine with clearance: blue while it stays in contact,
-# orange where it lifts off and comes back on the same side.
+# The displacement of the pinion in its bearing with clearance. Blue: permanent contact;
+# orange: loss of contact and contact again on the same side.
 
 hb.plot.response(curve, "rms", element="bearing 1", legend=False)
 plt.show()

@@ -1,14 +1,14 @@
 """
-Where teeth first part
-======================
+First loss of contact
+=====================
 
 A spur pair at three ratios of alternating to mean load (Kahraman and Singh 1990), and the
-closed form for the loss of contact.
+closed-form frequencies of the first loss of contact.
 """
 
 # %%
-# As long as the teeth stay in mesh the pair is linear, so that the frequencies at which x
-# first reaches the half gap have a closed form, with r = Omega:
+# With permanent contact the pair is linear. The frequencies at which x reaches the half
+# gap therefore have a closed form, with r = Omega:
 #
 # .. math:: (1 - r^2)^2 + (2 \zeta r)^2 = \left(\frac{F_{ah}}{F_m}\right)^2 r^4
 
@@ -36,7 +36,7 @@ ax.set_xlim(0.3, 2.4)
 plt.show()
 
 # %%
-# The dotted lines, from the closed form, meet the curves where these mark GR.
+# The dotted lines are the closed form; they agree with the points GR of the curves.
 
 for ratio, curve in zip(ratios[:1], curves[:1], strict=True):
     grazing = sorted(p.parameters["Omega"] for p in curve.special if p.kind == "GR")

@@ -2,12 +2,13 @@
 The double-helical pair: damping
 ================================
 
-The marine pair of Dong et al. (2022), 24 degrees of freedom, at three dampings of the mesh.
+The marine pair of Dong et al. (2022), 24 degrees of freedom, with three values of the mesh
+damping.
 """
 
 # %%
-# As published (zeta = 0.063) the rise near 0.89 is steep but no fold; with less damping
-# there are two folds and a jump.
+# As published (zeta = 0.063) the curve is steep near 0.89 but has no fold. With less
+# damping it has two folds and a jump.
 
 import matplotlib.pyplot as plt
 

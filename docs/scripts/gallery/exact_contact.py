@@ -1,8 +1,9 @@
 """
-Exact contact and sampled contact
-=================================
+Exact contact and AFT
+=====================
 
-The same fold with the force of the teeth projected exactly, and from N samples per period.
+The error of a fold if the contact force is computed by AFT (alternating frequency/time)
+with N samples per period, compared with the exact projection.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +12,7 @@ import hbgear as hb
 
 
 def fold(**settings):
-    """Frequency of the lower fold of the spur pair with ten harmonics."""
+    """Return the frequency of the lower fold of the spur pair with ten harmonics."""
     problem = hb.HarmonicBalance(hb.SpurPair(), 10, **settings)
     curve = hb.trace(problem, "Omega", (1.2, 0.65), stability=False, accuracy=None)
     return min(point.parameters["Omega"] for point in curve.special if point.kind == "LP")
@@ -22,7 +23,7 @@ counts = [128, 256, 512, 1024, 2048, 4096, 8192]
 errors = [abs(fold(samples=N, sampled=True) - exact) for N in counts]
 plt.rcParams.update(hb.plot.STYLE)
 figure, ax = plt.subplots(figsize=(5.2, 3.6), layout="constrained")
-ax.loglog(counts, errors, "o-", label="sampled contact")
+ax.loglog(counts, errors, "o-", label="AFT")
 ax.loglog(
     counts, [errors[0] * (counts[0] / N) ** 2 for N in counts], "k:", label="$N^{-2}$"
 )
@@ -31,5 +32,5 @@ ax.legend()
 plt.show()
 
 # %%
-# Where the samples fall beside the corners is a matter of chance, and so is a part of the
-# error. The exact projection has none of it.
+# The positions of the samples relative to the breakpoints are arbitrary, so a part of the
+# error is random. The exact projection has no sampling error.

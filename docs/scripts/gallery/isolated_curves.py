@@ -1,10 +1,10 @@
 """
-Curves that nothing connects
-============================
+Disconnected curves
+===================
 
-Duffing's oscillator near three times its natural frequency: motions of three times the
-period lie on a curve of their own, which `trace_all` finds by looking at a chosen
-frequency.
+The Duffing oscillator near three times its natural frequency. Motions with three times the
+period of the excitation form a disconnected curve, which `trace_all` finds by a search at a
+given frequency.
 """
 
 import matplotlib.pyplot as plt

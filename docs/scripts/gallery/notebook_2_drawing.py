@@ -2,9 +2,8 @@
 Notebook: from a drawing to a report
 ====================================
 
-A pair of gears in the words of its drawing, and what becomes of it: contact ratio, mesh
-stiffness, speeds at which it jumps, and a page to give away. Download this page as a
-notebook at its end.
+A gear pair from its drawing: contact ratio, mesh stiffness, the speeds at which it jumps,
+and a report. The end of the page has a link to download the notebook.
 """
 
 import matplotlib.pyplot as plt
@@ -24,7 +23,7 @@ hb.plot.mesh_cycles(mesh)
 plt.show()
 
 # %%
-# As a model of one degree of freedom:
+# A model with one degree of freedom:
 
 model = pair.model("200 N m", damping=0.04)
 model
@@ -40,12 +39,12 @@ bar
 # %%
 
 for jump in curve.jumps():
-    way = "rising" if jump.direction > 0 else "falling"
-    print(f"{model.scales.pinion_speed(jump.value):6.0f} r/min while {way}")
+    sweep = "rising" if jump.direction > 0 else "falling"
+    print(f"{model.scales.pinion_speed(jump.value):6.0f} r/min while {sweep}")
 
 # %%
-# Held against time integration, and all of it as one page that stands by itself: click a
-# point to see its motion. ``report.save("pair.html")`` writes it (extra:
+# The curve is compared with time integration, and a report shows all results: click a point
+# to display its motion. ``report.save("pair.html")`` writes the report (extra:
 # ``pip install '.[report]'``).
 
 checks = hb.validate(curve, 2, landing="nearest")

@@ -2,8 +2,9 @@
 Notebook: many designs
 ======================
 
-Damping and errors scatter from one machine to the next. What becomes of the jumps, and
-which of them decides? Download this page as a notebook at its end.
+Damping and transmission error scatter from one machine to the next. How do the jumps
+scatter, and which parameter has the largest effect? The end of the page has a link to
+download the notebook.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -38,13 +39,13 @@ hb.plot.envelope(found)
 plt.show()
 
 # %%
-# What decides where the run-down jumps, to first order, from one curve alone:
+# First-order effects of the parameters on the jump of the run-down, from one curve:
 
 curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), harmonics=16), "Omega", (1.2, 0.6))
 hb.plot.tornado(hb.analysis.sensitivity(curve["LP1"], ["zeta", "F_m", "e_scale"]))
 plt.show()
 
 # %%
-# All designs beside the nominal curve, in one page:
+# All designs and the nominal curve in one report:
 
 hb.report(curve, title="Scatter of a production", studies=[found])

@@ -2,8 +2,8 @@
 Period doubling
 ===============
 
-Where a multiplier passes -1, motions of twice the period leave the curve; `switch` follows
-them until they come back.
+When a multiplier passes -1, a branch of motions with twice the period starts. `switch`
+follows this branch until it joins the original curve again.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ print(doubled)
 hb.plot.responses([curve, doubled], "rms", names=["one period", "two periods"])
 
 # %%
-# A motion of two periods, half way along:
+# A motion with twice the period, in the middle of the branch:
 
 middle = doubled[len(doubled) // 2]
 hb.plot.phase_diagram(middle)

@@ -1,9 +1,9 @@
 """
-Planets in phase, and one after the other
-=========================================
+Planets in phase and in sequence
+================================
 
-Two planetary sets with backlash in all meshes. Whether the planets mesh in phase follows
-from the numbers of teeth, and decides which modes the meshes excite.
+Two planetary sets with backlash in all meshes. The numbers of teeth determine whether the
+planets mesh in phase or sequentially, and which modes the meshes excite.
 """
 
 import matplotlib.pyplot as plt
@@ -21,8 +21,7 @@ hb.plot.responses(curves, "rms", names=[one.phasing for one in sets])
 plt.show()
 
 # %%
-# The natural frequencies of the first, over the speed of its excitation, with the orders of
-# its meshes and members:
+# Campbell diagram of the first set, with the orders of its meshes and members:
 
 hb.plot.campbell(hb.analysis.campbell(sets[0], (0.1, 2.5)))
 plt.show()

@@ -1,8 +1,8 @@
 """
-A run-up, as a test bench shows it
-==================================
+Run-up as on a test rig
+=======================
 
-The stable motions that a slow run-up passes, as spectra over speed, and cuts along the mesh
+Spectra over speed of the stable motions of a slow run-up, and amplitudes along the mesh
 orders.
 """
 

@@ -1,8 +1,9 @@
 """
-Which parameter moves the jump
-==============================
+Sensitivity of a jump
+=====================
 
-Derivatives of the frequency at which a run-down jumps, in every parameter of the model.
+Derivatives of the frequency at which a run-down jumps with respect to every parameter of
+the model.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +18,7 @@ hb.plot.tornado(found, "Omega", most=8)
 plt.show()
 
 # %%
-# In percent for one percent of the parameter:
+# In percent per percent of the parameter:
 
 percent = found.percent("Omega")
 for name in sorted(percent, key=lambda name: -abs(percent[name]))[:4]:

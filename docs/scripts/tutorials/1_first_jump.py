@@ -2,8 +2,9 @@
 A first jump
 ============
 
-A pair of spur gears with backlash is run up slowly, and then down again. At two different
-speeds its amplitude jumps. This tutorial finds both, and the curve behind them.
+The speed of a spur gear pair with backlash is increased slowly, and then decreased. The
+amplitude jumps at two different speeds. This tutorial computes both jumps from the response
+curve.
 """
 
 # %%
@@ -16,7 +17,7 @@ speeds its amplitude jumps. This tutorial finds both, and the curve behind them.
 #           = F_m + \sum_l (l\Omega)^2 e_l \cos l\tau,
 #           \qquad \tau = \Omega t
 #
-# Lengths are in half backlashes: the teeth part at x = 1.
+# Lengths are in half backlashes: the teeth lose contact at x = 1.
 
 import hbgear as hb
 
@@ -26,51 +27,53 @@ pair
 # %%
 # The curve
 # ---------
-# `HarmonicBalance` writes the periodic motions of a model as equations for Fourier
-# coefficients, and `trace` follows their solutions. Here the mesh frequency Omega goes from
-# above the resonance to below it.
+# `HarmonicBalance` forms the equations for the Fourier coefficients of periodic motions,
+# and `trace` follows their solutions. Here the mesh frequency Omega decreases from above
+# the resonance to below it.
 
 problem = hb.HarmonicBalance(pair, harmonics=16)
 curve = hb.trace(problem, "Omega", (1.5, 0.3))
 curve
 
 # %%
-# What came back is a `Branch`: one row for each point, with amplitudes, multipliers, impact
-# regime and residual.
+# The result is a `Branch`. Each point has amplitudes, multipliers, impact regime and
+# residual.
 
 hb.plot.response(curve, "rms")
 
 # %%
-# Solid is stable, dashed unstable. Between the two folds, LP1 and LP2, there are three
-# motions at one frequency: the teeth stay in mesh on the low one and part once a period on
-# the high one; the one between is unstable and is seen by no test rig. GR marks where the
-# teeth begin to part.
+# Solid lines are stable, dashed lines unstable. Between the two folds, LP1 and LP2, three
+# motions exist at one frequency. In the motion with the smallest amplitude the teeth stay
+# in contact; in the one with the largest amplitude they lose contact once per period. The
+# third motion is unstable and cannot be observed on a test rig. GR marks grazing contact,
+# at which the loss of contact begins.
 #
 # The jumps
 # ---------
-# A slow run-down leaves the high motion at LP1, a slow run-up the low one at LP2.
+# A slow run-down jumps from the large amplitude at LP1, a slow run-up from the small
+# amplitude at LP2.
 
 for jump in curve.jumps():
-    way = "up" if jump.direction > 0 else "down"
+    sweep = "up" if jump.direction > 0 else "down"
     before, after = jump.before.amplitude("rms"), jump.after.amplitude("rms")
-    print(f"run-{way} jumps at Omega = {jump.value:.4f}, rms {before:.4f} to {after:.4f}")
+    print(f"run-{sweep} jumps at Omega = {jump.value:.4f}, rms {before:.4f} to {after:.4f}")
 
 # %%
-# `plot.runs` draws both ways.
+# `plot.runs` draws both directions.
 
 hb.plot.runs(curve, "rms")
 
 # %%
 # One motion
 # ----------
-# Every row, and every special point, is a `Point`. At the fold LP1:
+# Every point of the curve, and every special point, is a `Point`. At the fold LP1:
 
 hb.plot.portrait(curve["LP1"])
 
 # %%
-# The gap passes below 1 for a part of the period: there the force of the mesh is zero. Its
-# harmonics decay slowly, because the force has a corner.
+# The gap is below 1 for a part of the period, in which the mesh force is zero. The
+# harmonics of the force decay slowly, because the law has a breakpoint.
 #
-# Keep it
-# -------
-# ``curve.save("pair.npz")`` keeps all of it; `load` needs no model to draw it again.
+# Save the curve
+# --------------
+# ``curve.save("pair.npz")`` stores all results; `load` reads them without the model.

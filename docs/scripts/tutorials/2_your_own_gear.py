@@ -2,15 +2,14 @@
 Your own gear
 =============
 
-Teeth, module, width, torque: from the words of a drawing to the speeds at which the pair
-jumps, in r/min.
+From teeth, module, width and torque to the speeds in r/min at which the gear pair jumps.
 """
 
 # %%
 # The drawing
 # -----------
-# Quantities are text with a unit, or numbers in SI units. What cannot be made or cannot
-# mesh is refused with the reason.
+# Quantities are text with a unit, or numbers in SI units. Gears that cannot be manufactured
+# and pairs that cannot mesh are refused with the reason.
 
 import hbgear as hb
 
@@ -23,9 +22,9 @@ print(f"contact ratio   {pair.contact_ratio:.2f}")
 # %%
 # The mesh under load
 # -------------------
-# `GearPair.mesh` balances the teeth in contact at every position: bending, shear and
-# compression of the teeth, the body they stand on, and the contact. The result is the
-# stiffness and the transmission error over one mesh cycle.
+# `GearPair.mesh` computes the equilibrium of the teeth in contact at every position, with
+# bending, shear and compression of the teeth, their foundation, and the contact. The result
+# is the stiffness and the transmission error over one mesh cycle.
 
 cycle = pair.mesh("200 N m")
 hb.plot.mesh_cycles(cycle)
@@ -33,8 +32,9 @@ hb.plot.mesh_cycles(cycle)
 # %%
 # The model
 # ---------
-# Torsion alone is the default form; with bearings it is ``form="bearings"`` and in space
-# ``form="spatial"``. The model is dimensionless, and knows its way back to r/min, um and N.
+# The default form of the model is torsional; ``form="bearings"`` adds bearings, and
+# ``form="spatial"`` is a model in space. The model is dimensionless; ``model.scales``
+# converts to r/min, um and N.
 
 model = pair.model(torque="200 N m", damping=0.04)
 curve = hb.trace(hb.HarmonicBalance(model, harmonics=24), "Omega", model.default_span)
@@ -42,21 +42,21 @@ hb.plot.response(curve)
 
 # %%
 # The second axis is the speed of the pinion. The jumps, with the dynamic factor (largest
-# force of the teeth over the force they transmit) before each:
+# tooth force divided by the static tooth force) before each jump:
 
 for jump in curve.jumps():
-    way = "up" if jump.direction > 0 else "down"
+    sweep = "up" if jump.direction > 0 else "down"
     speed, factor = (
         model.scales.pinion_speed(jump.value),
         hb.analysis.dynamic_factor(model, jump.before),
     )
-    print(f"run-{way}: {speed:6.0f} r/min, dynamic factor {factor:.1f}")
+    print(f"run-{sweep}: {speed:6.0f} r/min, dynamic factor {factor:.1f}")
 
 # %%
-# What cures it
-# -------------
-# Tip relief shortens the teeth where they would meet too early. The same pair, with relief
-# at both gears:
+# Tip relief
+# ----------
+# Tip relief removes material at the tooth tips, which would otherwise make contact too
+# early. The same pair with tip relief at both gears:
 
 relieved = hb.GearPair(
     hb.gears.Gear(teeth=25, module="3 mm", face_width="20 mm", tip_relief="15 um"),
@@ -71,5 +71,5 @@ print(len(curve.jumps()), "jumps without relief,", len(relieved_curve.jumps()), 
 hb.plot.responses([curve, relieved_curve], names=["no relief", "tip relief 15 um"])
 
 # %%
-# How much relief is best at which load is the subject of a :doc:`study </studies/index>`.
-# On the command line the same is ``hbgear gear`` and ``hbgear speed``.
+# A :doc:`study </studies/index>` determines the best relief for each load. The commands
+# ``hbgear gear`` and ``hbgear speed`` do the same computation in a shell.

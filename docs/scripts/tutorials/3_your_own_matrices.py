@@ -2,15 +2,15 @@
 Your own matrices
 =================
 
-Any linear structure M, C, K with a few places at which something is not linear. Here a
-chain of masses, of which one meets a stop.
+A linear structure M, C, K with a small number of nonlinear elements: a chain of masses with
+a stop at the last mass.
 """
 
 # %%
 # A system
 # --------
-# An `Element` sees the structure through one direction and has one law. `Unilateral` is a
-# stop: a spring beyond a gap.
+# An `Element` has one direction in the structure and one force law. `Unilateral` is a stop:
+# a spring beyond a gap.
 
 import numpy as np
 
@@ -25,8 +25,8 @@ stop = hb.Element(direction=last, law=hb.Unilateral(k=2.0, gap=1.0), name="stop"
 chain = hb.System(M, C, K, elements=[stop], load=hb.Load(cosine={1: 0.3 * last}))
 
 # %%
-# The unknowns are the harmonics of the gap alone: 2 H + 1 of them, however many masses
-# there are.
+# The unknowns are the 2 H + 1 harmonic coefficients of the gap, independent of the number
+# of masses.
 
 problem = hb.HarmonicBalance(chain, harmonics=20)
 curve = hb.trace(problem, "Omega", (0.3, 2.2))
@@ -34,10 +34,10 @@ print(curve.X.shape[1], "unknowns,", n, "masses")
 hb.plot.response(curve)
 
 # %%
-# All coordinates again
-# ---------------------
-# `HarmonicBalance.motion` gives the coefficients of every coordinate at a point. Amplitudes
-# of all masses at the highest peak:
+# Motion of all coordinates
+# -------------------------
+# `HarmonicBalance.motion` returns the coefficients of every coordinate at a point.
+# Amplitudes of all masses at the highest peak:
 
 top = curve.peak("pp2")
 q = problem.motion(top.X, Omega=top.parameters["Omega"])
@@ -47,13 +47,13 @@ print(f"Omega = {top.parameters['Omega']:.4f}, first harmonics", first.round(3))
 # %%
 # A model
 # -------
-# A `System` is fixed. A function that builds one is a model: what it takes can be varied,
-# followed and searched.
+# A `System` has no parameters. A decorated function that returns a `System` is a model; its
+# arguments are parameters that can be varied and followed.
 
 
 @hb.mechanics.model(ranges={"zeta": hb.mechanics.Range(low=0)}, default_span=(0.3, 0.9))
 def chain_with_stop(zeta: float = 0.03, gap: float = 1.0) -> hb.System:
-    """A chain of four masses, the last of which meets a stop."""
+    """A chain of four masses with a stop at the last one."""
     stop = hb.Element(direction=last, law=hb.Unilateral(k=2.0, gap=gap), name="stop")
     return hb.System(
         M, zeta * K + 0.02 * M, K, elements=[stop], load=hb.Load(cosine={1: 0.3 * last})
@@ -74,5 +74,5 @@ hb.plot.responses(curves, names=["gap 0.5", "gap 1", "gap 1.5"])
 # Laws
 # ----
 # `Backlash`, `Unilateral`, `PiecewiseLinear` and `Cubic` are projected exactly;
-# `CompiledLaw` takes a compiled function of yours, and any class derived from `Law` works,
-# sampled. :doc:`/extending` has an example of each.
+# a `CompiledLaw` of your compiled function, and any class derived from `Law`, are evaluated
+# by AFT (alternating frequency/time). :doc:`/extending` has an example of each.

@@ -2,14 +2,14 @@
 Following a jump in a design parameter
 ======================================
 
-A jump is a fold of the response curve. The fold is a problem of its own, and the same
-``trace`` follows it: where does the jump go when the damping, the load or the error
-changes, and when is it gone?
+A jump is a fold of the response curve. `follow` traces the fold in a second parameter: How
+does the frequency of the jump depend on the damping, the load or the transmission error,
+and when does the jump disappear?
 """
 
 # %%
-# The fold as the damping rises
-# -----------------------------
+# The fold with increasing damping
+# --------------------------------
 
 import hbgear as hb
 
@@ -19,7 +19,7 @@ folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2))
 folds
 
 # %%
-# The curve of folds turns back at a cusp, CP1. There both folds meet: with more damping
+# The curve of folds turns back at the cusp CP1, at which both folds meet. With more damping
 # there is no jump.
 
 cusp = folds["CP1"]
@@ -32,14 +32,14 @@ jumps = hb.jump_map(hb.SpurPair(), "zeta", (0.05, 0.13))
 hb.plot.jump_map(jumps)
 
 # %%
-# Between the lines two stable motions exist: there is hysteresis. Another parameter, the
-# load, does it otherwise:
+# Between the lines two stable motions exist: the response has hysteresis. The same map over
+# the mean load:
 
 hb.plot.jump_map(hb.jump_map(hb.SpurPair(), "F_m", (0.08, 0.2)))
 
 # %%
-# A look at the curves themselves
-# -------------------------------
+# Response curves
+# ---------------
 # Below, at and above the critical damping:
 
 values = (0.05, round(cusp.parameters["zeta"], 5), 0.2)
@@ -50,10 +50,10 @@ curves = [
 hb.plot.responses(curves, names=[f"zeta = {zeta:g}" for zeta in values])
 
 # %%
-# An event of your own
-# --------------------
-# Whatever function of a point passes zero can be marked and followed as well. Where does
-# the largest deflection reach 1.3 half backlashes, and how does that frequency move with
+# Your own event
+# --------------
+# The zeros of any function of a point can be located and followed as well. At which
+# frequency does the largest deflection reach 1.3 half backlashes, and how does it depend on
 # the damping?
 
 limit = hb.Event(

@@ -1,15 +1,14 @@
 """
-Trusting a result
-=================
+Check a result
+==============
 
-A curve looks smooth whether it is right or not. Five questions to ask of one, and where the
-answers are.
+A wrong curve may look as smooth as a correct one. Five questions help to check a curve.
 """
 
 # %%
 # 1. Were the equations solved?
 # -----------------------------
-# Every row has its residual, relative to the size of the forces.
+# Every point has its residual relative to the size of the forces.
 
 import hbgear as hb
 
@@ -20,8 +19,8 @@ print(f"largest residual {curve.residual.max():.0e}")
 # %%
 # 2. Are there enough harmonics?
 # ------------------------------
-# The estimate of the error made by what is left out, and the error that each special point
-# states of itself:
+# The curve has an estimate of its truncation error, and each special point an estimate of
+# the error of its frequency:
 
 print(f"largest relative error of a motion {curve.relative_error:.0e}")
 for label in ("LP1", "LP2"):
@@ -29,7 +28,7 @@ for label in ("LP1", "LP2"):
     print(f"{label}: Omega = {fold.parameters['Omega']:.7f}, error {fold.error:.0e}")
 
 # %%
-# More harmonics are the test of that:
+# A comparison with more harmonics confirms the estimates:
 
 for H in (8, 16, 32):
     finer = hb.trace(
@@ -38,41 +37,40 @@ for H in (8, 16, 32):
     print(f"H = {H:2d}: LP1 at {finer['LP1'].parameters['Omega']:.7f}")
 
 # %%
-# 3. Is the stability sure?
-# -------------------------
-# Points whose stability the error of a multiplier leaves open are *undecided*. ``warnings``
-# lists the reasons why a curve is not reliable everywhere. Empty is good.
+# 3. Is the stability verified?
+# -----------------------------
+# Points with uncertain stability are *undecided*. ``warnings`` lists all reasons not to
+# rely on the curve; it should be empty.
 
 print(curve.warnings or "no warnings")
-opinion = hb.time.compare_multipliers(curve, curve.peak("rms"))
-for way, modulus in opinion.moduli.items():
-    print(f"largest modulus, {way}: {modulus:.6f}")
+comparison = hb.time.compare_multipliers(curve, curve.peak("rms"))
+for method, modulus in comparison.moduli.items():
+    print(f"largest modulus, {method}: {modulus:.6f}")
 
 # %%
-# Three ways to the multipliers of one motion: those of the curve, of Hill's matrix, and of
-# the same motion found by shooting.
+# These are three methods for the multipliers of one motion: the method of the curve, Hill's
+# matrix, and shooting.
 #
 # 4. Does time integration agree?
 # -------------------------------
-# `validate` takes points that matter and holds each against Runge-Kutta integration:
-# whether the motion closes, its amplitudes, its multipliers, and whether a disturbance
-# grows. It integrates past the jumps as well.
+# `validate` selects points and compares each with Runge-Kutta integration: periodicity,
+# amplitudes, multipliers, and growth of a disturbance. It also integrates the jumps.
 
 report = hb.validate(curve, 6)
 print(report)
 hb.plot.validation(report, curve)
 
 # %%
-# 5. Is that all there is?
-# ------------------------
-# A curve is one connected piece. Other motions may exist beside it; a sweep from many
-# starts, or a survey, looks for them.
+# 5. Are there other motions?
+# ---------------------------
+# A curve is connected, but other motions may exist. Basins of attraction, or a survey
+# (`trace_all`), search for them.
 
 starts = hb.time.basins(hb.SpurPair(), 0.75, shape=(40, 40))
 hb.plot.basins(starts)
 
 # %%
-# At Omega = 0.75 every start ends in one of the two motions that the curve has there.
+# At Omega = 0.75 every start ends in one of the two stable motions of the curve.
 
 for motion in starts.attractors:
     print(f"rms {motion.rms:.4f}")

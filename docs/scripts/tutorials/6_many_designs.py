@@ -2,8 +2,8 @@
 Many designs
 ============
 
-Damping, load and errors scatter from one machine to the next. Which jumps does a production
-have?
+Damping, load and transmission error scatter from one machine to the next. How do the jumps
+of a production scatter?
 """
 
 # %%
@@ -22,9 +22,9 @@ scatter = hb.design.latin_hypercube(
 )
 
 # %%
-# `cases` traces the response curve of each and keeps what is asked for. In a script of your
-# own leave ``executor`` away: then the cases run in processes on all cores, and the part of
-# the script that starts them stands below ``if __name__ == "__main__":``.
+# `design.cases` traces the response curve of each design and stores the selected results.
+# In your own script omit ``executor``: the cases then run in processes on all cores. The
+# code that starts them must be below ``if __name__ == "__main__":``.
 
 with ThreadPoolExecutor(1) as executor:
     found = hb.design.cases(
@@ -38,28 +38,28 @@ with ThreadPoolExecutor(1) as executor:
 print(len(found), "cases,", len(found.failed), "failed")
 
 # %%
-# What they have in common
-# ------------------------
-# The envelope of all response curves, as a slow run-up and a slow run-down see them:
+# Results
+# -------
+# The envelope of all response curves, for a slow run-up and a slow run-down:
 
 hb.plot.envelope(found)
 
 # %%
-# Where the jumps are:
+# The distribution of the jump frequencies:
 
 hb.plot.jump_distribution(found)
 
 # %%
-# And which parameter decides:
+# The dependence on the parameters:
 
 hb.plot.against_parameters(found)
 
 # %%
-# The numbers are a table, for other programs too: ``found.export("designs.csv")``.
+# The results are a table, which can be exported: ``found.export("designs.csv")``.
 
 for name, column in list(found.table.items())[:6]:
     print(f"{name:12s}", [round(float(value), 4) for value in column[:4]], "...")
 
 # %%
-# On the command line the same study is a file, ``hbgear study designs.toml``, which goes on
-# where it was stopped and can run on a Dask cluster: :doc:`/howto/designs`.
+# On the command line a study is a file: ``hbgear study designs.toml``. It can be resumed
+# after an interruption and can run on a Dask cluster: :doc:`/howto/designs`.

@@ -1,9 +1,9 @@
-"""The picture of the packages in docs/architecture.md, drawn from the imports as they are.
+"""Draw the packages of docs/architecture.md with their imports.
 
-    python docs/rooms.py        writes docs/rooms.svg, the same bytes every time
+    python docs/packages.py     writes docs/packages.svg, the same bytes every time
 
-A row is a package, in the order in which imports run down; a dot in a column is an import of that package. A dot right
-of the diagonal is an upward import: the script then ends with exit code 1.
+Each line is a package, in the order of the layers; a dot marks an import of the package of that column. If a package
+imports a higher one, the script ends with exit code 1.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-PACKAGE = HERE.parent / "hbgear"
-ROOMS = (
+SOURCE = HERE.parent / "hbgear"
+PACKAGES = (
     "common",
     "continuation",
     "mechanics",
@@ -28,13 +28,14 @@ ROOMS = (
     "web",
     "cli",
 )
-"""From the ground up."""
+"""Packages from the lowest layer to the highest."""
 
 CELL, LEFT, TOP = 34, 110, 96
+"""Size of a cell, and the left and top margins, in pixels."""
 
 
 def at_import(body: list[ast.stmt]) -> list[ast.stmt]:
-    """Statements that run when a module is imported: not in functions, not for type checkers only."""
+    """Return the statements that run when a module is imported: not in functions, not for type checkers only."""
     found: list[ast.stmt] = []
     for node in body:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
@@ -45,30 +46,30 @@ def at_import(body: list[ast.stmt]) -> list[ast.stmt]:
     return found
 
 
-def used_by(room: str) -> set[str]:
-    """Other rooms whose modules the files of a room import."""
+def used_by(package: str) -> set[str]:
+    """Return the other packages that the modules of a package import."""
     found = set()
-    for path in (PACKAGE / room).rglob("*.py"):
+    for path in (SOURCE / package).rglob("*.py"):
         for node in at_import(ast.parse(path.read_text(encoding="utf-8")).body):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hbgear."):
                 found.add(str(node.module).split(".")[1])
-    return found & set(ROOMS) - {room}
+    return found & set(PACKAGES) - {package}
 
 
 def picture() -> str:
-    """The picture as SVG."""
-    n = len(ROOMS)
+    """Return the picture as SVG."""
+    n = len(PACKAGES)
     width, height = LEFT + n * CELL + 20, TOP + n * CELL + 20
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-family="sans-serif" '
            'font-size="13">', f'<rect width="{width}" height="{height}" fill="white"/>']  # fmt: skip
-    for j, room in enumerate(ROOMS):
+    for j, package in enumerate(PACKAGES):
         x = LEFT + (j + 0.5) * CELL
-        out.append(f'<text transform="translate({x + 4:g},{TOP - 8}) rotate(-60)">{room}</text>')
-    for i, room in enumerate(reversed(ROOMS)):
+        out.append(f'<text transform="translate({x + 4:g},{TOP - 8}) rotate(-60)">{package}</text>')
+    for i, package in enumerate(reversed(PACKAGES)):
         y, own = TOP + i * CELL, n - 1 - i
-        out.append(f'<text x="12" y="{y + 22}">{room}</text>')
-        used = used_by(room)
-        for j, other in enumerate(ROOMS[: own + 1]):
+        out.append(f'<text x="12" y="{y + 22}">{package}</text>')
+        used = used_by(package)
+        for j, other in enumerate(PACKAGES[: own + 1]):
             x = LEFT + j * CELL
             fill = "#1f4e8c" if j == own else "#f2f4f8"
             out.append(f'<rect x="{x + 1}" y="{y + 1}" width="{CELL - 2}" height="{CELL - 2}" fill="{fill}"/>')
@@ -78,11 +79,15 @@ def picture() -> str:
 
 
 def upward() -> list[str]:
-    """Imports that point up."""
-    return [f"{room} imports {other}" for i, room in enumerate(ROOMS) for other in used_by(room) & set(ROOMS[i:])]
+    """Return the imports of higher packages, in words."""
+    return [
+        f"{package} imports {other}"
+        for i, package in enumerate(PACKAGES)
+        for other in used_by(package) & set(PACKAGES[i:])
+    ]
 
 
 if __name__ == "__main__":
-    (HERE / "rooms.svg").write_text(picture(), encoding="utf-8")
+    (HERE / "packages.svg").write_text(picture(), encoding="utf-8")
     if wrong := upward():
         sys.exit("; ".join(wrong))

@@ -1,0 +1,49 @@
+"""Words that are not used in docstrings, comments, messages and pages: terms of the field replace them."""
+
+import io
+import re
+import tokenize
+from pathlib import Path
+
+import pytest
+from pages import paths
+
+ROOT = Path(__file__).parents[2]
+BANNED = re.compile(
+    r"\b(?:told|tells?|telling|beside|anew|hardly|whatever|nor|so many|is (?-i:none)|such a number)\b", re.IGNORECASE
+)
+PAGES = [*paths(), *(ROOT / "docs" / "scripts").rglob("*.rst"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+FOLDERS = ["docs/scripts", "docs/_site", "examples", "studies", *sorted(
+    f"hbgear/{path.parent.name}" for path in (ROOT / "hbgear").glob("*/__init__.py")
+)]  # fmt: skip
+
+
+def prose_of(path: Path) -> str:
+    """Return the strings and comments of a module, or the text of a page: of the changelog the unreleased part."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+        kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
+        return "\n".join(token.string for token in tokens if token.type in kinds)
+    return text.split("\n## [")[1] if path.name == "CHANGELOG.md" else text
+
+
+def banned_in(files: list[Path]) -> dict[str, list[str]]:
+    """Return the lines with words that are not used, by file."""
+    lines = {str(path.relative_to(ROOT)): prose_of(path).splitlines() for path in files}
+    found = {name: [line.strip() for line in some if BANNED.search(line)] for name, some in lines.items()}
+    return {name: some for name, some in found.items() if some}
+
+
+def test_pages_use_plain_technical_words():
+    assert banned_in(PAGES) == {}
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_modules_use_plain_technical_words(folder):
+    assert banned_in(sorted((ROOT / folder).rglob("*.py"))) == {}
+
+
+def test_banned_words_are_found():
+    assert BANNED.search("which the message tells") and BANNED.search("Hardly ever")
+    assert not BANNED.search("a northern tale of intelligence")
