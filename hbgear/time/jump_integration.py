@@ -136,7 +136,7 @@ def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyS
         ExponentialIntegrator(models[0], Omega) if jump.parameter == "Omega" else ExponentialIntegrator(models, Omega)
     )
     own = problem.at_resolution_of(left)
-    state = state_of(own, own.converted(left), **left.parameters)
+    state = state_of(own, own.from_point(left), **left.parameters)
     flight = stepper.start(np.tile(state, (_TRIES, 1)))
     share = _DISTURBANCE if begin == jump.value else _PUSH
     flight = disturbed(stepper, flight, share, np.random.default_rng(1))

@@ -204,7 +204,7 @@ class Evaluator:
             each = "(2H + 1)" if len(self.orders) == self.H + 1 else f"(1 + 2 x {len(self.orders) - 1} orders)"
             raise ValueError(
                 f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {each} = {n} numbers; a Point of "
-                "another number of harmonics is converted by problem.converted(point)"
+                "another number of harmonics is converted by problem.from_point(point)"
             )
         return n
 
