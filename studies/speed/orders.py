@@ -5,7 +5,7 @@
 An input pinion of 20 teeth drives a gear of z, which is on one shaft with a pinion that drives a gear of 50. While
 nothing loses contact, z = 57 and a second pinion of 22: tooth frequencies as 57 to 22. Where a mesh loses contact near
 a resonance, 42 and 20: as 21 to 10. A curve with few orders (`orders="meshes"`) shows which orders exceed a tolerance
-(`with_orders_of`). This is repeated with the new curve until no order is added; the last one is also traced with all
+(`with_harmonics_of`). This is repeated with the new curve until no order is added; the last one is also traced with all
 orders up to the highest. Folds, and motions at every tenth row away from folds, are compared with those of all orders
 up to 6 or 12 of the faster mesh.
 """

@@ -100,14 +100,14 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     last = np.arange(history - 1, P)[:, None] - np.arange(history)
     u, t, one, out = U[last], np.gradient(U, axis=0)[last], np.ones(n + 1), np.empty(n + 1)
     parts, mobility = compiled.parts().split, compiled.parts().mobility
-    more = compiled.processed(X, Omega)
+    more = compiled.with_driven_harmonics(X, Omega)
     found = [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts]
     return {
         "linear part": lambda: linear_parts(compiled.numbers, Omega),
         "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
-        "reach, truncation": lambda: (compiled.reach(X), compiled.processed(X, Omega)),
+        "reach, truncation": lambda: (compiled.reach(X), compiled.with_driven_harmonics(X, Omega)),
         "monodromy": lambda: [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts],
         "eigenvalues": lambda: [np.linalg.eigvals(matrices) for matrices in found],
         "start": lambda: problem.start(float(Omega[0])),

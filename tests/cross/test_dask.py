@@ -32,7 +32,8 @@ span = [0.5, 2.0]
 KILLING = """
 import os, signal, sys
 from contextlib import contextmanager
-from hbgear.cli import app, study
+from hbgear.cli import app
+from hbgear.cli.commands import study
 
 @contextmanager
 def killing(what):

@@ -20,7 +20,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numba
@@ -240,11 +240,8 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
-    "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
-    "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
-    "Run", "SpecialPoint", "Status", "StepControl", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "Sharing", "SobolIndices",
-    "SweepStatistics",
+    "Branch", "Jump", "NewtonSettings", "NoConvergence", "Point", "Progress", "ProgressCallback", "SpecialPoint",
+    "Status", "StepControl", "__version__", "save",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -627,7 +624,7 @@ def targets() -> tuple[Target, ...]:
             5,
         ),
         Target(
-            "HarmonicBalance.with_orders_of",
+            "HarmonicBalance.with_harmonics_of",
             balance().with_harmonics_of,
             {"curve": _is(curve()), "tolerance": _is(1e-6, 1e-3)},
             0.5,
@@ -1248,7 +1245,8 @@ def refused(target: Target, nasty: dict[str, Any], error: BaseException) -> pool
 def uncovered() -> set[str]:
     """Public names that are neither called here nor records."""
     called = {name for t in targets() for name in itertools.chain([t.name.split(".")[0]], t.name.split())}
-    return set(hb.__all__) - called - RECORDS
+    own = {name for name in hb.__all__ if not isinstance(getattr(hb, name), ModuleType)}  # packages are not called
+    return own - called - RECORDS
 
 
 if __name__ == "__main__":

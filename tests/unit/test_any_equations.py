@@ -198,28 +198,6 @@ def test_abilities_are_asked_once():
     assert Asked.asked == before
 
 
-def test_every_ability_is_described():
-    import hbgear.continuation.problem.base as module
-    from hbgear.continuation.problem.adapter import _ABILITIES
-
-    inner = {
-        "original",
-        "cornered",
-        "changes",
-        "turning_kind",
-        "usual_parameter",
-        "singular_hint",
-        "batch_size",
-        "resolution",
-        "moved",
-        "beside",
-        "unit_of",
-        "solution_norms",
-        "evaluate",
-    }
-    assert {name for name in _ABILITIES if f"``{name}``" not in module.__doc__} <= inner
-
-
 def test_what_is_no_problem():
     with pytest.raises(TypeError, match=r"problem with evaluate; got a SpurPair: give HarmonicBalance\(model\)"):
         hb.trace(hb.SpurPair(), "Omega", (1.0, 0.5))

@@ -130,7 +130,7 @@ def test_figure(curve, tmp_path):
 def test_what_has_no_band(curve):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
         hb.design.response_band(curve, {"zetta": 0.1})
-    with pytest.raises(ValueError, match="Omega is what the curve is traced in"):
+    with pytest.raises(ValueError, match="Omega is the continuation parameter of the curve"):
         hb.design.response_band(curve, {"Omega": 0.1})
     with pytest.raises(ValueError, match="name at least one parameter that scatters"):
         hb.design.response_band(curve, {})

@@ -295,7 +295,8 @@ def stopped(folder, signal_to_send):
 STOPPED = """
 import os, signal
 from contextlib import contextmanager
-from hbgear.cli import app, study
+from hbgear.cli import app
+from hbgear.cli.commands import study
 
 @contextmanager
 def stopping(what):
@@ -368,7 +369,7 @@ def test_ctrl_c_twice_waits_for_nothing(tmp_path):
 ENDLESS = """
 import os, signal, threading, time
 import hbgear as hb
-from hbgear.design import study
+from hbgear.design.studies import study
 
 def endless(cls, group, work):
     time.sleep(600)

@@ -248,18 +248,18 @@ import hbgear as hb
 from hbgear.cli import first, startup
 from hbgear.common.process import compiling
 startup.IS_COMMAND, first.processors = {command}, lambda: 2
-with first.compiled_beside():
+with first.compile_in_parallel():
     end = time.monotonic() + {seconds}
-    last = compiling._store() / "hbgear.harmonic.equations.diagnostic_kernels.driven"
+    last = compiling._store() / "hbgear.harmonic.equations.diagnostic_kernels.driven_response"
     while not last.exists() and time.monotonic() < end:
         time.sleep(0.05)
 from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
-from hbgear.harmonic.equations.diagnostic_kernels import driven, neglected, reach
+from hbgear.harmonic.equations.diagnostic_kernels import driven_response, extrema, truncated_force_harmonics
 if {command}:
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     problem.observe_many(np.ones((1, problem.size)), "Omega", np.array([0.8]))
     problem.multipliers(np.ones(problem.size), Omega=0.8)
-    stats = [kernel._call.stats for kernel in (monodromies, reach, neglected, driven)]
+    stats = [kernel._call.stats for kernel in (monodromies, extrema, truncated_force_harmonics, driven_response)]
     print(*(sum(one.cache_hits.values()) for one in stats), *(sum(one.cache_misses.values()) for one in stats))
 print(compiling.nothing_stored())
 """
@@ -302,7 +302,7 @@ def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
     pytest.importorskip("numba")
     shutil.copytree(ROOT, tmp_path / "own" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
     first = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
-    path = tmp_path / "own" / "hbgear" / "continuation" / "elimination.py"
+    path = tmp_path / "own" / "hbgear" / "continuation" / "numerics" / "gauss_kernels.py"
     path.write_text(path.read_text().replace("return math.sqrt(total)", "return 2.0 * math.sqrt(total)", 1))
     second = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
     a, b = (np.array(text.split()[:3], dtype=float) for text in (first, second))
@@ -314,8 +314,8 @@ def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
     """As a part it has no entry of its own; that one more is compiled is said only where nothing is stored."""
     pytest.importorskip("numba")
     assert "compiles its core" in told(start(NORMAL, tmp_path))[1]
-    by_itself = "from hbgear.continuation.numerics.gauss_kernels import length\nfound = [len(length.signatures)]\n"
-    by_itself += "print(*found, length(np.array([3.0, 4.0])), len(length.signatures))\n"
+    by_itself = "from hbgear.continuation.numerics.gauss_kernels import scaled_norm\nfound = [len(scaled_norm.signatures)]\n"
+    by_itself += "print(*found, scaled_norm(np.array([3.0, 4.0])), len(scaled_norm.signatures))\n"
     out, err = told(start(NORMAL + by_itself, tmp_path))
     assert out.splitlines()[-1] == "0 5.0 1" and err == ""
 

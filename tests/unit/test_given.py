@@ -29,7 +29,7 @@ A_BRANCH, A_MODEL, A_PROBLEM = "needs a Branch", "needs a model", "needs a Harmo
         (lambda c: hb.trace(PROBLEM, "Omega", SPAN, c), ("got a Branch", "curve[-1]")),
         (lambda _: hb.trace(PROBLEM, "Omega", SPAN, at=("zeta", 0.1)), ("got a tuple", "at={'zeta': 0.05}")),
         (lambda _: hb.trace(PROBLEM, "Omega", SPAN, steps=100), ("got 100", "StepControl(max_points=100)")),
-        (lambda _: hb.trace(PROBLEM, "Omega", SPAN, settings=1e-9), ("got 1e-09", "Settings(tolerance=1e-12)")),
+        (lambda _: hb.trace(PROBLEM, "Omega", SPAN, settings=1e-9), ("got 1e-09", "NewtonSettings(tolerance=1e-12)")),
         (lambda _: hb.validate(MODEL), (A_BRANCH, "got a SpurPair", "trace it first")),
         (lambda _: hb.validate(PROBLEM), (A_BRANCH, "got a HarmonicBalance", "trace it first")),
         (lambda _: hb.validate("low.npz"), (A_BRANCH, "got 'low.npz'", "load(path)")),

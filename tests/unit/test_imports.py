@@ -18,7 +18,7 @@ LIBRARIES = {
     "pyfftw": {"mechanics.series.fourier"},
     "rich": {"cli"},
     "typer": {"cli"},
-    "distributed": {"cli.study"},
+    "distributed": {"cli.commands.study"},
     "markupsafe": {"web.page"},
 }
 """Libraries that few modules may import: slow imports, and interfaces of which one module takes care."""
@@ -90,7 +90,7 @@ def test_names_of_a_package_are_imported_when_they_are_used(package):
         "late = len([name for name in sys.modules if name.startswith('hbgear')])\n"
         f"from {package} import *\n"
         "assert all(globals()[name] is value for name, value in values.items())\n"
-        "modules = [name for name, value in values.items() if type(value) is type(sys) and name != 'plot']\n"
+        "modules = [name for name, value in values.items() if type(value) is type(sys) and value.__name__.count('.') != 1]\n"
         "print(early < late, modules)"
     )
     assert run(code) == "True []"
@@ -104,7 +104,7 @@ def test_a_missing_name_raises_attribute_error():
 
 def test_import_of_hbgear_imports_no_package_of_it():
     names = run("import sys, hbgear; print(sorted(name for name in sys.modules if name.startswith('hbgear.')))")
-    assert names == str([f"hbgear.{name}" for name in ("_version", "common", "common.lazy_names")])
+    assert names == "[]"
 
 
 def test_import_of_hbgear_imports_no_slow_library():

@@ -277,7 +277,7 @@ def test_the_map_command_goes_on_where_it_was_interrupted(tmp_path, monkeypatch,
     assert "1 response curves and 1 fold curves are kept in 'out.part.npz'" in capsys.readouterr().out
     assert sorted(os.listdir()) == ["out.csv", "out.part.npz"]
     assert exit_of(words) == 0
-    assert "going on from 'out.part.npz'" in capsys.readouterr().out and os.listdir() == ["out.csv"]
+    assert "continuing from 'out.part.npz'" in capsys.readouterr().out and os.listdir() == ["out.csv"]
     again = Path("out.csv").read_text()
     assert exit_of(words) == 0 and len(Path("out.csv").read_text().splitlines()) == len(again.splitlines())
     assert len(traced) == 2 + 1 + 2  # the first fold curve is not traced again

@@ -582,7 +582,7 @@ def test_bad_fixed_values_and_starts():
         trace(DUFFING, "Omega", (0.5, 1.0), at={"zeta": np.nan})
     with pytest.raises(ValueError, match=r"the start has p = 0, outside the span \(1, 2\); widen the span"):
         trace(CIRCLE, "p", (1, 2), at(1, 0))
-    with pytest.raises(ValueError, match="finds no start of its own; give start="):
+    with pytest.raises(ValueError, match="has no initial guess; give start="):
         trace(CIRCLE, "p", (1, 2))
 
 

@@ -160,7 +160,7 @@ def test_what_cannot_be_redesigned():
         hb.design.redesign(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4), hb.design.no_jumps(), ["W"])
     with pytest.raises(ValueError, match="F_m is not among the parameters that may change"):
         hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"F_m": (0.1, 0.2)})
-    with pytest.raises(ValueError, match=r"must hold its value 0\.05"):
+    with pytest.raises(ValueError, match=r"must contain its value 0\.05"):
         hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"zeta": (0.06, 0.2)})
     with pytest.raises(ValueError, match="limit = -1"):
         hb.design.peak_below(-1)

@@ -293,7 +293,7 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         if size is not None and len(X) != size:
             raise ValueError(
                 f"the start has {len(X)} coefficients, this problem {size}: follow special points with the harmonics "
-                "of the curve they are on, such as Fold(curve.problem, 'Omega')"
+                "of the curve they are on, such as FoldProblem(curve.problem, 'Omega')"
             )
         return np.append(X, parameters[self.parameter])
 
