@@ -7,8 +7,10 @@ rich) are imported when they are needed.
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import shutil
+import signal
 import sys
 import time
 import warnings
@@ -142,7 +144,14 @@ def main(args: Sequence[str] | None = None) -> None:
     with sigterm_like_ctrl_c(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of libraries: users of a command cannot act on them
         warnings.showwarning = lambda message, *_, **__: print_message("warning", message)
-        sys.exit(_exit_code_of_output(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
+        code = _exit_code_of_output(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
+        atexit.register(_ignore_interrupts)  # registered last, so that it runs first
+        sys.exit(code)
+
+
+def _ignore_interrupts() -> None:
+    """Ignore Ctrl-C while Python ends: the result is complete, only temporary files are removed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _exit_code_of_output(code: int) -> int:
