@@ -9,6 +9,8 @@ import hbgear as hb
 from hbgear.mechanics.series.fourier import harmonics_of, to_complex
 from hbgear.time.integration import state_of
 
+pytestmark = pytest.mark.slow
+
 TURN = 2 * np.pi
 RNG = np.random.default_rng(3)
 RECTANGULAR = hb.mechanics.Periodic.rectangular(1.16, 0.76, 0.6, start=0.3)

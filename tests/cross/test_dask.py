@@ -15,6 +15,8 @@ from distributed.security import Security
 
 from hbgear.cli import app as cli
 
+pytestmark = pytest.mark.slow
+
 # so many harmonics that some of the cases are still to be computed when three are stored
 STUDY = """model = "duffing"
 [base]

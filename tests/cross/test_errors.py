@@ -66,6 +66,7 @@ def test_verdicts_of_two_masses():
     assert sure > 30
 
 
+@pytest.mark.slow
 def test_a_backlash_fifty_times_as_stiff():
     """Motions of 16 harmonics are off by a sixth below Omega = 0.5, a fold of 32 by 4e-3: it is followed with more.
 

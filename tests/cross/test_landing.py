@@ -91,6 +91,7 @@ def test_integration_decides(fixed):
     assert [jump.label for jump in decided if "indeterminate" in jump.note] == ["LP3", "LP5"]
 
 
+@pytest.mark.slow
 def test_forty_random_pairs():
     """Of 161 jumps the nearest motion in coefficients is right in 149, in amplitudes in 153, by integration in 160.
 

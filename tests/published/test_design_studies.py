@@ -8,6 +8,8 @@ import pytest
 
 import hbgear as hb
 
+pytestmark = pytest.mark.slow
+
 matplotlib.use("Agg")
 
 

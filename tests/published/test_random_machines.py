@@ -10,6 +10,8 @@ import pytest
 
 import hbgear as hb
 
+pytestmark = pytest.mark.slow
+
 matplotlib.use("Agg")
 
 

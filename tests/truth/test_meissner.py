@@ -24,6 +24,7 @@ def oscillator(stiffness, c: float = 0.0) -> hb.System:
     return hb.System([[1.0]], [[c]], [[0.0]], [hb.Element([1.0], spring, name="x")])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 @pytest.mark.parametrize("method", ["balance", "shooting"])
 def test_meissner(method):

@@ -38,6 +38,7 @@ def test_the_room_knows_no_machines():
 # ---- a plane curve
 
 
+@pytest.mark.slow
 def test_figure_of_eight():
     """x^2 (1 - x^2) = p^2: folds at p = 1/2, x = sqrt(1/2), and two branches that cross at the origin."""
     from any_equations import eight

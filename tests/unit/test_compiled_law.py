@@ -59,6 +59,7 @@ def test_the_balance_is_that_of_the_law_in_python(nu, rng):
     assert compiled.compiled_continuation("Omega", {}) is not None and python.compiled_continuation("Omega", {}) is None
 
 
+@pytest.mark.slow
 def test_a_curve_is_that_of_the_law_in_python():
     laws = Drag(), hb.mechanics.CompiledLaw(drag, (0.3,))
     curves = [hb.trace(hb.HarmonicBalance(two_masses(law), 7), "Omega", (2.0, 0.5)) for law in laws]

@@ -15,6 +15,8 @@ import pytest
 import hbgear as hb
 from hbgear.common.process.checksums import DamagedFile, read_parts, write_parts
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(hb.__file__).parent
 
 NORMAL = """
@@ -314,7 +316,9 @@ def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
     """As a part it has no entry of its own; that one more is compiled is said only where nothing is stored."""
     pytest.importorskip("numba")
     assert "compiles its core" in told(start(NORMAL, tmp_path))[1]
-    by_itself = "from hbgear.continuation.numerics.gauss_kernels import scaled_norm\nfound = [len(scaled_norm.signatures)]\n"
+    by_itself = (
+        "from hbgear.continuation.numerics.gauss_kernels import scaled_norm\nfound = [len(scaled_norm.signatures)]\n"
+    )
     by_itself += "print(*found, scaled_norm(np.array([3.0, 4.0])), len(scaled_norm.signatures))\n"
     out, err = told(start(NORMAL + by_itself, tmp_path))
     assert out.splitlines()[-1] == "0 5.0 1" and err == ""

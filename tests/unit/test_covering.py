@@ -243,7 +243,11 @@ def test_files_keep_all_curves(pair, tmp_path):
 
 @pytest.mark.parametrize(
     ("known", "words"),
-    [([1.0], "asymptotes other than those of the first"), ({"middle": 1.0}, "asymptotes other than those of the first"), ({"last": "x"}, "not finite numbers")],
+    [
+        ([1.0], "asymptotes other than those of the first"),
+        ({"middle": 1.0}, "asymptotes other than those of the first"),
+        ({"last": "x"}, "not finite numbers"),
+    ],
 )
 def test_a_file_with_made_up_asymptotes_is_refused(pair, tmp_path, known, words):
     pair.save(tmp_path / "c.npz")

@@ -37,6 +37,7 @@ def test_set_changes_one_entry(run):
         assert code == 2 and said in err and len(err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_what_is_critical_in_an_entry_is_where_a_jump_vanishes(run):
     """Fewer errors than the critical one leave no jump, more do."""
     found = hb.analysis.critical_parameter(PAIR, "e[0]", harmonics=3)

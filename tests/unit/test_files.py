@@ -162,6 +162,7 @@ def test_a_place_that_goes_away_during_the_work(folder, capsys, monkeypatch):
     assert hb.load("a-2.npz").status.complete and Path("a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @posix
 def test_a_result_that_cannot_be_kept_anywhere_is_printed(folder):
     out = limited(command([*CURVE, "-o", "a.npz"]))

@@ -28,6 +28,8 @@ from hbgear.io.map_file import read_map, save_map
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.steady_state import SteadyStateSettings
 
+pytestmark = pytest.mark.slow
+
 ROOT = str(Path(hb.__file__).parent)
 DUFFING = hb.Duffing()
 

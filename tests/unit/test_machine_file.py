@@ -147,6 +147,7 @@ def test_supports_make_the_other_forms(file):
 # ---- commands
 
 
+@pytest.mark.slow
 def test_trace_and_speed_of_a_file(run, file):
     code, out, err = run("trace", file, "--harmonics", 24, "-o", "box.npz")
     assert (code, err) == (0, "")

@@ -188,6 +188,7 @@ def test_commands(folder, capsys):
     assert len(list(Path("tolerances").glob("*.png"))) >= 2 and Path("tolerances/table.csv").exists()
 
 
+@pytest.mark.slow
 def test_commands_of_many_designs(folder, capsys):
     run_page("docs/howto/designs.md", folder, capsys)
     (file,) = [block.text for block in blocks_of("docs/howto/designs.md") if block.file]

@@ -10,6 +10,8 @@ import hbgear as hb
 from hbgear.harmonic import model_registry
 from hbgear.mechanics.models import describe
 
+pytestmark = pytest.mark.slow
+
 
 def train():
     """Two meshes in line: wheels in the plane, a table over speed, functions with corners, a shaft."""

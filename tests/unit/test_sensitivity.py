@@ -312,6 +312,7 @@ def test_traced_in_an_entry(spur):
     assert (folds.tracked["Omega"][-1] - folds.tracked["Omega"][0]) / h == pytest.approx(slope, rel=2e-2)
 
 
+@pytest.mark.slow
 def test_scatter_of_jumps_beside_monte_carlo(spur):
     """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
     jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]

@@ -393,6 +393,7 @@ def hard_stops():
     return System(np.diag([0.8534, 1.922]), C, K, elements, Load(cosine={1: [0.13765, 0.0]}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("H", [9, 12, 16])
 def test_real_multipliers_that_pass_one_after_the_other_are_no_pair(H):
     curve = trace(HarmonicBalance(hard_stops(), H), "Omega", (2.5, 0.47))

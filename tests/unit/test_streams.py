@@ -13,7 +13,10 @@ import pytest
 import hbgear as hb
 from hbgear.cli.support import listed
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs the devices and shell of Linux")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="needs the devices and shell of Linux"),
+]
 ROOT = str(Path(hb.__file__).parents[1])
 
 

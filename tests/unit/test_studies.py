@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
-pytestmark = pytest.mark.usefixtures("on_path")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("on_path")]
 
 
 def names():

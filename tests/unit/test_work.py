@@ -54,6 +54,7 @@ def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_kn
     assert not little.undecided.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("work", [0.04, 0.06, 0.08, 0.1])
 def test_where_the_work_ends_every_point_keeps_the_error_that_it_has(stop, work):
     """The first estimates, and those of points that were located with more harmonics but not compared again."""
