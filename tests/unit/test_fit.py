@@ -125,9 +125,7 @@ def test_data_in_the_wrong_unit(largest):
         hb.design.fit(
             TRUTH, hb.design.Measurements(Omega, 1e6 * amplitude, direction, measure="max"), ["zeta"], harmonics=8
         )
-    with pytest.raises(
-        ValueError, match="the unit Omega is probably wrong; give unit='mesh Hz', 'pinion r/min' or 'Omega'"
-    ):
+    with pytest.raises(ValueError, match="the unit Omega is probably wrong; give unit='mesh Hz', 'pinion r/min' or"):
         hb.design.fit(TRUTH, hb.design.Measurements(1e4 * Omega, amplitude, direction), ["zeta"], harmonics=8)
     with pytest.raises(ValueError, match="Duffing does not know its units; give frequencies as Omega"):
         hb.design.fit(
