@@ -1,9 +1,9 @@
-"""Run-up and run-down: the stable motions that a slow sweep of the parameter passes, from jump to jump.
+"""Run-up and run-down: the stable motions of a slow sweep of the parameter, with its jumps.
 
-On a stable part of a curve the sweep follows it; where that part ends in a fold it jumps, to where `landings` says, and
-goes on from there; where it only loses its stability, or a curve of doubled motions ends, it goes on along the nearest
-stable motion of the other curves. All of it is read off curves that were traced: nothing is integrated unless their
-jumps were.
+The sweep follows a stable section of a branch. At a fold it jumps to the motion that `landings` returns and continues
+there. Where a section ends without a fold, for example at a period doubling, the sweep continues on the nearest stable
+motion of the other branches. Only traced branches are evaluated; landings are integrated in time only if the jumps of
+the branches are.
 """
 
 from __future__ import annotations
@@ -25,32 +25,61 @@ from hbgear.continuation.tracing.jumps import nearest
 from hbgear.harmonic.equations.layout import layout_of
 
 DIRECTIONS = {"up": 1, "down": -1}
-"""Ways of a run, and the sign of the change of the parameter."""
+"""Names of the directions of a sweep, with the sign of the change of the parameter."""
 
-_MOST_JUMPS = 1000
+_MAX_JUMPS = 1000
+"""Number of jumps after which a run-up is stopped; prevents an endless loop between sections."""
+
+_MAX_FOLD_OFFSET = 4
+"""Number of points next to a fold whose stability may be that of the other side of the fold."""
 
 
 @dataclass(frozen=True, eq=False)
 class BranchSection:
-    """Rows of a branch that a run passes, in its order; ``landed`` is the motion a jump brought it to before them."""
+    """Section of a branch that a slow sweep follows.
+
+    Attributes
+    ----------
+    branch : Branch
+        Branch of the section.
+    points : ndarray of int
+        Numbers of its points in the order of the sweep.
+    landed : Point or None
+        Motion on which the sweep landed before the first of these points. None if the sweep did not jump there.
+    """
 
     branch: Branch
-    rows: np.ndarray
+    points: np.ndarray
     landed: Point | None = None
 
     @property
     def values(self) -> Array:
-        """Of the parameter, that of the landing first."""
+        """Values of the parameter; the first one is the landing, if there is one."""
         first = [] if self.landed is None else [self.landed.parameters[self.branch.parameter]]
-        return np.array([*first, *self.branch.values[self.rows]])
+        return np.array([*first, *self.branch.values[self.points]])
 
     def amplitude(self, measure: str, element: int | str, derivative: int = 0) -> Array:
-        """A measure, for each of the values."""
-        rest: Array = self.branch.amplitude(measure, element, derivative=derivative)[self.rows]
+        """Return a measure of amplitude for each of the values.
+
+        Parameters
+        ----------
+        measure : str
+            Measure of amplitude, see `Branch.amplitude`.
+        element : int or str
+            Element by number or name.
+        derivative : int, optional
+            Order of the derivative in time. The default is 0.
+
+        Returns
+        -------
+        ndarray
+            Amplitude of each motion of the section.
+        """
+        rest: Array = self.branch.amplitude(measure, element, derivative=derivative)[self.points]
         if self.landed is None:
             return rest
         layout = layout_of(self.landed)
-        assert layout is not None  # runs are along motions
+        assert layout is not None  # `run_up` accepts branches of periodic motions only
         row = layout.rows(self.landed.X, element)[None]
         if derivative:
             row = layout.in_time(row, {k: np.array([x]) for k, x in self.landed.parameters.items()}, derivative)
@@ -60,14 +89,18 @@ class BranchSection:
 
 @dataclass(frozen=True, eq=False)
 class RunUp:
-    """What a slow sweep passes.
+    """Motions and jumps of a slow sweep.
 
-    Parameters
+    Attributes
     ----------
-    direction : "up" or "down".
-    stretches : the parts of curves in order.
-    jumps : where it jumps, in order; the last one may land on no curve known.
-    message : where and why the run ends.
+    direction : {"up", "down"}
+        Direction of the sweep.
+    sections : tuple of BranchSection
+        Stable sections of branches in the order of the sweep.
+    jumps : tuple of Jump
+        Jumps in the order of the sweep. The last one may land on none of the branches.
+    message : str
+        Position and reason of the end of the sweep.
 
     Examples
     --------
@@ -79,43 +112,66 @@ class RunUp:
     """
 
     direction: str
-    stretches: tuple[BranchSection, ...]
+    sections: tuple[BranchSection, ...]
     jumps: tuple[Jump, ...]
     message: str
 
     @property
     def parameter(self) -> str:
-        """What is swept."""
-        return self.stretches[0].branch.parameter
+        """Name of the parameter of the sweep."""
+        return self.sections[0].branch.parameter
 
     @property
     def values(self) -> Array:
-        """Of the parameter along the run; those of jumps twice."""
-        return np.concatenate([stretch.values for stretch in self.stretches])
+        """Values of the parameter along the sweep; the value of a jump occurs twice."""
+        return np.concatenate([section.values for section in self.sections])
 
     @checked_arguments()
     def amplitude(self, measure: str = "rms", element: int | str = 0, derivative: int = 0) -> Array:
-        """A measure along the run, one for each of the values; see `Branch.amplitude`."""
-        return np.concatenate([stretch.amplitude(measure, element, derivative) for stretch in self.stretches])
+        """Return a measure of amplitude along the sweep, for each of the values.
+
+        Parameters
+        ----------
+        measure : str, optional
+            Measure of amplitude, see `Branch.amplitude`. The default is "rms".
+        element : int or str, optional
+            Element by number or name. The default is 0.
+        derivative : int, optional
+            Order of the derivative in time. The default is 0.
+
+        Returns
+        -------
+        ndarray
+            Amplitude of each motion of the sweep.
+        """
+        return np.concatenate([section.amplitude(measure, element, derivative) for section in self.sections])
 
 
 @checked_arguments()
 def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ()) -> RunUp:
-    """The run-up or run-down along a curve and others.
+    """Return the run-up or run-down along a branch and others.
 
-    It begins at the stable motion of the curve with the lowest value of the parameter (the highest, down), and ends
-    where curves end, or where a jump lands on none of them.
+    The sweep starts at the stable motion of the branch with the lowest value of the parameter (the highest one for a
+    run-down). It ends at the end of the last branch, or at a jump that lands on none of the branches.
 
     Parameters
     ----------
-    branch : a curve with stability, of periodic motions.
-    direction : "up" or "down".
-    others : further curves that jumps may land on; those of its span (`Branch.others`) are among them anyway.
+    branch : Branch
+        Branch of periodic motions with stability.
+    direction : {"up", "down"}, optional
+        Direction of the sweep. The default is "up".
+    others : sequence of Branch, optional
+        Further branches on which jumps may land, in addition to `Branch.others`.
+
+    Returns
+    -------
+    RunUp
+        Sections, jumps and the reason of the end.
 
     Raises
     ------
     ValueError
-        If there is no such direction, the stability is not known or nothing is stable.
+        If the direction is unknown, the stability is unknown, or no motion of the branch is stable.
 
     Examples
     --------
@@ -130,77 +186,77 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ())
         raise ValueError(f"direction = {quoted(direction)} must be 'up' or 'down'")
     branches = (branch, *branch.others, *others)
     if layout_of(branch) is None or any(one.stable is None for one in branches):
-        raise ValueError("a run needs curves of motions whose stability is known; trace with stability=True")
-    way, stable = DIRECTIONS[direction], np.flatnonzero(np.asarray(branch.stable))
+        raise ValueError("a run-up needs branches of motions with known stability; trace them with stability=True")
+    sign, stable = DIRECTIONS[direction], np.flatnonzero(np.asarray(branch.stable))
     if not stable.size:
-        raise ValueError("no motion of the curve is stable, so that no sweep follows it")
-    at, row, landed = 0, int(stable[np.argmin(way * branch.values[stable])]), None
+        raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
+    at, first, landed = 0, int(stable[np.argmin(sign * branch.values[stable])]), None
     found = landings(branches)
-    stretches: list[BranchSection] = []
+    sections: list[BranchSection] = []
     jumps: list[Jump] = []
-    for _ in range(_MOST_JUMPS):
-        rows, landing, message = _follow(branches[at], row, way, found[at])
-        stretches.append(BranchSection(branches[at], rows, landed))
+    for _ in range(_MAX_JUMPS):
+        points, landing, message = _follow_section(branches[at], first, sign, found[at])
+        sections.append(BranchSection(branches[at], points, landed))
         if landing is None:
-            value = float(_ahead(branches[at].values, rows, way))
+            value = float(_value_beyond(branches[at].values, points, sign))
             known = stable_motions(branches, at, value)
-            landed = nearest(branches[at][int(rows[-1])], [point for point, _ in known])
+            landed = nearest(branches[at][int(points[-1])], [point for point, _ in known])
             if landed is None:
-                return RunUp(direction, tuple(stretches), tuple(jumps), message)
+                return RunUp(direction, tuple(sections), tuple(jumps), message)
             at = next(i for point, i in known if point is landed)
-            row = _beyond(branches[at], landed, value, way)
+            first = _first_point_beyond(branches[at], landed, value, sign)
             continue
         jumps.append(landing.jump)
         after = landing.jump.after
         if after is None or landing.branch is None:
-            message = f"jump at {landing.jump.label} to a motion that is on none of the curves"
-            return RunUp(direction, tuple(stretches), tuple(jumps), message)
+            message = f"jump at {landing.jump.label} to a motion that is on none of the branches"
+            return RunUp(direction, tuple(sections), tuple(jumps), message)
         at, landed = landing.branch, after
-        row = _beyond(branches[at], after, landing.jump.value, way)
-    return RunUp(direction, tuple(stretches), tuple(jumps), f"{_MOST_JUMPS} jumps: the run is given up")
+        first = _first_point_beyond(branches[at], after, landing.jump.value, sign)
+    return RunUp(direction, tuple(sections), tuple(jumps), f"stopped after {_MAX_JUMPS} jumps")
 
 
-def _follow(branch: Branch, row: int, way: int, found: Sequence[Landing]) -> tuple[np.ndarray, Landing | None, str]:
-    """Rows of a branch from one on while the parameter goes the given way, the jump that ends them, or why they end."""
+def _follow_section(
+    branch: Branch, first: int, sign: int, found: Sequence[Landing]
+) -> tuple[np.ndarray, Landing | None, str]:
+    """Return the points of a stable section from its first one, the jump at its end or None, and a message if None."""
     leaving: dict[int, Landing] = {}
     for landing in found:
         before: Any = landing.jump.before
-        if landing.jump.direction == way:
+        if landing.jump.direction == sign:
             leaving[before.index] = landing
-    marks = {point.index: point.label for point in branch.special}
+    labels = {point.index: point.label for point in branch.special}
     values, stable = branch.values, branch.stable
     assert stable is not None
-    ahead = [s for s in (1, -1) if 0 <= row + s < len(values) and (values[row + s] - values[row]) * way > 0]
-    rows = [row]
-    step = next((s for s in ahead if stable[row + s]), 0)
-    while row not in leaving:
-        after = row + step
+    last = first
+    ahead = [s for s in (1, -1) if 0 <= last + s < len(values) and (values[last + s] - values[last]) * sign > 0]
+    points = [last]
+    step = next((s for s in ahead if stable[last + s]), 0)
+    while last not in leaving:
+        after = last + step
         if not step or not 0 <= after < len(values):
-            return np.array(rows), None, f"{branch.parameter} = {values[row]:.6g} reached"
-        turned, lost = (values[after] - values[row]) * way <= 0, not stable[after]
-        if (turned or lost) and not any(abs(i - row) <= _NEAR for i in leaving):
-            place = marks.get(row, f"{branch.parameter} = {values[row]:.6g}")
-            return np.array(rows), None, f"the motion loses its stability at {place}, and no curve goes on from there"
-        row = after
-        rows.append(row)
-    return np.array(rows), leaving[row], ""
+            return np.array(points), None, f"{branch.parameter} = {values[last]:.6g} reached"
+        turned, lost = (values[after] - values[last]) * sign <= 0, not stable[after]
+        if (turned or lost) and not any(abs(i - last) <= _MAX_FOLD_OFFSET for i in leaving):
+            where = labels.get(last, f"{branch.parameter} = {values[last]:.6g}")
+            return np.array(points), None, f"the motion loses its stability at {where}, and no branch continues there"
+        last = after
+        points.append(last)
+    return np.array(points), leaving[last], ""
 
 
-def _ahead(values: Array, rows: np.ndarray, way: int) -> float:
-    """A value of the parameter just beyond the last of these rows."""
-    last = int(rows[-1])
-    beside = [abs(values[i] - values[last]) for i in (last - 1, last + 1) if 0 <= i < len(values)]
-    return float(values[last] + way * max(beside, default=0.0))
+def _value_beyond(values: Array, points: np.ndarray, sign: int) -> float:
+    """Return a value of the parameter beyond the last of these points, by the larger of the adjacent steps."""
+    last = int(points[-1])
+    steps = [abs(values[i] - values[last]) for i in (last - 1, last + 1) if 0 <= i < len(values)]
+    return float(values[last] + sign * max(steps, default=0.0))
 
 
-_NEAR = 4  # rows beside a fold whose verdict may be that of the other side
-
-
-def _beyond(branch: Branch, landed: Point, value: float, way: int) -> int:
-    """The row of a branch next to the motion landed on, on the way of the run."""
+def _first_point_beyond(branch: Branch, landed: Point, value: float, sign: int) -> int:
+    """Return the number of the point of a branch next to a landing, in the direction of the sweep."""
     layout, own = layout_of(branch), layout_of(landed)
     assert layout is not None and own is not None
-    places = crossings_at(branch, value)
-    near = min(places, key=lambda place: layout.distance(place.interpolate(branch.X), own, landed.X))
-    ends = [i for i in (near.index, near.index + 1) if (branch.values[i] - value) * way > 0]
+    crossings = crossings_at(branch, value)
+    near = min(crossings, key=lambda crossing: layout.distance(crossing.interpolate(branch.X), own, landed.X))
+    ends = [i for i in (near.index, near.index + 1) if (branch.values[i] - value) * sign > 0]
     return ends[0] if ends else near.nearest

@@ -1,6 +1,6 @@
-"""A curve in words: what was computed and with what, its special points, jumps and accuracy, as rows of text.
+"""Summaries of branches as text: model, settings, special points, jumps and reliability.
 
-Numbers are written with the digits that hold. The command line, reports and notebooks print these rows.
+Numbers are printed with their significant digits. The command line, reports and notebooks use these texts.
 """
 
 from __future__ import annotations
@@ -25,28 +25,45 @@ from hbgear.mechanics.fields import defaults_of, kinds_of
 from hbgear.mechanics.series.periodic import Phased
 
 Rows = list[list[str]]
+"""Rows of a table: the cells of each row as text."""
 
 
 def digits_of(motions: Point | Branch, most: int = 8) -> int:
-    """Significant digits of amplitudes that hold, from the error of the harmonics left out, relative to the motion.
+    """Return the number of significant digits of amplitudes, from the truncation error relative to the motion.
 
-    The last digit is of the size of that error. The worst of many motions.
+    The last digit has the size of the error. For a branch the point with the largest relative error decides.
+
+    Parameters
+    ----------
+    motions : Point or Branch
+        One motion or a branch of motions.
+    most : int, optional
+        Maximum of the result. The default is 8.
+
+    Returns
+    -------
+    int
+        Number of digits, at least 3 where the error is known.
     """
     if motions.layout is None:
-        return min(_UNKNOWN, most)
+        return min(DIGITS_WITHOUT_ERROR, most)
     sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
     with np.errstate(all="ignore"):
         errors = motions.truncation if isinstance(motions, SpecialPoint) else motions.error
         error = float(np.max(np.asarray(errors) / np.max(sizes, axis=0)))
-    held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
-    return min(max(held, 3), most)
+    digits = DIGITS_WITHOUT_ERROR if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
+    return min(max(digits, 3), most)
 
 
-_UNKNOWN = 6  # digits where nothing is known of the error
+DIGITS_WITHOUT_ERROR = 6
+"""Significant digits that are printed if the error is unknown."""
 
 
 def text_at(point: Point, name: str) -> str:
-    """The value of a parameter at a point, with the digits that hold; where it is known with its error, with that."""
+    """Return the value of a parameter at a point with its significant digits.
+
+    The error of a special point follows in parentheses, in units of the last digit.
+    """
     value = point.parameters[name]
     if isinstance(point, SpecialPoint) and name == list(point.parameters)[-1] and not math.isnan(point.error):
         return concise(value, point.error)
@@ -54,38 +71,44 @@ def text_at(point: Point, name: str) -> str:
 
 
 def size_text(point: Point, measure: str, element: int | str) -> str:
-    """An amplitude with the digits that hold."""
+    """Return the amplitude of an element with its significant digits, at most five."""
     return rounded(point.amplitude(measure, element), digits_of(point, 5))
 
 
 def special_table(branch: Branch, measure: str, element: int | str) -> tuple[list[str], Rows]:
-    """Headers and rows of the special points of a curve."""
+    """Return headers and rows of the table of the special points of a branch."""
     rows = []
     for point in branch.special:
-        place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
-        place += speeds_in_text(branch, point)
+        values = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
+        values += speeds_in_text(branch, point)
         rows.append(
-            [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
+            [
+                point.label,
+                *values,
+                size_text(point, measure, element),
+                regime_of(point),
+                event_description(branch, point),
+            ]
         )
-    headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
+    headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "event"]
     return headers, rows
 
 
 def jump_table(
-    branch: Branch, measure: str, element: int | str, beside: Sequence[Branch] = (), names: Sequence[str] = ()
+    branch: Branch, measure: str, element: int | str, others: Sequence[Branch] = (), names: Sequence[str] = ()
 ) -> tuple[list[str], Rows, list[str]]:
-    """Headers and rows of the jumps of a curve, and what else integration has to say of them.
+    """Return headers and rows of the table of the jumps of a branch, and the notes of the integration.
 
-    ``beside`` are other traced branches, with their names, on which a jump may land; the table then names the branch.
-    The last column says how the landing was decided: as the nearest of the stable motions known, or integrated.
+    A jump may also land on one of ``others``, further branches with these ``names``; the table then names the branch.
+    The last column states how the landing was chosen: the nearest known stable motion, or by integration.
     """
     rows, notes = [], []
-    for landing in landings((branch, *beside))[0]:
+    for landing in landings((branch, *others))[0]:
         jump, where = landing.jump, landing.branch
         speeds = speeds_in_text(branch, jump.before)
         before = size_text(jump.before, measure, element)
         if jump.after is None:
-            curves = "these curves" if beside else "this curve"
+            curves = "these curves" if others else "this curve"
             after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
         else:
             after = size_text(jump.after, measure, element)
@@ -105,25 +128,56 @@ def jump_table(
             ]
         )
     sizes = [f"{measure} before", f"{measure} after"]
-    return ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "decided"], rows, notes
+    return ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "landing"], rows, notes
 
 
 def reliability_lines(branch: Branch) -> list[str]:
-    """Estimated relative errors of a curve, or its warnings; empty if it was traced without error estimates."""
+    """Return the estimated relative errors of a branch in one line, followed by its warnings.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+
+    Returns
+    -------
+    list of str
+        One line with the errors and the number of points with determined stability, and one line that starts with
+        "warning:" for each entry of `Branch.warnings`. Empty if the branch was traced without error estimates.
+    """
     if branch.meta.get("trace", {}).get("accuracy") is None:
         return []
-    if branch.warnings:
-        return [f"warning: {doubt}" for doubt in branch.warnings]
-    errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
-    points = f"special points {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
-    verdicts = "" if branch.multipliers is None else "; stability determined at all points"
-    known = branch.meta.get("stability")
-    missing = [f"stability is {known}"] if isinstance(known, str) else []
-    return [f"estimated relative error: {points}response {branch.relative_error:.0e}{verdicts}", *missing]
+    errors = [f"special points {error}" for error in _special_point_error(branch)]
+    if not math.isnan(branch.relative_error):
+        errors.append(f"response {branch.relative_error:.0e}")
+    parts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
+    return ["; ".join(parts), *(f"warning: {warning}" for warning in branch.warnings)]
 
 
-def what_happens(branch: Branch, point: SpecialPoint) -> str:
-    """A special point in words, with what it does to stability."""
+def _special_point_error(branch: Branch) -> Iterator[str]:
+    """Yield the largest relative error of the special points, with the number of errors that are unknown."""
+    sizes = np.array([abs(point.parameters[branch.parameter]) or 1.0 for point in branch.special])
+    errors = np.array([point.error for point in branch.special]) / sizes
+    unknown = int(np.isnan(errors).sum())
+    if unknown < len(errors):
+        yield f"{np.nanmax(errors):.0e}{f' ({unknown} of {len(errors)} unknown)' if unknown else ''}"
+    elif unknown:
+        yield "unknown"
+
+
+def _determined_stability(branch: Branch) -> Iterator[str]:
+    """Yield the number of points whose stability is determined, or the reason why it is not available."""
+    reason = branch.meta.get("stability")
+    if isinstance(reason, str):
+        yield f"stability is {reason}"
+    elif branch.multipliers is not None and len(branch):
+        determined = sum(state in ("stable", "unstable") for state in branch.stability)
+        points = "all" if determined == len(branch) else f"{determined} of {len(branch)}"
+        yield f"stability determined at {points} points"
+
+
+def event_description(branch: Branch, point: SpecialPoint) -> str:
+    """Return the meaning of a special point, with the change of stability."""
     text = named(point).meaning
     if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
@@ -133,39 +187,39 @@ def what_happens(branch: Branch, point: SpecialPoint) -> str:
 
 
 def regime_of(point: Point) -> str:
-    """Regime in words; laws without corners have none."""
+    """Return the regime of a point as words; "-" if no law has a breakpoint."""
     layout = layout_of(point)
-    corners = layout is None or any(layout.breakpoints)
-    return point.regime_name.replace("_sided", "-sided").replace("_", " ") if corners else "-"
+    has_regimes = layout is None or any(layout.breakpoints)
+    return point.regime_name.replace("_sided", "-sided").replace("_", " ") if has_regimes else "-"
 
 
 def speeds_of(branch: Branch, point: Point) -> dict[str, float]:
-    """Mesh frequency and speed of models that know their units."""
+    """Return the mesh frequency [Hz] and the pinion speed [r/min] at a point; empty if the model has no units."""
     return speeds_at(model_of(branch), point.parameters)
 
 
 def speeds_in_text(branch: Branch, point: Point) -> list[str]:
-    """`speeds_of` a point with the digits that hold."""
-    own = point.parameters.get("Omega", 0.0)
-    error = point.error / own if isinstance(point, SpecialPoint) and branch.parameter == "Omega" else math.nan
+    """Return the values of `speeds_of` with their significant digits."""
+    Omega = point.parameters.get("Omega", 0.0)
+    error = point.error / Omega if isinstance(point, SpecialPoint) and branch.parameter == "Omega" else math.nan
     return [
         rounded(value, digits_of(point, 6)) if math.isnan(error) else concise(value, abs(error * value), 6)
         for value in speeds_of(branch, point).values()
     ]
 
 
-def facts_of(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
-    """What there is to say of a branch, name and text."""
+def summary_facts(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each entry of the summary of a branch; entries without content have an empty text."""
     stable, layout = branch.stable, branch.layout
     balance = branch.meta.get("balance")
     settings = balance if isinstance(balance, dict) else {}
-    yield "model", described(branch)
+    yield "model", describe_changes(branch)
     yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
-    yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
+    yield "fixed", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
     yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
     yield "status", f"{branch.status}: {branch.message}"
-    far = [f"{branch.parameter} = {value:.9g} (behind the {end} point)" for end, value in branch.asymptotes.items()]
-    yield "asymptotes", ", ".join(far)
+    asymptotes = [f"{branch.parameter} = {x:.9g} (beyond the {end} point)" for end, x in branch.asymptotes.items()]
+    yield "asymptotes", ", ".join(asymptotes)
     if stable is None:
         yield "stability", "not computed"
     else:
@@ -175,35 +229,35 @@ def facts_of(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
     for j, name in enumerate(layout.elements if layout else ()):
         size = branch.amplitude(measure, j)
-        top = branch.values[int(np.nanargmax(size))]
-        yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {top:.6g})"
-    yield "worst residual", f"{np.nanmax(branch.residual):.1e} of the forces"
+        at = branch.values[int(np.nanargmax(size))]
+        yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {at:.6g})"
+    yield "largest residual", f"{np.nanmax(branch.residual):.1e} relative to the forces"
     if not np.isnan(branch.error).all():
-        yield "worst error", f"{np.nanmax(branch.error):.1e} rms of the motion, estimated from the harmonics left out"
-    yield "Newton steps", f"{branch.iterations.mean():.2f} per point"
+        yield "truncation error", f"at most {np.nanmax(branch.error):.1e} rms, estimated from the truncated harmonics"
+    yield "Newton iterations", f"{branch.iterations.mean():.2f} per point"
     yield "hbgear", str(branch.meta.get("hbgear", "unknown"))
 
 
-def described(branch: Branch) -> str:
-    """Model with the fields that differ from its defaults."""
+def describe_changes(branch: Branch) -> str:
+    """Return the class of the model of a branch with the fields that differ from their defaults."""
     model = model_of(branch)
-    about: Any = branch.meta.get("model")
+    description: Any = branch.meta.get("model")
     if model is None:
-        name = about["class"] if model_registry.is_description(about) else "unknown"
-        source = about.get("from") if model_registry.is_description(about) else None
-        return f"{name} (not one of hbgear models{f'; from {source}' if isinstance(source, str) else ''})"
-    usual, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
-    changed = [f"{f}={text_of(x)}" for f, x in values.items() if f not in usual or not _same(x, usual[f])]
+        name = description["class"] if model_registry.is_description(description) else "unknown"
+        source = description.get("from") if model_registry.is_description(description) else None
+        return f"{name} (not a model of hbgear{f'; from {source}' if isinstance(source, str) else ''})"
+    defaults, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
+    changed = [f"{f}={text_of(x)}" for f, x in values.items() if f not in defaults or not _is_default(x, defaults[f])]
     return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
 
 
-def _same(value: Any, usual: Any) -> bool:
-    """Whether a value is the usual one; a matrix is equal to none."""
-    return not hasattr(value, "shape") and bool(value == usual)
+def _is_default(value: Any, default: Any) -> bool:
+    """Return whether a value equals the default; a matrix never does."""
+    return not hasattr(value, "shape") and bool(value == default)
 
 
 def text_of(value: Any) -> str:
-    """A value as --set would take it; a part of a machine by its name, a matrix by its size."""
+    """Return a value in the form of the option ``--set``; a component as its name, a matrix as its shape."""
     if isinstance(value, list | tuple):
         return f"({','.join(map(text_of, value))}{',' * (len(value) == 1)})"
     if hasattr(value, "shape"):

@@ -22,7 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 import hbgear as hb
-from hbgear.analysis.summary import facts_of, text_at
+from hbgear.analysis.summary import summary_facts, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
 from hbgear.cli.commands import design as cli_design
@@ -420,7 +420,7 @@ def extend(
 def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     """Summarise a saved curve: model, status, special points, jumps and accuracy."""
     branch, which = loaded(file, measure, element)
-    rows = [[name, text] for name, text in facts_of(branch, measure) if text]
+    rows = [[name, text] for name, text in summary_facts(branch, measure) if text]
     print_table(["", str(file)], rows)
     show_all_branches(branch, measure, which)
 

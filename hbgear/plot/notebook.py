@@ -9,7 +9,7 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from hbgear.analysis.summary import facts_of, jump_table, reliability_lines
+from hbgear.analysis.summary import jump_table, reliability_lines, summary_facts
 from hbgear.common.text.symbols import in_html, unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.equations.layout import layout_of
@@ -21,7 +21,7 @@ from hbgear.plot.curves import response
 def branch_html(branch: Branch) -> str:
     """Return a summary of a curve, its jumps, and its figure if its points are periodic motions."""
     known = layout_of(branch) is not None and len(branch) > 0
-    facts = [(name, text) for name, text in facts_of(branch, "pp2") if text] if known else []
+    facts = [(name, text) for name, text in summary_facts(branch, "pp2") if text] if known else []
     parts = [f"<b>{html.escape(repr(branch))}</b>", _table((), facts)]
     if known and branch.jumps():
         headers, rows, _ = jump_table(branch, "pp2", 0)

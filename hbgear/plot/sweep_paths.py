@@ -74,7 +74,7 @@ def runs(
             height = curve.amplitude(measure, element)
             ax.plot(curve.values, height, ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
         for one in found:
-            for section in one.stretches:
+            for section in one.sections:
                 ax.plot(
                     section.values, section.amplitude(measure, element), color=RUNS[one.direction],
                     linewidth=_RUN_WIDTHS[one.direction], label=f"run-{one.direction}", gid=f"run {one.direction}",
@@ -126,11 +126,11 @@ def orders(
     """
     for order in orders:
         counted("orders", order)
-    branch, own = found.stretches[0].branch, ax is None
+    branch, own = found.sections[0].branch, ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for i, order in enumerate(orders):
-            for section in found.stretches:
+            for section in found.sections:
                 ax.plot(section.values, section.amplitude(f"H{order}", element, derivative),
                         color=BRANCHES[i % len(BRANCHES)], label=f"order {order}", gid=f"order {order}")  # fmt: skip
             for jump in found.jumps:
@@ -186,14 +186,14 @@ def waterfall(
     checked("waterfall", "floor", floor, Range(above=0, below=1))
     if found.parameter != "Omega":
         raise ValueError(f"a waterfall is over Omega; this run is along {found.parameter}")
-    branch, own = found.stretches[0].branch, ax is None
+    branch, own = found.sections[0].branch, ax is None
     lowest = 20 * np.log10(floor)
     with styled():
         ax = axes_or_new(ax, (5.6, 4.2))
-        levels = [_levels(section, element, derivative) for section in found.stretches]
+        levels = [_levels(section, element, derivative) for section in found.sections]
         top = max(float(level.max()) for level in levels)
         highest = 0.0
-        for section, level in zip(found.stretches, levels, strict=True):
+        for section, level in zip(found.sections, levels, strict=True):
             for k, row in enumerate(level - top, 1):
                 frequency = k / _nu(section.branch) * section.values
                 points = np.column_stack([section.values, frequency])
@@ -238,7 +238,7 @@ def _levels(section: BranchSection, element: int | str, derivative: int) -> Arra
 def _connect(ax: Axes, one: RunUp, measure: str, element: int | str) -> None:
     """Draw thin lines where the run changes to another curve without a jump, such as to a doubled motion."""
     jumps = [jump.value for jump in one.jumps]
-    for before, after in pairwise(one.stretches):
+    for before, after in pairwise(one.sections):
         if after.values[0] not in jumps:
             x = [before.values[-1], after.values[0]]
             y = [before.amplitude(measure, element)[-1], after.amplitude(measure, element)[0]]

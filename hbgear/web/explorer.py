@@ -18,7 +18,7 @@ import numpy as np
 
 from hbgear.analysis.jump_maps import jump_map
 from hbgear.analysis.parameter_sensitivity import units_of
-from hbgear.analysis.summary import described
+from hbgear.analysis.summary import describe_changes
 from hbgear.common.process.progress import Progress
 from hbgear.common.text.messages import shortened
 from hbgear.common.text.symbols import in_html, unit_of
@@ -171,7 +171,7 @@ class Explorer:
             while len(self._curves) > _SESSIONS:
                 self._curves.popitem(last=False)
         return {
-            "curves": views([branch], [described(branch)], whole=False),
+            "curves": views([branch], [describe_changes(branch)], whole=False),
             "seconds": time.perf_counter() - started,
             "ended": "" if branch.status.complete else branch.message,
         }
@@ -188,7 +188,7 @@ class Explorer:
         curves = (branch, *branch.others)
         names = [f"branch {i + 1}" for i in range(len(curves))]
         told = [tables(curve, curves, names) for curve in curves]
-        return {"tables": told, "model": shortened(described(branch), 160), "python": self.python(asked)}
+        return {"tables": told, "model": shortened(describe_changes(branch), 160), "python": self.python(asked)}
 
     def _shown(self, session: str) -> Branch:
         with self._lock:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.summary import facts_of, jump_table, reliability_lines, special_table
+from hbgear.analysis.summary import jump_table, reliability_lines, special_table, summary_facts
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import in_html, unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
@@ -100,7 +100,7 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
     headers, rows, notes = jump_table(branch, "pp2", 0, [curve for curve, _ in beside], [name for _, name in beside])
     return {
         "parameters": parameter_rows(branch),
-        "facts": [[name, text] for name, text in facts_of(branch, "pp2") if text],
+        "facts": [[name, text] for name, text in summary_facts(branch, "pp2") if text],
         "specialTable": special_table(branch, "pp2", 0),
         "jumpTable": [headers, rows],
         "notes": notes,

@@ -179,7 +179,7 @@ def test_a_span_that_takes_several_curves(run):
         assert re.search(r"LP1 .* decreasing .* branch 2, 0\.0", text)
         assert re.search(r"LP1 .* increasing .* branch 1, 1\.", text)
     code, out, _ = run("info", "w.npz")
-    assert code == 0 and f"Omega = {curve.asymptotes['last']:.9g} (behind the last point)" in out
+    assert code == 0 and f"Omega = {curve.asymptotes['last']:.9g} (beyond the last point)" in out
     assert "unbounded" in out and run("plot", "w.npz", "-o", "w.svg")[0] == 0
 
 

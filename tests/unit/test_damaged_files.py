@@ -268,7 +268,7 @@ def test_what_is_wrong_is_named(whole, tmp_path, place, value, words):
 
 
 def test_an_infinite_residual_is_named(whole, tmp_path):
-    """It was printed: worst residual inf of the forces."""
+    """It was printed: a largest residual of inf."""
     path = tmp_path / "b.npz"
     path.write_bytes(whole)
     branch = hb.load(path)

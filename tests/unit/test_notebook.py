@@ -27,7 +27,7 @@ def agg():
 def test_curve_is_a_table_and_a_figure(agg):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
     shown = curve._repr_html_()
-    assert "jumps of a slow sweep" in shown and "<td>LP1</td>" in shown and "estimated relative error" in shown
+    assert "jumps of a slow sweep" in shown and "<td>LP1</td>" in shown and "Estimated relative error" in shown
     assert "&lt;Branch in Omega" in shown and "<Branch" not in shown
     found = re.search(r"base64,([^\"]+)", shown)
     assert found and Image.open(io.BytesIO(base64.b64decode(found[1]))).size[0] > 300

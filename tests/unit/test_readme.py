@@ -179,7 +179,7 @@ def test_commands(folder, capsys):
     for jump in low.jumps():  # "from where to where"
         amplitudes = (f"{end.amplitude('pp2'):.5g}" for end in (jump.before, jump.after))
         assert all(text in out["jumps", "low.npz"] for text in (f"{jump.value:.5g}", *amplitudes))
-    assert "reached" in out["info", "low.npz"] and "worst error" in out["info", "low.npz"]
+    assert "reached" in out["info", "low.npz"] and "truncation error" in out["info", "low.npz"]
     assert Path("low_LP1.png").exists() and Path("low_sweep.png").exists()
     assert "PD1" in [p.label for p in hb.load("pair.npz").special]
     assert "merged" in out["switch", "pair.npz"] or "period" in out["switch", "pair.npz"]

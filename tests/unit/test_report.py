@@ -78,7 +78,7 @@ def test_report_has_jumps_accuracy_and_validation(page, pair):
     for word in (
         "Jumps of a slow sweep",
         "LP1",
-        "estimated relative error",
+        "Estimated relative error",
         "1 of 1 points agree",
         "mean load F_m",
         "11639"[:2],

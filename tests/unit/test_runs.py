@@ -23,7 +23,7 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
     assert up.message == "Omega = 1.5 reached" and down.message == "Omega = 0.3 reached"
     for found, way in ((up, 1), (down, -1)):
         assert (np.diff(found.values) * way >= 0).all()
-        (jump,), (before, after) = found.jumps, found.stretches
+        (jump,), (before, after) = found.jumps, found.sections
         assert before.values[-1] == after.values[0] == jump.value
         assert after.amplitude("rms", 0)[0] == jump.after.amplitude("rms")
         speeds = np.linspace(jump.value - 0.05 * way, jump.value + 0.05 * way, 11)
@@ -40,10 +40,10 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
 def test_a_run_goes_on_along_doubled_motions():
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 8), "Omega", (1.0, 0.2))
     alone = hb.analysis.run_up(curve, "down")
-    assert "loses its stability at PD1, and no curve goes on" in alone.message
+    assert "loses its stability at PD1, and no branch continues" in alone.message
     doubled = hb.switch(curve, "PD1")
     down = hb.analysis.run_up(curve, "down", [doubled])
-    assert down.message == "Omega = 0.2 reached" and down.stretches[-2].branch is doubled
+    assert down.message == "Omega = 0.2 reached" and down.sections[-2].branch is doubled
     axes = hb.plot.runs(curve, others=[doubled])
     assert sum(line.get_gid() == "on another curve" for line in axes.lines) >= 1
 
@@ -63,7 +63,7 @@ def test_figures_of_runs(curve):
     up = hb.analysis.run_up(curve, "up")
     axes = hb.plot.orders(up, (1, 3), derivative=2)
     lines = [line for line in axes.lines if line.get_gid() == "order 3"]
-    np.testing.assert_array_equal(lines[1].get_ydata(), up.stretches[1].amplitude("H3", 0, 2))
+    np.testing.assert_array_equal(lines[1].get_ydata(), up.sections[1].amplitude("H3", 0, 2))
     assert axes.get_yscale() == "log" and "acceleration of" in axes.get_ylabel()
     axes = hb.plot.waterfall(up)
     levels = [c.get_array().max() for c in axes.collections if c.get_gid() == "order 1"]

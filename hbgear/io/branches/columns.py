@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.summary import described
+from hbgear.analysis.summary import describe_changes
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import name_of_regime
@@ -80,7 +80,7 @@ def about(branch: Branch) -> dict[str, str]:
     settings = balance if isinstance(balance, dict) else {}
     out = {
         "hbgear": str(branch.meta.get("hbgear", "unknown")),
-        "model": described(branch),
+        "model": describe_changes(branch),
         "settings": ", ".join(f"{name} = {value}" for name, value in settings.items() if value is not None),
     }
     for name, value in branch.fixed.items():

@@ -1,0 +1,73 @@
+"""The lines on the reliability of a branch are true in all cases: determined, undecided and unknown stability."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.analysis.summary import reliability_lines
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(hb.Duffing(), 8), "Omega", (0.5, 1.6))
+
+
+def with_moduli(curve, first):
+    """The branch without warnings, its first points with these moduli and errors of the largest multiplier."""
+    multipliers = np.full((len(curve), 2), 0.5, dtype=complex)
+    error = np.full(len(curve), 1e-6)
+    for i, (modulus, its_error) in enumerate(first):
+        multipliers[i], error[i] = modulus, its_error
+    return replace(curve, multipliers=multipliers, modulus_error=error, special=(), jump_records=())
+
+
+def test_all_points_determined(curve):
+    first, *warnings = reliability_lines(curve)
+    assert first.startswith("Estimated relative error: special points ")
+    assert f"response {curve.relative_error:.0e}" in first
+    assert first.endswith("; stability determined at all points") and not curve.undecided.any()
+    assert warnings == [f"warning: {text}" for text in curve.warnings]
+
+
+def test_undecided_points_are_counted(curve):
+    branch = with_moduli(curve, [(1.0, 0.1), (1.0, 0.1)])
+    assert branch.undecided.sum() == 2
+    first, *warnings = reliability_lines(branch)
+    assert first.endswith(f"; stability determined at {len(curve) - 2} of {len(curve)} points")
+    assert any(line.startswith("warning: stability undecided at 2 points") for line in warnings)
+
+
+def test_points_without_multipliers_are_counted(curve):
+    branch = with_moduli(curve, [(np.nan, np.nan)])
+    assert branch.stability[0] == "unknown"
+    assert reliability_lines(branch)[0].endswith(f"; stability determined at {len(curve) - 1} of {len(curve)} points")
+
+
+def test_warnings_do_not_replace_the_errors(curve):
+    branch = with_moduli(curve, [(2.0, 1e-6)] * len(curve))
+    first, *warnings = reliability_lines(branch)
+    assert first == f"Estimated relative error: response {curve.relative_error:.0e}; stability determined at all points"
+    assert any("no point of the curve is stable" in line for line in warnings)
+
+
+def test_stability_that_was_not_computed_is_not_mentioned(curve):
+    branch = replace(curve, multipliers=None)
+    assert all("stability determined" not in line for line in reliability_lines(branch))
+
+
+def test_the_reason_for_missing_stability_is_given(curve):
+    branch = replace(curve, multipliers=None, meta={**curve.meta, "stability": "not available: no damping"})
+    assert "; stability is not available: no damping" in reliability_lines(branch)[0]
+
+
+def test_unknown_errors_are_named(curve):
+    special = (replace(curve.special[0], error=np.nan), *curve.special[1:])
+    assert f"(1 of {len(special)} unknown)" in reliability_lines(replace(curve, special=special))[0]
+    branch = replace(curve, special=(), jump_records=(), error=np.full(len(curve), np.nan))
+    assert reliability_lines(branch)[0].startswith("Estimated relative error: unknown; ")
+
+
+def test_without_error_estimates_there_are_no_lines(curve):
+    assert reliability_lines(replace(curve, meta={**curve.meta, "trace": {"accuracy": None}})) == []
