@@ -1,11 +1,11 @@
-"""Every branch in a span, also those that do not touch each other.
+"""Disconnected branches: search for all branches in a span of Omega.
 
-Continuation finds only what hangs together. Further motions at chosen frequencies are sought by deflated Newton, which
-is repelled by the motions already known,
+Continuation follows one connected branch. Further motions at chosen frequencies are searched by deflated Newton's
+method from random starts, in which known motions X_i repel the iterates,
 
     M(X) R(X) = 0,   M = prod_i (1 + 1 / |X - X_i|^2),     step  dX / (1 - (grad log M)^T dX),  dX = -J^-1 R
 
-and by following known ones in a second parameter and back. What is new is traced.
+and by continuation of known motions in a second parameter and back. Each new motion is traced.
 
 References
 ----------
@@ -39,10 +39,27 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.series.fourier import to_complex, to_real
 
+MAX_SEGMENT_DEVIATION = 0.15
+"""Distance of a branch from the straight line between two points, over their distance; points turn by at most 20 deg.
+
+A motion within this distance lies on the branch.
+"""
+
 
 @dataclass(frozen=True)
 class BranchSearch:
-    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere.
+    """Branches that `trace_all` found, with a log of the search.
+
+    Attributes
+    ----------
+    branches : tuple of Branch
+        Branches in the order in which they were found.
+    log : tuple of str
+        One line for each step of the search.
+    status : Status
+        Complete if the search was not interrupted.
+    message : str
+        Reason of an early end, and advice; empty if the search is complete.
 
     Examples
     --------
@@ -66,7 +83,7 @@ class BranchSearch:
 
 
 @checked_arguments(
-    frequencies="how many places to look at, or a list of frequencies",
+    frequencies="a number of frequencies, or a list of frequencies",
     second="a name and its range, such as ('zeta', (0.05, 0.2))",
 )
 def trace_all(
@@ -81,38 +98,48 @@ def trace_all(
     stability: bool = True,
     progress: ProgressCallback | None = None,
 ) -> BranchSearch:
-    """Every branch of periodic motions in a span of Omega that the searches below find.
+    """Search for all branches of periodic motions in a span of Omega.
 
-    The branches that start from the linear response at both ends are traced first. At each frequency deflated Newton
-    then starts from ``initial_guesses`` random motions of different size and phase; with ``second`` the known motions
-    there
-    are also followed through a range of another parameter, and wherever that curve returns to the model's value a
-    motion is taken. Every motion that lies on no branch yet is traced in its turn. A motion and its copies shifted by
-    whole periods of the excitation are one.
+    The branches from the linear response at both ends are traced first. At each frequency, deflated Newton's method
+    then starts from `guesses` random motions of different size and phase. With `second`, the known motions at this
+    frequency are also followed in another parameter; each return of the branch to the value of the model is a further
+    motion. Each motion that lies on no known branch is traced. A motion and its copies shifted by whole periods of
+    the excitation are the same motion.
 
     Parameters
     ----------
-    problem : `HarmonicBalance`; with nu > 1 subharmonic branches are found as well.
-    span : of Omega.
-    frequencies : where to look, or how many places spread over the span.
-    guesses : random starts at each frequency.
-    second : ``(name, (low, high))`` of a model parameter to go through and back.
-    seed : of the random starts; the same seed finds the same branches.
-    steps, stability : as for `trace`.
-    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
+    problem : HarmonicBalance
+        Equations. With nu > 1, subharmonic branches are found as well.
+    span : tuple of float
+        First and last value of Omega.
+    frequencies : sequence of float or int, optional
+        Frequencies of the search, or their number; a number spreads them evenly over the span. The default is 5.
+    guesses : int, optional
+        Number of random starts at each frequency. The default is 20.
+    second : tuple (str, (float, float)), optional
+        Name and range of a parameter of the model, such as ``("zeta", (0.05, 0.2))``. By default no second parameter
+        is used.
+    seed : int, optional
+        Seed of the random starts; the same seed finds the same branches. The default is 0.
+    steps : StepControl, optional
+        Step size control of the continuation, as for `trace`.
+    stability : bool, optional
+        If True (default), the stability of the points is computed.
+    progress : callable, optional
+        Function that is called with a `Progress` after each step, such as ``print``. Its fraction is unknown.
 
     Returns
     -------
-    Survey
-        Ctrl-C or an error ends it with the branches found until then, the one at work as far as it was traced;
-        ``status`` and ``message`` say so.
+    BranchSearch
+        The branches. After Ctrl-C or an error it holds the branches found before, the last one as far as it was
+        traced; ``status`` and ``message`` report the reason.
 
     Raises
     ------
     ValueError
         If no frequency lies within the span, or the number of harmonics varies.
     KeyboardInterrupt
-        If Ctrl-C comes before anything is traced.
+        If Ctrl-C is pressed before the first branch is traced.
 
     Examples
     --------
@@ -122,45 +149,46 @@ def trace_all(
     >>> len(found.branches) >= 1
     True
     """
-    problem.require_fixed_resolution("a survey")
+    problem.require_fixed_resolution("a search for all branches")
     low, high = sorted(map(float, span))
     counted("guesses", guesses, 100_000, least=0)
-    places = _places(frequencies, low, high)
+    search_frequencies = _search_frequencies(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, progress)
-    ending, place = Termination(), "on the branches from the linear response"
+    ending, where = Termination(), "on the branches from the linear response"
     try:
-        search.main()
+        search.trace_linear_responses()
         rng = np.random.default_rng(seed)
-        for Omega in places:
-            place = f"at Omega = {Omega:.5g}"
-            search.deflated(Omega, guesses, rng)
+        for Omega in search_frequencies:
+            where = f"at Omega = {Omega:.5g}"
+            search.search_by_deflation(Omega, guesses, rng)
             if second is not None:
-                search.through(Omega, *second)
+                search.search_in_parameter(Omega, *second)
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, TraceInterrupted) and error.branch.parameter == "Omega":
             search.branches += [error.branch]
         if not search.branches:
             raise
-        ending.record_error(error, place)
+        ending.record_error(error, where)
     return BranchSearch(tuple(search.branches), tuple(search.log), ending.status, ending.message_with_advice)
 
 
-def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
+def _search_frequencies(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
+    """Return the frequencies of the search from a list or their number; refuse values outside the span."""
     if isinstance(frequencies, str | float):
-        raise TypeError(f"frequencies: got {frequencies!r}; need a list of them, or how many places")
+        raise TypeError(f"frequencies: got {frequencies!r}; need a list of frequencies, or their number")
     if isinstance(frequencies, int | np.integer):
         counted("frequencies", frequencies, 10_000, least=0)
         return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
     if not isinstance(frequencies, Iterable):
-        raise ValueError(f"frequencies = {frequencies!r} must be how many, or a list of values of Omega")
-    places = [float(x) for x in frequencies]
-    if not places or not all(low <= x <= high for x in places):
-        raise ValueError(f"frequencies = {places} must lie within the span ({low:g}, {high:g})")
-    return places
+        raise ValueError(f"frequencies = {frequencies!r} must be a number of frequencies, or a list of values of Omega")
+    values = [float(x) for x in frequencies]
+    if not values or not all(low <= x <= high for x in values):
+        raise ValueError(f"frequencies = {values} must lie within the span ({low:g}, {high:g})")
+    return values
 
 
 class _Search:
-    """State of one survey."""
+    """State of a search for all branches."""
 
     def __init__(
         self,
@@ -174,19 +202,19 @@ class _Search:
         self.branches: list[Branch] = []
         self.log: list[str] = []
 
-    def say(self, text: str) -> None:
-        """Keep a line of the log and pass it on."""
+    def report(self, text: str) -> None:
+        """Append a line to the log and report it as progress."""
         self.log.append(text)
         if self.progress:
             self.progress(Progress(text=text))
 
-    def main(self) -> None:
-        """The branches that start from the linear response at either end of the span."""
+    def trace_linear_responses(self) -> None:
+        """Trace the branches that start from the linear response at the ends of the span."""
         for span in (self.span, self.span[::-1]):
             try:
                 X = self.problem.start(span[0])
             except NoConvergence as error:
-                self.say(f"no start at Omega = {span[0]:g}: {error}")
+                self.report(f"no start at Omega = {span[0]:g}: {error}")
                 continue
             if self._on_a_branch(X, span[0]):
                 continue
@@ -194,49 +222,50 @@ class _Search:
                 trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability)
             )
             self.branches.append(branch)
-            self.say(f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}")
+            self.report(
+                f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}"
+            )
 
     def known(self, Omega: float) -> list[Array]:
-        """Motions of all branches at a frequency, with their copies shifted by periods of the excitation."""
+        """Return the motions of all branches at a frequency, with their copies shifted by excitation periods."""
         out = []
         for branch in self.branches:
-            for place in crossings_at(branch, Omega):
+            for crossing in crossings_at(branch, Omega):
                 try:
-                    X = solve(self.problem, place.interpolate(branch.X), self._at(Omega)).X
+                    X = solve(self.problem, crossing.interpolate(branch.X), self._parameters_at(Omega)).X
                 except NoConvergence:
                     continue
                 out += shifts(self.problem, X)
         return _distinct(out)
 
     def _on_a_branch(self, X: Array, Omega: float) -> bool:
-        """Whether a motion, or a copy of it shifted by periods of the excitation, lies on a branch already traced."""
+        """Return whether a motion, or a copy shifted by excitation periods, lies on a branch that was traced."""
         for branch in self.branches:
-            for place in crossings_at(branch, Omega):
-                between, (a, b) = place.interpolate(branch.X), branch.X[place.index : place.index + 2]
-                # rows turn by at most 20 degrees, so that the curve stays this close to its chord
-                near = 0.15 * float(np.linalg.norm(b - a)) + 1e-6 * float(np.linalg.norm(X))
-                if any(float(np.linalg.norm(Y - between)) <= near for Y in shifts(self.problem, X)):
+            for crossing in crossings_at(branch, Omega):
+                between, (a, b) = crossing.interpolate(branch.X), branch.X[crossing.index : crossing.index + 2]
+                tolerance = MAX_SEGMENT_DEVIATION * float(np.linalg.norm(b - a)) + 1e-6 * float(np.linalg.norm(X))
+                if any(float(np.linalg.norm(Y - between)) <= tolerance for Y in shifts(self.problem, X)):
                     return True
         return False
 
-    def deflated(self, Omega: float, guesses: int, rng: np.random.Generator) -> None:
-        """New motions by deflated Newton from random starts."""
+    def search_by_deflation(self, Omega: float, guesses: int, rng: np.random.Generator) -> None:
+        """Search for new motions by deflated Newton's method from random starts, and trace their branches."""
         known = self.known(Omega)
         start = len(known)
         for guess in random_motions(self.problem, known, guesses, rng):
-            X = deflated_newton(self.problem, guess, self._at(Omega), [])
+            X = deflated_newton(self.problem, guess, self._parameters_at(Omega), [])
             if X is None or any(same_solution(X, Y) for Y in known):
-                X = deflated_newton(self.problem, guess, self._at(Omega), known)
+                X = deflated_newton(self.problem, guess, self._parameters_at(Omega), known)
             if X is not None:
                 known += shifts(self.problem, X)
-                self._take(X, Omega, "deflated Newton")
-        self.say(f"Omega = {Omega:.5g}: {start} motions known, {guesses} random starts, now {len(known)}")
+                self._trace_new(X, Omega, "deflated Newton")
+        self.report(f"Omega = {Omega:.5g}: {start} motions known, {guesses} random starts, now {len(known)}")
 
-    def through(self, Omega: float, name: str, span: tuple[float, float]) -> None:
-        """New motions by following each known one through a range of a second parameter and back."""
+    def search_in_parameter(self, Omega: float, name: str, span: tuple[float, float]) -> None:
+        """Search for new motions by continuation of each known one in a second parameter and back."""
         own = self.problem.value_of(name)
         pending = self.known(Omega)
-        for X in pending:  # grows as motions are found: each is followed in its turn
+        for X in pending:  # new motions are appended and followed as well
             for end in span:
                 if end == own:
                     continue
@@ -245,36 +274,38 @@ class _Search:
                     stability=False, special=False,
                 ))  # fmt: skip
                 back = curve.X[-1]
-                # it came back to the model's own value as another motion
+                # the branch returned to the value of the model with another motion
                 if curve.status == Status.LEFT_SPAN and not any(same_solution(back, Y) for Y in pending):
                     pending.append(back)
-                    self._take(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
-        self.say(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
+                    self._trace_new(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
+        self.report(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
 
-    def _take(self, X: Array, Omega: float, how: str) -> None:
-        """Trace the branch of a motion unless it lies on one already."""
+    def _trace_new(self, X: Array, Omega: float, how: str) -> None:
+        """Trace the branch of a motion unless the motion lies on a known branch."""
         if self._on_a_branch(X, Omega):
             return
         try:
             branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
         except NoConvergence as error:
-            self.say(f"a motion found at Omega = {Omega:.5g} by {how} could not be traced: {error}")
+            self.report(f"a motion found at Omega = {Omega:.5g} by {how} could not be traced: {error}")
             return
         self.branches.append(branch)
-        self.say(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
+        self.report(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
 
-    def _at(self, Omega: float) -> dict[str, float]:
+    def _parameters_at(self, Omega: float) -> dict[str, float]:
+        """Return all parameters with this frequency."""
         return {**self.problem.parameters, "Omega": Omega}
 
 
 def _farthest(values: Array, own: float) -> float:
+    """Return the value with the largest distance from the model's own value."""
     return float(values[np.argmax(np.abs(values - own))])
 
 
 def whole_branch(
     problem: HarmonicBalance, X: Array, Omega: float, span: tuple[float, float], steps: StepControl, stability: bool
 ) -> Branch:
-    """The whole branch through a motion inside the span: a closed curve, or from one of its ends to the other."""
+    """Return the complete branch through a motion inside the span: a closed branch, or one from end to end."""
     start = problem_point(problem, X, Omega)
     first = raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
@@ -286,19 +317,21 @@ def whole_branch(
             away, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()
         )
     if first.status is Status.MERGED:
-        start, span = _beside_end(problem, first, span)
+        start, span = _point_before_end(problem, first, span)
         return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     end = float(first.values[-1])
     other = span[0] if end == span[1] else span[1]
     return raise_if_interrupted(trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability))
 
 
-def _beside_end(
+def _point_before_end(
     problem: HarmonicBalance, branch: Branch, span: tuple[float, float]
 ) -> tuple[Point, tuple[float, float]]:
-    """A motion just before the end of a branch that merged, and the span in the order that leads away from there.
+    """Return a motion just before the end of a branch that merged, and the span with the direction away from it.
 
-    The subharmonics vanish like the square root of the distance.
+    The subharmonic amplitudes are proportional to the square root of the distance from the end: 1 % of the distance
+    to the next point leaves a tenth of the amplitudes. If the solution is the branch without subharmonics, the next
+    point is returned.
     """
     (X, Y), (end, before) = branch.X[[-1, -2]], branch.values[[-1, -2]]
     value, guess = float(end + 0.01 * (before - end)), X + 0.1 * (Y - X)
@@ -313,20 +346,21 @@ def _beside_end(
 
 
 def problem_point(problem: HarmonicBalance, X: Array, Omega: float) -> Point:
-    """A point any trace can start from."""
+    """Return a point with the unknowns X from which `trace` can start."""
     return Point(
         X, {**problem.parameters, "Omega": Omega}, 0.0, 0, None, np.zeros(problem.m, np.int8), math.nan, problem.layout
     )
 
 
 def shifts(problem: HarmonicBalance, X: Array) -> list[Array]:
-    """A motion of order nu and its copies shifted by 1, ..., nu - 1 periods of the excitation."""
+    """Return a motion of order nu and its copies shifted by 1, ..., nu - 1 periods of the excitation."""
     c, k = to_complex(X.reshape(problem.m, -1)), problem.orders
-    turns = range(problem.nu) if np.linalg.norm(problem.subharmonic_part(X)) > 1e-9 else range(1)
-    return [to_real(c * np.exp(2j * np.pi * k * j / problem.nu)).ravel() for j in turns]
+    periods = range(problem.nu) if np.linalg.norm(problem.subharmonic_part(X)) > 1e-9 else range(1)
+    return [to_real(c * np.exp(2j * np.pi * k * j / problem.nu)).ravel() for j in periods]
 
 
 def _distinct(motions: list[Array]) -> list[Array]:
+    """Return the motions without repetitions."""
     out: list[Array] = []
     for X in motions:
         if not any(same_solution(X, Y) for Y in out):
@@ -335,18 +369,18 @@ def _distinct(motions: list[Array]) -> list[Array]:
 
 
 def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
-    """Random starts: mean, lowest harmonics and phase of a size between a fifth and fifteen times the known motions."""
+    """Return random starts: mean, lowest harmonics and phases, with sizes from 1/5 to 15 times the known motions."""
     size = max([problem.solution_norm(X) for X in known] + [1e-3])
-    corners = [abs(x) for xs in problem.layout.breakpoints for x in xs]
-    size = max(size, 0.1 * max(corners, default=0.0))
+    breakpoints = [abs(x) for xs in problem.layout.breakpoints for x in xs]
+    size = max(size, 0.1 * max(breakpoints, default=0.0))
     means = [X.reshape(problem.m, -1)[:, 0] for X in known] or [np.zeros(problem.m)]
     out = []
     for i in range(count):
         c = np.zeros((problem.m, len(problem.orders)), dtype=complex)
         top = min(len(problem.orders) - 1, problem.nu + 1)
-        if i % 2:  # motions of the size of the known ones, the higher harmonics smaller
+        if i % 2:  # motions of the size of the known ones, with smaller higher harmonics
             scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, top + 1) ** -0.5
-        else:  # large ones, the excitation's own harmonic as strong as its subharmonics
+        else:  # large motions, the harmonic of the excitation as large as the subharmonics
             scale, weight = (
                 size * 10 ** rng.uniform(-0.7, 1.2),
                 np.where(problem.orders[1 : top + 1] <= problem.nu, 1, 0.5),

@@ -44,7 +44,7 @@ A_BRANCH, A_MODEL, A_PROBLEM = "needs a Branch", "needs a model", "needs a Harmo
         (lambda c: hb.jump_map(c, "zeta", (0.1, 0.2)), (A_MODEL, "got a Branch")),
         (lambda _: hb.analysis.critical_parameter(hb.SpurPair, "zeta"), (A_MODEL, "the class SpurPair", "SpurPair()")),
         (lambda _: hb.trace_all(MODEL, SPAN), (A_PROBLEM, "HarmonicBalance(model)")),
-        (lambda _: hb.trace_all(PROBLEM, SPAN, frequencies="5"), ("got '5'", "how many places")),
+        (lambda _: hb.trace_all(PROBLEM, SPAN, frequencies="5"), ("got '5'", "a number of frequencies")),
         (lambda _: hb.trace_all(PROBLEM, SPAN, second="zeta"), ("got 'zeta'", "('zeta', (0.05, 0.2))")),
         (lambda _: hb.time.integrate(PROBLEM, [0.0, 0.0], 3, 0.7), (A_MODEL, "problem.model")),
         (lambda _: hb.time.shoot(PROBLEM, 0.7, [0.0, 0.0]), (A_MODEL, "problem.model")),

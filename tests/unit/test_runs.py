@@ -28,7 +28,7 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
         assert after.amplitude("rms", 0)[0] == jump.after.amplitude("rms")
         speeds = np.linspace(jump.value - 0.05 * way, jump.value + 0.05 * way, 11)
         near = int(np.argmin(np.abs(before.values - speeds[0])))
-        start = state_of(curve.problem, before.branch.X[before.rows[near]], Omega=float(before.values[near]))
+        start = state_of(curve.problem, before.branch.X[before.points[near]], Omega=float(before.values[near]))
         swept = hb.time.sweep(hb.SpurPair(eps=(0.2,)), speeds, found.direction, start=start)
         for stretch, side in ((before, -1), (after, 1)):
             here = (swept.values - jump.value) * way * side > 1e-9
