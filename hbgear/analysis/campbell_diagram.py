@@ -1,16 +1,16 @@
-"""Natural frequencies over speed, and where orders of the excitation meet them: critical speeds.
+"""Campbell diagram: natural frequencies over speed, and critical speeds at their intersections with excitation orders.
 
     [lambda^2 M + lambda C(Omega) + K(Omega)] phi = 0,   lambda = -delta + i omega,   critical: omega = order Omega
 
-Elements act with their dampers and with their stiffness in the static equilibrium under the mean loads: a gap that is
-open there has none. Modes are followed from one speed to the next by their shapes and frequencies.
+Each element acts with its damper and with its stiffness in the static equilibrium under the mean loads; an open gap has
+no stiffness. Modes are tracked from one speed to the next by their shapes and frequencies.
 
-The sense of whirl of a mode is that of the gyroscopic forces s Omega G q' on it, |G| = (G^T G)^(1/2):
+The whirl w of a mode follows from the gyroscopic forces s Omega G q', with |G| = (G^T G)^(1/2):
 
     w = sign(s) Im(phi^H G^T phi) / (phi^H |G| phi),   -1 <= w <= 1
 
-1 if every disc tilts on a circle in the direction in which its shaft turns (forward whirl, whose frequency rises with
-speed), -1 on a circle against it (backward whirl), 0 if the tilts stay in a plane.
+w = 1 if every disc tilts on a circle in the direction of its rotation (forward whirl; the frequency rises with speed),
+w = -1 on a circle in the opposite direction (backward whirl), w = 0 if the tilts stay in a plane.
 """
 
 from __future__ import annotations
@@ -34,31 +34,43 @@ from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model, System
 
-_MOST = 1500  # coordinates whose modes are computed
+_MAX_COORDINATES = 1500
+"""Largest number of coordinates; all modes are computed by a dense eigenvalue solver."""
 
-_PHASES = 256  # of a period, at which the slope of a law is averaged
+_SLOPE_PHASES = 256
+"""Number of phases of a period over which the slope of a law is averaged."""
 
-_FAR = 1e3  # times the outermost corner of a law, where it is closed
+_CLOSED_DISTANCE_RATIO = 1e3
+"""Displacement of a closed element over its outermost breakpoint; the mean slope there is the closed stiffness."""
 
-_TILTS = 1e-9  # share of the gyroscopic terms in a mode, over the largest, above which it whirls in a sense
+_MIN_GYROSCOPIC_RATIO = 1e-9
+"""Gyroscopic term of a mode over the largest one, above which the mode has a whirl; smaller terms are rounding."""
 
-_PLANAR = 1e-3  # sense of whirl, below which the orbit is taken for a line
+_MAX_PLANAR_WHIRL = 1e-3
+"""Absolute value of the whirl below which the orbit is a line."""
 
-_OSCILLATES = 1e-9  # imaginary part of a pole, over the largest, above which a mode has a frequency
+_MIN_OSCILLATION_RATIO = 1e-9
+"""Imaginary part of a pole over the largest pole, above which the mode oscillates; smaller parts are rounding."""
 
 
 @dataclass(frozen=True)
 class CriticalSpeed:
-    """A frequency at which an order of the excitation meets a natural frequency.
+    """Intersection of an order of the excitation with a natural frequency.
 
-    Parameters
+    Attributes
     ----------
-    order : name of the order.
-    mode : number of the mode, counted from 1 at the lowest speed.
-    Omega : frequency of the excitation.
-    frequency : natural frequency there, the order times Omega.
-    damping : damping ratio of the mode there.
-    whirl : sense of whirl w of the mode there; nan without gyroscopic terms, or of a mode that they do not act on.
+    order : str
+        Name of the order.
+    mode : int
+        Number of the mode, counted from 1 at the lowest speed.
+    Omega : float
+        Frequency of the excitation.
+    frequency : float
+        Natural frequency: order times Omega.
+    damping : float
+        Damping ratio of the mode.
+    whirl : float
+        Whirl w of the mode; nan without gyroscopic terms, or if they do not act on the mode.
 
     Examples
     --------
@@ -79,17 +91,26 @@ class CriticalSpeed:
 class Campbell:
     """Natural frequencies over speed.
 
-    Parameters
+    Attributes
     ----------
-    Omega : (P,) frequencies of the excitation.
-    frequencies : (P, r) damped natural angular frequencies, a column for each mode; nan where it does not oscillate.
-    damping : (P, r) damping ratios delta / |lambda|.
-    orders : order over Omega by name.
-    critical : where orders meet modes, the lowest Omega first.
-    scales : Hz and r/min at Omega = 1, if the model knows its units.
-    whirl : (P, r) sense of whirl w; equation at the head of this file.
-    closed : names of the elements that act with a stiffness.
-    opened : names of the others, whose gaps are open.
+    Omega : ndarray, shape (P,)
+        Frequencies of the excitation.
+    frequencies : ndarray, shape (P, r)
+        Damped natural angular frequencies, one column for each mode; nan where the mode does not oscillate.
+    damping : ndarray, shape (P, r)
+        Damping ratios delta / abs(lambda).
+    orders : dict of str to float
+        Ratio of the frequency of each order to Omega.
+    critical : tuple of CriticalSpeed
+        Critical speeds, the lowest Omega first.
+    scales : dict of str to float
+        Mesh frequency [Hz] and speed [r/min] at Omega = 1; empty if the model has no units.
+    whirl : ndarray, shape (P, r)
+        Whirl w of each mode; see the equation in the module header.
+    closed : tuple of str
+        Names of the elements with a stiffness.
+    opened : tuple of str
+        Names of the other elements, whose gaps are open.
 
     Examples
     --------
@@ -115,28 +136,35 @@ def campbell(
     model: Model, span: tuple[float, float], orders: Mapping[str, float] | None = None, points: int = 101,
     modes: int | None = None, closed: Mapping[str, bool] | Sequence[bool] | bool | None = None,
 ) -> Campbell:  # fmt: skip
-    """Natural frequencies of a model over the frequency of its excitation, and its critical speeds.
+    """Compute the natural frequencies of a model over the excitation frequency, and its critical speeds.
 
     Parameters
     ----------
-    model : any `Model`; modes change with speed if its `System` has `SpeedTerms`.
-    span : (from, to) of Omega.
-    orders : order over Omega by name: 1 for the meshing of the teeth, 1/z for the shaft of a gear with z teeth; by
-        default those of the model (`Model.orders`).
-    points : P, where natural frequencies are computed; critical speeds are solved for between them.
-    modes : how many of the lowest are kept; all by default.
-    closed : which elements are in contact, and act with the mean stiffness of their laws beyond all corners: True or
-        False for all, one each, or some by name, such as {"stop": True}. By default, and of elements that are not
-        named, the contacts and the stiffness are those of the static equilibrium at the lower end of the span.
+    model : Model
+        Model. Its modes change with speed if its `System` has `SpeedTerms`.
+    span : tuple of float
+        First and last value of Omega.
+    orders : dict of str to float, optional
+        Ratio of the frequency of each order to Omega: 1 for the mesh, 1/z for the shaft of a gear with z teeth. By
+        default `Model.orders`.
+    points : int, optional
+        Number P of frequencies; critical speeds are solved for between them. The default is 101.
+    modes : int, optional
+        Number of modes, the lowest first. By default all.
+    closed : bool, sequence of bool or dict of str to bool, optional
+        Elements in contact: one value for all elements, one for each, or by name, such as ``{"stop": True}``. An
+        element in contact acts with the mean stiffness of its law beyond all breakpoints. By default, and for elements
+        that are not named, contact and stiffness are taken from the static equilibrium at the lower end of the span.
 
     Returns
     -------
-    `Campbell`
+    Campbell
+        Natural frequencies and critical speeds.
 
     Raises
     ------
     ValueError
-        If the span is empty or outside of a table, an order is not positive, ``closed`` does not fit the elements, no
+        If the span is empty or outside of a table, an order is not positive, `closed` does not fit the elements, no
         static equilibrium is found, or there are too many coordinates.
 
     Warns
@@ -162,35 +190,38 @@ def campbell(
     for name, order in named.items():
         checked("campbell", f"order '{name}'", order, POSITIVE)
     system = model.system()
-    if system.n > _MOST:
+    if system.n > _MAX_COORDINATES:
         raise ValueError(
-            f"{system.n} coordinates are too many to compute all modes of: reduce the model, hb.mechanics.reduce"
+            f"campbell: the model has {system.n} coordinates, need at most {_MAX_COORDINATES} to compute all modes; "
+            "reduce the model with hb.mechanics.reduce"
         )
     if system.speed is not None and (first not in system.speed.range or last not in system.speed.range):
         raise ValueError(
             f"the span {first:g} to {last:g} leaves the tables of the model: Omega must {system.speed.range}"
         )
     keep = system.n if modes is None else counted("modes", modes, system.n)
-    springs = _springs(model, system, closed, (first, last))
-    rotor = _Rotor(system, springs)
+    stiffness = _element_stiffness(model, system, closed, (first, last))
+    rotor = _Rotor(system, stiffness)
     Omega = np.linspace(first, last, points)
-    found, senses = _followed(rotor, Omega)
-    lowest = np.argsort([next(p.imag for p in column if np.isfinite(p)) for column in found], kind="stable")[:keep]
-    poles, whirl = (np.array([each[i] for i in lowest]).T.reshape(points, -1) for each in (found, senses))
-    meetings = [one for name, ratio in named.items() for i in range(poles.shape[1])
-                for one in _critical(rotor, Omega, poles[:, i], name, ratio, i + 1)]  # fmt: skip
+    mode_poles, mode_whirls = _track_modes(rotor, Omega)
+    starts = [next(p.imag for p in column if np.isfinite(p)) for column in mode_poles]
+    lowest = np.argsort(starts, kind="stable")[:keep]
+    poles, whirl = (np.array([each[i] for i in lowest]).T.reshape(points, -1) for each in (mode_poles, mode_whirls))
+    crossings = [one for name, ratio in named.items() for i in range(poles.shape[1])
+                 for one in _critical_speeds(rotor, Omega, poles[:, i], name, ratio, i + 1)]  # fmt: skip
     with np.errstate(invalid="ignore"):
         damping = -poles.real / np.abs(poles)
     names = [e.name for e in system.elements]
-    shut, free = (tuple(n for n, k in zip(names, springs, strict=True) if (k != 0) == side) for side in (True, False))
-    critical = tuple(sorted(meetings, key=lambda one: one.Omega))
-    return Campbell(Omega, poles.imag, damping, named, critical, scales(model, {}), whirl, shut, free)
+    in_contact = tuple(name for name, k in zip(names, stiffness, strict=True) if k != 0)
+    opened = tuple(name for name, k in zip(names, stiffness, strict=True) if k == 0)
+    critical = tuple(sorted(crossings, key=lambda one: one.Omega))
+    return Campbell(Omega, poles.imag, damping, named, critical, scales(model, {}), whirl, in_contact, opened)
 
 
-def _springs(
+def _element_stiffness(
     model: Model, system: System, closed: Mapping[str, bool] | Sequence[bool] | bool | None, span: tuple[float, float]
 ) -> Array:
-    """Stiffness of each element (m,)."""
+    """Return the stiffness of each element, shape (m,)."""
     system.check_matrices()
     names = [e.name for e in system.elements]
     given: list[bool | None]
@@ -205,42 +236,58 @@ def _springs(
     if len(given) != len(names):
         raise ValueError(f"closed has {len(given)} entries; need {len(names)}, one for each element")
     if None not in given:
-        return np.array([_stiffness(e.law, bool(shut)) for e, shut in zip(system.elements, given, strict=True)])
-    at_rest = _static(model, span, [i for i, shut in enumerate(given) if shut is None], names)
-    return np.array([at_rest[i] if shut is None else _stiffness(e.law, shut)
-                     for i, (e, shut) in enumerate(zip(system.elements, given, strict=True))])  # fmt: skip
+        return np.array([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, given, strict=True)])
+    static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(given) if state is None], names)
+    return np.array([static[i] if state is None else _mean_slope(e.law, state)
+                     for i, (e, state) in enumerate(zip(system.elements, given, strict=True))])  # fmt: skip
 
 
-def _static(model: Model, span: tuple[float, float], asked: Sequence[int], names: Sequence[str]) -> Array:
-    """Stiffness of all elements in the static equilibrium at the lower end of the span (m,)."""
+def _equilibrium_stiffness(
+    model: Model, span: tuple[float, float], elements: Sequence[int], names: Sequence[str]
+) -> Array:
+    """Return the stiffness of all elements in the static equilibrium at the lower end of the span, shape (m,).
+
+    Warn if the contact of one of the numbered elements differs at the upper end.
+    """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # one harmonic is enough for a static state
+        warnings.simplefilter("ignore")  # one harmonic is enough for a static equilibrium
         compiled = HarmonicBalance(model, 1).compiled({})
     first, last = (static_stiffness(compiled, Omega) for Omega in span)
     if first is None or last is None:
         raise ValueError(
-            "campbell: no static equilibrium is found at the ends of the span; say of every element whether it is "
-            f"closed: closed={{{', '.join(f'{names[i]!r}: True' for i in asked)}}}"
+            "campbell: no static equilibrium is found at the ends of the span; give the state of each element: "
+            f"closed={{{', '.join(f'{names[i]!r}: True' for i in elements)}}}"
         )
-    changed = [names[i] for i in asked if (first[i] != 0) != (last[i] != 0)]
+    changed = [names[i] for i in elements if (first[i] != 0) != (last[i] != 0)]
     if changed:
         warnings.warn(
             f"{', '.join(changed)}: the contact changes between the static equilibria at Omega = {span[0]:g} and "
-            f"{span[1]:g}; natural frequencies are those with the contacts at {span[0]:g}",
+            f"{span[1]:g}; natural frequencies are computed with the contacts at {span[0]:g}; set them with closed=",
             stacklevel=4,
         )
     return first
 
 
-def _stiffness(law: Law, shut: bool) -> float:
-    """Mean slope over a period of a law at rest; of one with corners that is shut, beyond all of them."""
-    tau = 2 * np.pi * np.arange(_PHASES) / _PHASES
-    far = _FAR * max(1.0, *map(abs, law.breakpoints)) if shut and law.breakpoints else 0.0
-    return max(float(law.force(np.full(_PHASES, d), np.zeros(_PHASES), tau)[1].mean()) for d in (far, -far))
+def _mean_slope(law: Law, closed: bool) -> float:
+    """Return the mean slope of a law over a period at zero displacement, or beyond all breakpoints if it is closed."""
+    tau = 2 * np.pi * np.arange(_SLOPE_PHASES) / _SLOPE_PHASES
+    outside = _CLOSED_DISTANCE_RATIO * max(1.0, *map(abs, law.breakpoints)) if closed and law.breakpoints else 0.0
+    slopes = (law.force(np.full(_SLOPE_PHASES, d), np.zeros(_SLOPE_PHASES), tau)[1] for d in (outside, -outside))
+    return max(float(slope.mean()) for slope in slopes)
 
 
 def whirl_word(whirl: float) -> str:
-    """forward, backward, or planar; "-" if the sense of whirl is not known (nan).
+    """Return the whirl of a mode as a word.
+
+    Parameters
+    ----------
+    whirl : float
+        Whirl w from -1 to 1, or nan.
+
+    Returns
+    -------
+    str
+        "forward", "backward" or "planar"; "-" for nan.
 
     Examples
     --------
@@ -249,57 +296,58 @@ def whirl_word(whirl: float) -> str:
     """
     if math.isnan(whirl):
         return "-"
-    if abs(whirl) < _PLANAR:
+    if abs(whirl) < _MAX_PLANAR_WHIRL:
         return "planar"
     return "forward" if whirl > 0 else "backward"
 
 
 class _Rotor:
-    """Poles with positive frequency and their shapes at any Omega."""
+    """Linear system with constant element stiffness: poles with positive frequency and mode shapes at any Omega."""
 
-    def __init__(self, system: System, springs: Array) -> None:
+    def __init__(self, system: System, stiffness: Array) -> None:
         system.check_matrices()
         self.system, self.n = system, system.n
         W, dampers = system.W, np.array([e.damping for e in system.elements])
         self.inverse = np.linalg.inv(dense(system.M))
         self.gyroscopic = _gyroscopic(system)
-        self.tilting = 0.0 if self.gyroscopic is None else float(np.abs(self.inverse @ self.gyroscopic[1]).max())
-        self.more = (W * springs) @ W.T, (W * dampers) @ W.T
+        scaled = None if self.gyroscopic is None else np.abs(self.inverse @ self.gyroscopic[1])
+        self.gyroscopic_scale = 0.0 if scaled is None else float(scaled.max())
+        self.element_matrices = (W * stiffness) @ W.T, (W * dampers) @ W.T
 
     def modes(self, Omega: float) -> tuple[ComplexArray, ComplexArray, Array]:
-        """(r,) poles, lowest frequency first, unit shapes (n, r) scaled by the masses, and senses of whirl (r,)."""
+        """Return poles (r,) with ascending frequency, mass-scaled unit shapes (n, r) and the whirl (r,) of the modes."""
         system = self.system.at_speed(Omega)
-        K, C = (self.inverse @ (dense(A) + B) for A, B in zip((system.K, system.C), self.more, strict=True))
-        clock = np.sqrt(np.abs(K).max()) or 1.0
-        A = np.block([[np.zeros_like(K), clock * np.eye(self.n)], [-K / clock, -C]])
+        K, C = (self.inverse @ (dense(A) + B) for A, B in zip((system.K, system.C), self.element_matrices, strict=True))
+        rate = np.sqrt(np.abs(K).max()) or 1.0  # scales the velocities
+        A = np.block([[np.zeros_like(K), rate * np.eye(self.n)], [-K / rate, -C]])
         poles, V = scipy.linalg.eig(A)
-        some = np.flatnonzero(poles.imag > _OSCILLATES * np.abs(poles).max(initial=0.0))
-        some = some[np.argsort(poles[some].imag, kind="stable")]
-        whirl = self._whirl(V[: self.n, some])
-        shapes = V[: self.n, some] / np.sqrt(np.abs(np.diag(self.inverse)))[:, None]
-        return poles[some], shapes / np.linalg.norm(shapes, axis=0), whirl
+        kept = np.flatnonzero(poles.imag > _MIN_OSCILLATION_RATIO * np.abs(poles).max(initial=0.0))
+        kept = kept[np.argsort(poles[kept].imag, kind="stable")]
+        whirl = self._whirl(V[: self.n, kept])
+        shapes = V[: self.n, kept] / np.sqrt(np.abs(np.diag(self.inverse)))[:, None]
+        return poles[kept], shapes / np.linalg.norm(shapes, axis=0), whirl
 
     def _whirl(self, shapes: ComplexArray) -> Array:
-        """Sense of whirl of shapes (n, r); nan of those on which the gyroscopic terms do not act."""
+        """Return the whirl of mode shapes (n, r); nan where the gyroscopic terms do not act."""
         if self.gyroscopic is None:
             return np.full(shapes.shape[1], np.nan)
-        G, size = self.gyroscopic
-        turning = -np.einsum("ir,ij,jr->r", shapes.conj(), G, shapes).imag
-        tilting = np.einsum("ir,ij,jr->r", shapes.conj(), size, shapes).real
+        G, absolute = self.gyroscopic
+        signed = -np.einsum("ir,ij,jr->r", shapes.conj(), G, shapes).imag
+        size = np.einsum("ir,ij,jr->r", shapes.conj(), absolute, shapes).real
         mass = np.einsum("ir,ij,jr->r", shapes.conj(), dense(self.system.M), shapes).real
-        acts = tilting > _TILTS * self.tilting * np.abs(mass)
-        sense: Array = np.divide(turning, tilting, out=np.full(len(acts), np.nan), where=acts)
-        return sense
+        acts = size > _MIN_GYROSCOPIC_RATIO * self.gyroscopic_scale * np.abs(mass)
+        whirl: Array = np.divide(signed, size, out=np.full(len(acts), np.nan), where=acts)
+        return whirl
 
-    def near(self, Omega: float, guess: complex) -> tuple[complex, float]:
-        """The pole at Omega that is nearest to a guess, and its sense of whirl."""
+    def nearest_pole(self, Omega: float, guess: complex) -> tuple[complex, float]:
+        """Return the pole at Omega that is nearest to a guess, and the whirl of its mode."""
         poles, _, whirl = self.modes(Omega)
         i = np.argmin(np.abs(poles - guess))
         return complex(poles[i]), float(whirl[i])
 
 
 def _gyroscopic(system: System) -> tuple[Array, Array] | None:
-    """sign(s) G and |G| = (G^T G)^(1/2), both (n, n); None if no gyroscopic terms change with speed."""
+    """Return sign(s) G and (G^T G)^(1/2), both (n, n); None without gyroscopic terms that change with speed."""
     speed = system.speed
     if speed is None or speed.gyroscopic is None or not speed.ratio:
         return None
@@ -308,52 +356,56 @@ def _gyroscopic(system: System) -> tuple[Array, Array] | None:
     return G, ((vectors * np.abs(values)) @ vectors.conj().T).real
 
 
-def _followed(rotor: _Rotor, Omega: Array) -> tuple[list[ComplexArray], list[Array]]:
-    """Poles (P,) of every mode that oscillates at any of the speeds, and their senses of whirl; nan where not."""
+def _track_modes(rotor: _Rotor, Omega: Array) -> tuple[list[ComplexArray], list[Array]]:
+    """Return poles (P,) and whirl (P,) of each mode that oscillates at any of the speeds; nan where it does not.
+
+    Modes of adjacent speeds are assigned to each other by the smallest total of 1 - MAC + 4 d, with the modal assurance
+    criterion MAC of the shapes and the relative distance d of the poles.
+    """
     columns: list[ComplexArray] = []
-    senses: list[Array] = []
-    last: list[tuple[complex, ComplexArray]] = []  # pole and shape when the mode was last seen
+    whirls: list[Array] = []
+    last: list[tuple[complex, ComplexArray]] = []  # pole and shape of each mode at the last speed where it oscillates
     for p, w in enumerate(Omega.tolist()):
         poles, shapes, whirl = rotor.modes(w)
-        pairs: dict[int, int] = {}
+        column_of: dict[int, int] = {}
         if columns:
-            seen = np.array([pole for pole, _ in last])
-            alike = np.abs(np.array([shape.conj() @ shapes for _, shape in last])) ** 2
-            apart = np.abs(seen[:, None] - poles) / (np.abs(seen[:, None]) + np.abs(poles))
-            rows, taken = scipy.optimize.linear_sum_assignment(1 - alike + 4 * apart)
-            pairs = dict(zip(taken.tolist(), rows.tolist(), strict=True))
+            previous = np.array([pole for pole, _ in last])
+            assurance = np.abs(np.array([shape.conj() @ shapes for _, shape in last])) ** 2
+            distance = np.abs(previous[:, None] - poles) / (np.abs(previous[:, None]) + np.abs(poles))
+            old, new = scipy.optimize.linear_sum_assignment(1 - assurance + 4 * distance)
+            column_of = dict(zip(new.tolist(), old.tolist(), strict=True))
         for j, pole in enumerate(poles.tolist()):
-            if j not in pairs:
+            if j not in column_of:
                 columns.append(np.full(len(Omega), np.nan, dtype=complex))
-                senses.append(np.full(len(Omega), np.nan))
+                whirls.append(np.full(len(Omega), np.nan))
                 last.append((pole, shapes[:, j]))
-                pairs[j] = len(columns) - 1
-            columns[pairs[j]][p], last[pairs[j]] = pole, (pole, shapes[:, j])
-            senses[pairs[j]][p] = whirl[j]
-    return columns, senses
+                column_of[j] = len(columns) - 1
+            columns[column_of[j]][p], last[column_of[j]] = pole, (pole, shapes[:, j])
+            whirls[column_of[j]][p] = whirl[j]
+    return columns, whirls
 
 
-def _critical(
+def _critical_speeds(
     rotor: _Rotor, Omega: Array, poles: ComplexArray, name: str, ratio: float, mode: int
 ) -> list[CriticalSpeed]:
-    """Where the order meets the mode, between the speeds at which the poles (P,) are known."""
+    """Return the intersections of an order with a mode of known poles (P,)."""
     out = []
-    beyond = poles.imag - ratio * Omega
-    for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0).tolist():
-        if beyond[i + 1] == 0 and i + 2 < len(Omega):
-            continue  # found from the next piece
+    difference = poles.imag - ratio * Omega
+    for i in np.flatnonzero(difference[:-1] * difference[1:] <= 0).tolist():
+        if difference[i + 1] == 0 and i + 2 < len(Omega):
+            continue  # the next interval starts with this root
 
         def pole(w: float, i: int = i) -> tuple[complex, float]:
-            share = (w - Omega[i]) / (Omega[i + 1] - Omega[i])
-            return rotor.near(w, complex(poles[i] + share * (poles[i + 1] - poles[i])))
+            fraction = (w - Omega[i]) / (Omega[i + 1] - Omega[i])
+            return rotor.nearest_pole(w, complex(poles[i] + fraction * (poles[i + 1] - poles[i])))
 
-        def apart(w: float, pole: object = pole) -> float:
+        def frequency_difference(w: float, pole: object = pole) -> float:
             return pole(w)[0].imag - ratio * w  # type: ignore[operator, no-any-return]
 
         ends = float(Omega[i]), float(Omega[i + 1])
-        if apart(ends[0]) * apart(ends[1]) > 0:
+        if frequency_difference(ends[0]) * frequency_difference(ends[1]) > 0:
             continue
-        at = float(scipy.optimize.brentq(apart, *ends, xtol=1e-15 * ends[1], rtol=1e-14))
-        here, whirl = pole(at)
-        out.append(CriticalSpeed(name, mode, at, here.imag, -here.real / (abs(here) or 1.0), whirl))
+        root = float(scipy.optimize.brentq(frequency_difference, *ends, xtol=1e-15 * ends[1], rtol=1e-14))
+        here, whirl = pole(root)
+        out.append(CriticalSpeed(name, mode, root, here.imag, -here.real / (abs(here) or 1.0), whirl))
     return out
