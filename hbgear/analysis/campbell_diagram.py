@@ -197,7 +197,7 @@ def campbell(
         )
     if system.speed is not None and (first not in system.speed.range or last not in system.speed.range):
         raise ValueError(
-            f"the span {first:g} to {last:g} leaves the tables of the model: Omega must {system.speed.range}"
+            f"the span {first:g} to {last:g} exceeds the tables of the model: Omega must {system.speed.range}"
         )
     keep = system.n if modes is None else counted("modes", modes, system.n)
     stiffness = _element_stiffness(model, system, closed, (first, last))

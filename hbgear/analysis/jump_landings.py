@@ -1,9 +1,9 @@
-"""Where the jumps of several branches land: on the same curve, or on another one that was traced.
+"""Landings of jumps on several branches: stable motions of the same branch or of another traced branch.
 
-A sweep that leaves a curve lands on a stable motion at the same parameter: of the same curve, of unconnected ones, or
-of another period. Which of several it is, their basins decide, which `hbgear.time.jump_integration` asks by
-integration.
-Where that was not asked, the nearest is taken, whatever the phases; see `hbgear.continuation.tracing.jumps.nearest`.
+At a jump the sweep lands on a stable motion at the same parameter: of the same branch, of a disconnected one, or of one
+with another period. If several motions are stable, their basins of attraction determine the landing;
+`hbgear.time.jump_integration` integrates it. Otherwise the nearest stable motion is taken, independent of the phases;
+see `hbgear.continuation.tracing.jumps.nearest`.
 """
 
 from __future__ import annotations
@@ -21,21 +21,29 @@ from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.tracing.jumps import monitored_points, motions_at, nearest
 from hbgear.harmonic.equations.layout import Layout, layout_of
 
-_DECIDED = ("integrate", BIFURCATING)  # landings that are not those of the nearest motion
+_KEPT_LANDINGS = ("integrate", BIFURCATING)
+"""Kinds of landings that are kept; any other landing is the nearest stable motion."""
 
+MAX_MOTION_DIFFERENCE = 0.02
+"""Largest rms difference of two motions that are the same, relative to their alternating part.
 
-SAME = 0.02
-"""Difference of two motions at one parameter, relative to their size, that harmonics left out may make."""
+Allows for truncated harmonics: the two motions may have different numbers of harmonics.
+"""
 
-
-_SAMPLES = 128  # of one period of the excitation, where motions are compared
+_COMPARED_SAMPLES = 128
+"""Number of samples of one period of the excitation at which two motions are compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class Landing:
-    """A jump, and the position in the sequence given of the branch on which it ends; None if it ends on none of them.
+    """Jump with the branch on which it lands.
 
-    ``jump.after`` is the motion there, ``jump.candidates`` all that were considered.
+    Attributes
+    ----------
+    jump : Jump
+        Jump; ``after`` is the motion on which it lands, ``candidates`` are all motions that were compared.
+    branch : int or None
+        Number of the branch in the given sequence. None if the jump lands on no branch of the sequence.
     """
 
     jump: Jump
@@ -43,39 +51,81 @@ class Landing:
 
 
 def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
-    """For each branch its jumps in their order, landing on any of the branches.
+    """Return the jumps of each branch, with landings on any of the branches.
 
-    Other branches count if they are curves in the same parameter with all others at the same values. Jumps that were
-    decided by integration stay as they are.
+    Another branch is considered if it has the same parameter and equal fixed parameters. Landings that were integrated
+    are kept.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Branches that know their jumps.
+
+    Returns
+    -------
+    tuple of tuple of Landing
+        For each branch the landings in the order of its jumps.
     """
     return tuple(tuple(_landing(branches, i, jump) for jump in branch.jumps()) for i, branch in enumerate(branches))
 
 
 def _landing(branches: Sequence[Branch], own: int, jump: Jump) -> Landing:
+    """Return the landing of a jump of the branch with number `own`."""
     known = candidates(branches, own, jump)
     points = tuple(point for point, _ in known)
-    after = jump.after if jump.landing in _DECIDED else nearest(jump.before, points)
+    after = jump.after if jump.landing in _KEPT_LANDINGS else nearest(jump.before, points)
     if after is None:
         return Landing(replace(jump, candidates=points), None)
-    mine = [point for point, i in known if i == own]
-    at = same_motion(after, mine)  # the curve of another trace may be the same one: then it stays on its own
-    place = at if at is not None else same_motion(after, points)
-    if place is None:
+    # another trace may have passed the same branch: motions of the own branch come first
+    own_points = [point for point, i in known if i == own]
+    own_index = same_motion(after, own_points)
+    index = own_index if own_index is not None else same_motion(after, points)
+    if index is None:
         return Landing(replace(jump, candidates=points), None)
-    after = after if jump.landing in _DECIDED else points[place]
-    return Landing(replace(jump, after=after, candidates=points), known[place][1])
+    after = after if jump.landing in _KEPT_LANDINGS else points[index]
+    return Landing(replace(jump, after=after, candidates=points), known[index][1])
 
 
 def candidates(branches: Sequence[Branch], own: int, jump: Jump) -> list[tuple[Point, int]]:
-    """Stable motions at the value of a jump of one of some branches, with the positions of their branches."""
-    mine = jump.candidates
-    if not mine and jump.after is not None and jump.landing == "nearest":  # of a file that does not tell the candidates
-        mine = (jump.after,)
-    return [(point, own) for point in mine] + stable_motions(branches, own, jump.value)
+    """Return the stable motions at the value of a jump, with the numbers of their branches.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Branches.
+    own : int
+        Number of the branch of the jump.
+    jump : Jump
+        Jump.
+
+    Returns
+    -------
+    list of tuple (Point, int)
+        Motions of the own branch first.
+    """
+    points = jump.candidates
+    if not points and jump.after is not None and jump.landing == "nearest":  # branch from a file without candidates
+        points = (jump.after,)
+    return [(point, own) for point in points] + stable_motions(branches, own, jump.value)
 
 
 def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[tuple[Point, int]]:
-    """Stable motions at a value of the parameter on the branches that go with one of them, with their positions."""
+    """Return the stable motions of the other branches at a value of the parameter, with the numbers of their branches.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Branches.
+    own : int
+        Number of the branch that is left out. Another branch is considered if its parameters are comparable.
+    value : float
+        Value of the parameter.
+
+    Returns
+    -------
+    list of tuple (Point, int)
+        Motions with the numbers of their branches.
+    """
     return [
         (point, i)
         for i, other in enumerate(branches)
@@ -85,16 +135,31 @@ def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[t
 
 
 def _comparable(one: Branch, other: Branch) -> bool:
-    """Whether both are curves in the same parameter of the same machine, the other parameters equal."""
+    """Return whether two branches have the same parameter, the same elements and equal fixed parameters."""
     if one.parameter != other.parameter or one.fixed.keys() != other.fixed.keys() or one.tracked or other.tracked:
         return False
-    mine, others = layout_of(one), layout_of(other)
-    known = mine is not None and others is not None and mine.elements == others.elements
-    return known and bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
+    first, second = layout_of(one), layout_of(other)
+    same_elements = first is not None and second is not None and first.elements == second.elements
+    return same_elements and bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
 
 
 def stable_points(branch: Branch, value: float) -> list[Point]:
-    """Stable motions at the value: solved for if the branch knows its problem, else between two stable rows."""
+    """Return the stable motions of a branch at a value of its parameter.
+
+    They are solved for if the branch knows its problem. Otherwise they are interpolated between two stable points.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with stability.
+    value : float
+        Value of the parameter.
+
+    Returns
+    -------
+    list of Point
+        Stable motions.
+    """
     if branch.problem is not None:
         return [
             point
@@ -104,43 +169,61 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
     if branch.stable is None:
         return []
     found = []
-    for place in crossings_at(branch, value):
-        if all(branch.stable[i] for i in place.points):
-            near, X = branch[place.nearest], place.interpolate(branch.X)
+    for crossing in crossings_at(branch, value):
+        if all(branch.stable[i] for i in crossing.points):
+            near, X = branch[crossing.nearest], crossing.interpolate(branch.X)
             found.append(replace(near, X=X, parameters={**near.parameters, branch.parameter: value}, label=""))
     return found
 
 
-def same_motion(motion: Point, others: Sequence[Point], most: float = SAME) -> int | None:
-    """Which of several motions at the same parameter this one is, phase included; None if it is none of them.
+def same_motion(motion: Point, others: Sequence[Point], tolerance: float = MAX_MOTION_DIFFERENCE) -> int | None:
+    """Return the number of the motion that equals a given motion at the same parameter, including its phase.
 
-    most : largest difference relative to the size of the motion.
+    Motions may differ in resolution and period, and by a shift of whole periods of the excitation. Solutions of the
+    same equations are compared by `hbgear.continuation.solvers.deflation.same_solution`, with a tolerance of Newton's
+    method.
+
+    Parameters
+    ----------
+    motion : Point
+        Motion.
+    others : sequence of Point
+        Motions of the same elements.
+    tolerance : float, optional
+        Largest rms difference relative to the alternating part. The default is `MAX_MOTION_DIFFERENCE`.
+
+    Returns
+    -------
+    int or None
+        Number of the nearest of the others. None if each difference exceeds the tolerance.
     """
-    apart = [_difference(motion, other) for other in others]
-    best = int(np.argmin(apart)) if apart else -1
-    return best if apart and apart[best] <= most else None
+    differences = [_relative_difference(motion, other) for other in others]
+    best = int(np.argmin(differences)) if differences else -1
+    return best if differences and differences[best] <= tolerance else None
 
 
-def _difference(one: Point, other: Point) -> float:
-    """Rms difference of two motions of any periods over the rms of the alternating part of the larger.
+def _relative_difference(one: Point, other: Point) -> float:
+    """Return the rms difference of two motions over the rms of the larger alternating part.
 
-    Motions may lie whole periods of the excitation apart.
+    It is the minimum over shifts by whole periods of the excitation.
     """
     nu = math.lcm(_layout(one).nu, _layout(other).nu)
     a, b = _sampled(one, nu), _sampled(other, nu)
-    apart = min(float(np.sqrt(np.mean((a - np.roll(b, k * _SAMPLES, axis=1)) ** 2))) for k in range(nu))
+    shifted = (np.roll(b, k * _COMPARED_SAMPLES, axis=1) for k in range(nu))
+    difference = min(float(np.sqrt(np.mean((a - x) ** 2))) for x in shifted)
     size = max(float(np.sqrt(np.mean((x - x.mean(axis=1, keepdims=True)) ** 2))) for x in (a, b))
-    return apart / (size or 1.0)
+    return difference / (size or 1.0)
 
 
 def _sampled(point: Point, nu: int) -> np.ndarray:
-    """Values of every element over nu periods of the excitation, (m, nu * samples)."""
+    """Return the displacements of all elements over nu periods of the excitation, shape (m, nu * samples)."""
     layout = _layout(point)
-    rows = [point.samples(j, _SAMPLES * layout.nu)[1] for j in range(len(layout.elements))]
-    return np.tile(rows, (1, nu // layout.nu))
+    samples = [point.samples(j, _COMPARED_SAMPLES * layout.nu)[1] for j in range(len(layout.elements))]
+    return np.tile(samples, (1, nu // layout.nu))
 
 
 def _layout(point: Point) -> Layout:
+    """Return the layout of a motion."""
     layout = layout_of(point)
-    assert layout is not None  # else the branches are not comparable
+    assert layout is not None  # otherwise the branches are not comparable
     return layout

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.analysis.jump_landings import SAME, landings
+from hbgear.analysis.jump_landings import MAX_MOTION_DIFFERENCE, landings
 from hbgear.continuation.solvers.newton import solve
 from hbgear.time.integration import state_of
 from hbgear.time.jump_integration import JumpOutcome, arrivals, integrate_jumps, landed
@@ -70,7 +70,7 @@ def is_where(curve, Omega, samples, point):
         return False
     X = solve(curve.problem, point.X, {"Omega": Omega}).X
     d = curve.layout.samples(X, 0, 256, 0)[1]
-    return np.sqrt(np.mean((samples - np.tile(d, 2)) ** 2)) <= SAME * samples.std()
+    return np.sqrt(np.mean((samples - np.tile(d, 2)) ** 2)) <= MAX_MOTION_DIFFERENCE * samples.std()
 
 
 def test_several_stable_motions_and_the_right_one(fixed):
