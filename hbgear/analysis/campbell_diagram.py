@@ -315,7 +315,7 @@ class _Rotor:
         self.element_matrices = (W * stiffness) @ W.T, (W * dampers) @ W.T
 
     def modes(self, Omega: float) -> tuple[ComplexArray, ComplexArray, Array]:
-        """Return poles (r,) with ascending frequency, mass-scaled unit shapes (n, r) and the whirl (r,) of the modes."""
+        """Return poles (r,) with ascending frequency, mass-scaled unit shapes (n, r) and their whirl (r,)."""
         system = self.system.at_speed(Omega)
         K, C = (self.inverse @ (dense(A) + B) for A, B in zip((system.K, system.C), self.element_matrices, strict=True))
         rate = np.sqrt(np.abs(K).max()) or 1.0  # scales the velocities

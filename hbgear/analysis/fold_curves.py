@@ -1,4 +1,4 @@
-"""Folds of response curves, followed in a design parameter: what jump maps and critical values have in common."""
+"""Folds of response curves in a design parameter: common functions of jump maps and critical parameters."""
 
 from __future__ import annotations
 
@@ -18,26 +18,33 @@ from hbgear.mechanics.models import Model
 
 
 def report_progress(progress: ProgressCallback | None, text: str) -> None:
-    """Pass a line of progress on."""
+    """Report a line of text as progress, if a function for it is given."""
     if progress:
         progress(Progress(text=text))
 
 
 def problem_of(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
-    """The harmonic balance of a model; one that is given as it is."""
+    """Return the harmonic balance of a model; a given `HarmonicBalance` is returned as it is."""
     counted("harmonics", harmonics)
     return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
 
 
 def check_parameter(problem: HarmonicBalance, parameter: str) -> None:
-    """Refuse a parameter in which folds cannot be followed, and a number of harmonics that varies.
+    """Raise an error if folds cannot be followed in a parameter, or the number of harmonics varies.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Equations.
+    parameter : str
+        Name of the parameter.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If it is Omega, or ``harmonics="auto"``.
+        If the parameter is Omega, or ``harmonics="auto"``.
     """
     problem.require_fixed_resolution("following folds")
     problem.check_parameter(parameter)
@@ -51,7 +58,24 @@ def check_parameter(problem: HarmonicBalance, parameter: str) -> None:
 def response_curve(
     problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None
 ) -> Branch:
-    """Response curve at a value of a parameter, over a range of Omega or the model's own, without stability."""
+    """Trace the response curve at a value of a parameter over a range of Omega, without stability.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Equations.
+    parameter : str
+        Name of the parameter.
+    value : float
+        Value of the parameter.
+    frequencies : tuple of float or None
+        Range of Omega. None for the range of the model.
+
+    Returns
+    -------
+    Branch
+        Response curve.
+    """
     span = problem.model.default_span if frequencies is None else frequencies
     return raise_if_interrupted(
         trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False, accuracy=None)
@@ -59,17 +83,41 @@ def response_curve(
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
-    """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
+    """Return whether a fold lies on a fold curve: the fold of the curve at the same value has the same frequency.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Equations.
+    fold : Branch
+        Fold curve in the parameter, with Omega in ``tracked``.
+    point : Point
+        Fold of a response curve.
+    parameter : str
+        Name of the parameter.
+
+    Returns
+    -------
+    bool
+        True if the frequencies agree to `SAME_FOLD_TOLERANCE`.
+    """
     value = point.parameters[parameter]
-    for place in crossings_at(fold, value):
-        Omega = float(place.interpolate(fold.tracked["Omega"]))
-        if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
+    for crossing in crossings_at(fold, value):
+        Omega = float(crossing.interpolate(fold.tracked["Omega"]))
+        if abs(Omega - point.parameters["Omega"]) > MAX_FOLD_DISTANCE * Omega:
             continue
-        U = np.append(place.interpolate(fold.X), Omega)
+        U = np.append(crossing.interpolate(fold.X), Omega)
         try:
-            there = solve(FoldProblem(problem), U, {**fold.parameters_at(place.index), parameter: value}).X
+            solved = solve(FoldProblem(problem), U, {**fold.parameters_at(crossing.index), parameter: value}).X
         except NoConvergence:
             continue
-        if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:
+        if abs(solved[-1] - point.parameters["Omega"]) < SAME_FOLD_TOLERANCE * Omega:
             return True
     return False
+
+
+MAX_FOLD_DISTANCE = 0.05
+"""Difference of two frequencies, relative, above which folds are different without solving for them."""
+
+SAME_FOLD_TOLERANCE = 1e-6
+"""Difference of the frequencies of two folds, relative, below which they are the same."""

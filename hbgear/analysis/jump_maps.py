@@ -1,7 +1,7 @@
-"""Jump maps and critical values: where jumps are, and for which design they vanish.
+"""Jump maps: frequencies of jumps over a design parameter.
 
-A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve; where the two
-folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
+A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve. At a cusp of
+this curve two folds meet, and the jump appears or vanishes.
 
 References
 ----------
@@ -38,10 +38,16 @@ from hbgear.mechanics.models import Model
 
 @dataclass(frozen=True)
 class Arm:
-    """A piece of a fold curve on which the parameter is monotonic.
+    """Section of a fold curve on which the parameter is monotonic.
 
-    values, Omega (P,): the parameter, ascending, and the jump frequency; direction: +1 if a sweep jumps there while
-    Omega rises, -1 while it falls.
+    Attributes
+    ----------
+    values : ndarray, shape (P,)
+        Ascending values of the parameter.
+    Omega : ndarray, shape (P,)
+        Frequencies of the jump.
+    direction : {1, -1}
+        1 if a sweep with rising Omega jumps there, -1 for falling Omega.
     """
 
     values: Array
@@ -49,23 +55,34 @@ class Arm:
     direction: int
 
     def at(self, value: float) -> float:
-        """Jump frequency at a value of the parameter; nan outside the arm."""
+        """Return the jump frequency at a value of the parameter; nan outside the section."""
         return float(np.interp(value, self.values, self.Omega, left=math.nan, right=math.nan))
 
 
 @dataclass(frozen=True)
 class JumpMap:
-    """Jump frequencies against a design parameter.
+    """Jump frequencies over a design parameter.
 
-    Parameters
+    Attributes
     ----------
-    parameter, span : the design parameter and its range.
-    folds : the fold curves, each a `Branch` in the parameter with Omega in ``tracked``.
-    arms : their monotonic pieces.
-    labels : axis labels of the model.
-    status, message : whether everything was traced as far as it goes, and what was not.
-    curves : the response curves on which folds were looked for.
-    frequencies : range of Omega of these.
+    parameter : str
+        Name of the design parameter.
+    span : tuple of float
+        Range of the design parameter, the lower end first.
+    folds : tuple of Branch
+        Fold curves in the design parameter, with Omega in ``tracked``.
+    arms : tuple of Arm
+        Sections of the fold curves on which the parameter is monotonic.
+    labels : dict of str to str
+        Axis labels of the model.
+    status : Status
+        Complete if all curves were traced to their ends.
+    message : str
+        Reason of an early end, and advice.
+    curves : tuple of Branch
+        Response curves whose folds are the starts of the fold curves.
+    frequencies : tuple of float
+        Range of Omega of the response curves.
 
     Examples
     --------
@@ -87,26 +104,48 @@ class JumpMap:
 
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
-        """Where jumps appear or vanish."""
+        """Points of the fold curves at which jumps appear or vanish."""
         return tuple(p for fold in self.folds for p in fold.special if p.kind == "CP")
 
     def jumps_at(self, value: float) -> list[tuple[float, int]]:
-        """(Omega, direction) of every jump at a value of the parameter, ascending in Omega."""
-        return [(Omega, self.arms[i].direction) for Omega, i in self._met(value)]
+        """Return the jumps at a value of the parameter.
 
-    def _met(self, value: float) -> list[tuple[float, int]]:
-        """(Omega, number of the arm) at a value of the parameter, ascending in Omega."""
+        Parameters
+        ----------
+        value : float
+            Value of the design parameter.
+
+        Returns
+        -------
+        list of tuple (float, int)
+            Omega, ascending, and direction of each jump.
+        """
+        return [(Omega, self.arms[i].direction) for Omega, i in self._arms_at(value)]
+
+    def _arms_at(self, value: float) -> list[tuple[float, int]]:
+        """Return Omega, ascending, and the number of the section of each jump at a value of the parameter."""
         found = [(arm.at(value), i) for i, arm in enumerate(self.arms)]
         return sorted((Omega, i) for Omega, i in found if not math.isnan(Omega))
 
     def several_motions(self, value: float) -> list[tuple[float, float]]:
-        """Intervals of Omega in which the traced curve holds several motions at a value of the parameter."""
+        """Return the intervals of Omega with several motions at a value of the parameter.
+
+        Parameters
+        ----------
+        value : float
+            Value of the design parameter.
+
+        Returns
+        -------
+        list of tuple of float
+            Lower and upper end of each interval in which the traced branch has several motions.
+        """
         return [(low[0], high[0]) for low, high in self._intervals(value)]
 
     def _intervals(self, value: float) -> list[tuple[tuple[float, int], tuple[float, int]]]:
-        """The same with the arms that bound them."""
+        """Return the intervals of `several_motions` with the numbers of the sections at their ends."""
         out, count, start = [], 0, (0.0, -1)
-        for Omega, i in self._met(value):
+        for Omega, i in self._arms_at(value):
             before, count = count, count - self.arms[i].direction
             if before <= 0 < count:
                 start = (Omega, i)
@@ -115,7 +154,13 @@ class JumpMap:
         return out
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a .csv with one row per point of every arm: arm, parameter, Omega, direction; whole or not at all."""
+        """Write a .csv file with one row for each point of each section; no file is left after an error.
+
+        Parameters
+        ----------
+        path : str or path-like
+            File. Its columns are arm, parameter, Omega and direction.
+        """
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
             writer = csv.writer(handle)
             writer.writerow(["arm", self.parameter, "Omega", "direction"])
@@ -125,7 +170,18 @@ class JumpMap:
                 )
 
     def bands(self, values: Array) -> list[tuple[Array, Array]]:
-        """Lower and upper Omega, (len(values),) each, of every region of several motions; nan where it is not."""
+        """Return the regions of several motions.
+
+        Parameters
+        ----------
+        values : ndarray, shape (P,)
+            Values of the design parameter.
+
+        Returns
+        -------
+        list of tuple of ndarray
+            Lower and upper Omega of each region, shape (P,) each; nan where the region does not exist.
+        """
         found: dict[tuple[int, int], tuple[Array, Array]] = {}
         for n, value in enumerate(values):
             for (low, i), (high, j) in self._intervals(float(value)):
@@ -148,38 +204,49 @@ def jump_map(
     progress: ProgressCallback | None = None,
     known: JumpMap | None = None,
 ) -> JumpMap:
-    """Jump-up and jump-down frequencies against a design parameter.
+    """Compute the jump-up and jump-down frequencies over a design parameter.
 
-    Response curves at ``seeds`` values across the span give the folds; each is followed in the parameter as far as it
-    goes. A fold curve that no seed meets is missed: use more seeds where jumps come and go.
+    Response curves at `seeds` values of the parameter are searched for folds, and each fold is followed in the
+    parameter through the span. A fold curve that intersects none of the response curves is missed: use more seeds if
+    jumps appear and vanish within the span.
 
     Parameters
     ----------
-    model : a model, or a `HarmonicBalance` whose settings are to be used.
-    parameter : float field of the model.
-    span : its range.
-    frequencies : range of Omega of the response curves; the model's by default.
-    harmonics : used if a model is given.
-    seeds : number of response curves, at least 2.
-    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
-    known : a map of the same model, parameter and ranges that was interrupted: its response curves and fold curves are
-        not traced again.
+    model : Model or HarmonicBalance
+        Model, or its equations with their settings.
+    parameter : str
+        Name of a float parameter of the model.
+    span : tuple of float
+        Range of the parameter.
+    frequencies : tuple of float, optional
+        Range of Omega of the response curves. By default the range of the model.
+    harmonics : int, optional
+        Harmonic truncation order H if a model is given. The default is 16.
+    seeds : int, optional
+        Number of response curves, 2 to 1000. The default is 3.
+    steps : StepControl, optional
+        Step size control of the fold curves.
+    progress : callable, optional
+        Function that is called with a `Progress` after each step, such as ``print``. Its fraction is unknown.
+    known : JumpMap, optional
+        Incomplete map of the same model, parameter and ranges, whose curves are not traced again.
 
     Returns
     -------
     JumpMap
-        Ctrl-C or an error ends it with the curves that are whole; ``status`` and ``message`` say so.
+        The map. After Ctrl-C or an error it holds the complete curves; ``status`` and ``message`` report the reason.
 
     Raises
     ------
     ValueError
-        If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
+        If the parameter is Omega, the span is empty or outside the range of the parameter, or `seeds` is not from 2 to
+        1000.
     KeyError
         If the model has no such parameter.
     KeyboardInterrupt
-        If it ends before the first response curve is whole.
+        If Ctrl-C is pressed before the first response curve is complete.
     NoConvergence
-        If there is an error before the first fold curve is whole.
+        If an error occurs before the first fold curve is complete.
 
     Examples
     --------
@@ -199,7 +266,7 @@ def jump_map(
     begin, end = map(float, problem.model.default_span if frequencies is None else frequencies)
     frequencies = (begin, end)
     if known is not None and (known.parameter, known.span, known.frequencies) != (parameter, (low, high), frequencies):
-        raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; leave it out")
+        raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
     folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
     ending, value = Termination(), low
@@ -229,7 +296,7 @@ def jump_map(
 
 
 def _spread(low: float, high: float, count: int) -> list[float]:
-    """Both ends first, then the values between."""
+    """Return equidistant values, both ends first."""
     inner = list(np.linspace(low, high, count)[1:-1])
     return [low, high, *map(float, inner)]
 
@@ -237,18 +304,18 @@ def _spread(low: float, high: float, count: int) -> list[float]:
 def _fold_curve(
     problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
 ) -> Branch:
-    """A fold followed both ways, from where it leaves the span to where it leaves it again."""
+    """Trace the curve of a fold in both directions to the ends of the span."""
     low, high = span
     value = point.parameters[parameter]
-    forth = raise_if_interrupted(trace(FoldProblem(problem), parameter, (low, high), point, steps=steps))
-    if value == low or forth.status == "closed":
-        return forth
-    back = raise_if_interrupted(trace(FoldProblem(problem), parameter, (high, low), point, steps=steps))
-    return concatenate(back, forth) if value != high else back
+    rising = raise_if_interrupted(trace(FoldProblem(problem), parameter, (low, high), point, steps=steps))
+    if value == low or rising.status == "closed":
+        return rising
+    falling = raise_if_interrupted(trace(FoldProblem(problem), parameter, (high, low), point, steps=steps))
+    return concatenate(falling, rising) if value != high else falling
 
 
 def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
-    """Monotonic pieces of a fold curve, cut at its cusps."""
+    """Return the monotonic sections of a fold curve between its cusps."""
     cuts = [0, *(p.index for p in fold.special if p.kind == "CP"), len(fold) - 1]
     extended = FoldProblem(problem)
     out = []

@@ -1,9 +1,9 @@
-"""How meshes share a load: planets among each other, branches of a train.
+"""Load sharing of meshes: planets of a planetary set, branches of a train.
 
     share_j = mean p_j / sum_i mean p_i          factor_j = n max p_j / sum_i mean p_i        i = 1..n of the group
 
-p_j(tau) is the force of mesh j, its law without the damper, positive as its mean. Shares add up to one; a factor is 1
-where the load is shared evenly and nothing moves: the dynamic factor is within it.
+p_j(tau) is the force of the law of mesh j without its damper, with the sign that makes its mean positive. The sum of
+the shares is one. The factor is 1 if the static load is shared evenly; it includes the dynamic factor.
 """
 
 from __future__ import annotations
@@ -18,19 +18,24 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 
-_ACCURACY = 1e-6  # relative accuracy of forces: a smaller load is zero, and there is nothing to share
+_MIN_LOAD_RATIO = 1e-6
+"""Total mean load over the largest force, below which the load is zero; it is the relative accuracy of forces."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadSharing:
-    """Shares of n meshes along the P rows of a curve; see `load_sharing`.
+    """Shares of n meshes at the P points of a branch; see `load_sharing`.
 
-    Parameters
+    Attributes
     ----------
-    meshes : their names.
-    share : (P, n) of the mean load.
-    factor : (P, n) largest force over the mean one of all.
-    curve : the curve.
+    meshes : tuple of str
+        Names of the meshes.
+    share : ndarray, shape (P, n)
+        Share of each mesh in the mean load.
+    factor : ndarray, shape (P, n)
+        Largest force of each mesh over the average of the mean forces.
+    curve : Branch
+        Branch.
 
     Examples
     --------
@@ -49,18 +54,25 @@ class LoadSharing:
 
 @checked_arguments(meshes="a list of names of elements")
 def load_sharing(curve: Branch, meshes: Sequence[str] | None = None) -> LoadSharing:
-    """Shares of the load along a curve; equations at the head of this file.
+    """Compute the shares of the load along a branch; see the equations in the module header.
 
     Parameters
     ----------
-    curve : of a harmonic balance; one out of a file too if that tells its model.
-    meshes : names of the elements that share a load; by default those the model names (`Model.sharing`: the meshes of
-        the sun of a planetary set, all of a train), or all elements.
+    curve : Branch
+        Branch of a harmonic balance, traced or loaded from a file that describes its model.
+    meshes : sequence of str, optional
+        Names of the elements that share a load. By default `Model.sharing` (the meshes of the sun of a planetary set,
+        all meshes of a train), or all elements.
+
+    Returns
+    -------
+    LoadSharing
+        Shares and factors of the meshes.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        If the curve has no problem, there is no such element, fewer than two are given, or they carry no load.
+        If the branch has no problem, there is no such element, fewer than two are given, or their mean load is zero.
 
     Examples
     --------
@@ -73,12 +85,12 @@ def load_sharing(curve: Branch, meshes: Sequence[str] | None = None) -> LoadShar
     """
     names, forces = forces_along(curve, meshes)
     if len(names) < 2:
-        raise ValueError(f"load_sharing: {', '.join(names) or 'nothing'} shares a load with nothing; name two or more")
+        raise ValueError(f"load_sharing: need two or more elements that share a load, got {', '.join(names) or 'none'}")
     means = np.array([[p.mean() for p in row] for row in forces])
-    sense = np.where(means < 0, -1.0, 1.0)
-    largest = np.array([[(s * p).max() for p, s in zip(row, way, strict=True)]
-                        for row, way in zip(forces, sense, strict=True)])  # fmt: skip
+    signs = np.where(means < 0, -1.0, 1.0)
+    largest = np.array([[(s * p).max() for p, s in zip(row, row_signs, strict=True)]
+                        for row, row_signs in zip(forces, signs, strict=True)])  # fmt: skip
     total = np.abs(means).sum(axis=1, keepdims=True)
-    if np.any(total <= _ACCURACY * np.abs(largest).max(initial=0.0)):
-        raise ValueError(f"load_sharing: {', '.join(names)} carry no load to share")
+    if np.any(total <= _MIN_LOAD_RATIO * np.abs(largest).max(initial=0.0)):
+        raise ValueError(f"load_sharing: the mean load of {', '.join(names)} is zero; name elements with a mean load")
     return LoadSharing(tuple(names), np.abs(means) / total, len(names) * largest / total, curve)
