@@ -1,13 +1,13 @@
-"""A curve in the words of whoever builds the machine: forces of the teeth, dynamic factor, transmission error, noise.
+"""Engineering quantities along a branch: tooth forces, dynamic factor, transmission error, acceleration.
 
     dte = w^T q = d + e(tau)          half of its peak-to-peak value
-    p(tau)                            force of the law of an element, of the whole gap and without its damper
-    K = max p / mean p                dynamic factor; the mean of p is the static force, for dampers have none;
+    p(tau)                            force of the law of an element, without its damper
+    K = max p / mean p                dynamic factor; the mean of p is the static force, as the mean damper force is 0;
                                       nan where the static force is zero, see `dynamic_factor`
-    a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        of a coordinate; the level as of ISO 1683
+    a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        acceleration of a coordinate and its level (ISO 1683)
     F = |K q + C q'|                  reaction of a support that the model names (`Model.reactions`)
 
-In SI units where the model knows its scales, else in those of the model.
+Quantities have SI units if the model has `Scales`, otherwise the dimensionless units of the model.
 """
 
 from __future__ import annotations
@@ -37,14 +37,20 @@ from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, to_real
 
 REFERENCE = 1e-6
-"""Acceleration of 0 dB [m/s^2]."""
+"""Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""
 
-_PHASES = 1024  # of a period, of reactions, which are smooth
+_REACTION_PHASES = 1024
+"""Number of phases of a period at which a reaction is evaluated; reactions are smooth."""
 
 
 @dataclass(frozen=True, eq=False)
 class MachineQuantities:
-    """Columns of numbers, one for each row of a curve; the unit stands in the name.
+    """Quantities at each point of a branch as columns; the unit is part of the name.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (P,)
+        Columns by name, such as "force, largest [N]".
 
     Examples
     --------
@@ -60,26 +66,42 @@ class MachineQuantities:
     columns: dict[str, Array]
 
     def __getitem__(self, name: str) -> Array:
-        """A column by its name, with the unit or without."""
+        """Return a column by its name, with or without the unit."""
         return self.columns[self.title(name)]
 
     def title(self, name: str) -> str:
-        """The whole name of a column, with its unit.
+        """Return the name of a column with its unit.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column, with or without the unit.
+
+        Returns
+        -------
+        str
+            Name with the unit.
 
         Raises
         ------
         KeyError
-            If there is none.
+            If there is no such column.
         """
         for full in self.columns:
             if name in (full, full.partition(" [")[0]):
                 return full
         known = ", ".join(quoted(full.partition(" [")[0]) for full in self.columns)
-        raise KeyError(f"there is no answer {quoted(name)}; there are {known}")
+        raise KeyError(f"there is no quantity {quoted(name)}; choose one of {known}")
 
     @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a table (.csv) of all columns, whole or not at all."""
+        """Write all columns to a .csv file; no file is left after an error.
+
+        Parameters
+        ----------
+        path : str or path-like
+            File.
+        """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.columns)
@@ -92,19 +114,28 @@ class MachineQuantities:
 def machine_quantities(
     found: Branch | Point, element: int | str = 0, dof: int | str | None = None, problem: Any = None
 ) -> MachineQuantities:
-    """Forces, dynamic factor, transmission error and acceleration along a curve; equations at the head of this file.
+    """Compute forces, dynamic factor, transmission error and acceleration; see the equations in the module header.
 
     Parameters
     ----------
-    found : a curve of a harmonic balance, loaded ones too, or one point with the problem of its curve.
-    element : a mesh, or a bearing that is an element, by number or name.
-    dof : a coordinate of the model whose acceleration is wanted, by number or name.
-    problem : `HarmonicBalance`; by default that of the curve, or what its file says.
+    found : Branch or Point
+        Branch of a harmonic balance, traced or loaded, or one of its points.
+    element : int or str, optional
+        Mesh, or bearing that is an element, by number or name. The default is the first element.
+    dof : int or str, optional
+        Coordinate of the model for the acceleration, by number or name. By default the acceleration is not computed.
+    problem : HarmonicBalance, optional
+        Equations. By default the problem of the branch, or the one that its file describes.
+
+    Returns
+    -------
+    MachineQuantities
+        Quantities at each point.
 
     Raises
     ------
     ValueError, KeyError
-        If there is no problem and the file does not say it, or no such element or coordinate.
+        If the problem is unknown, or there is no such element or coordinate.
 
     Examples
     --------
@@ -124,19 +155,31 @@ def machine_quantities(
         return MachineQuantities(columns)
     problem = found.problem if problem is None else problem
     if not isinstance(problem, HarmonicBalance):
-        raise ValueError("answers of a point need the problem of its curve; give problem=curve.problem")
+        raise ValueError("machine_quantities of a point needs the problem of its branch; give problem=branch.problem")
     return MachineQuantities(
         _columns(problem.at_resolution_of(found), found.X[None], [dict(found.parameters)], element, dof)
     )
 
 
 def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
-    """The harmonic balance of a curve: given, its own, or what its file says.
+    """Return the harmonic balance of a branch: the given one, its own, or the one that its file describes.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch.
+    problem : HarmonicBalance, optional
+        Given problem.
+
+    Returns
+    -------
+    HarmonicBalance
+        Equations of the branch.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If the problem is unknown.
     """
     for one in (problem, branch.problem):
         if isinstance(one, HarmonicBalance):
@@ -145,19 +188,31 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
         return rebuild_problem(branch.meta)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(
-            f"answers need the model; load the branch with hbgear.load(path, problem=...) ({error})"
+            f"machine_quantities needs the model; load the branch with hbgear.load(path, problem=...) ({error})"
         ) from None
 
 
 def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple[list[str], list[list[Array]]]:
-    """Names of elements, and of every row the force of each of their laws over the period of its motion.
+    """Return names of elements and the forces of their laws over a period, at each point of a branch.
 
-    By default those that the model says share a load, or all.
+    Parameters
+    ----------
+    branch : Branch
+        Branch of a harmonic balance.
+    elements : sequence of str, optional
+        Names of the elements. By default `Model.sharing`, or all elements.
+
+    Returns
+    -------
+    names : list of str
+        Names of the elements.
+    forces : list of list of ndarray
+        Samples of the force of each element, for each point.
 
     Raises
     ------
     ValueError, KeyError
-        If there is no problem, or no such element.
+        If the problem is unknown, or there is no such element.
     """
     problem = problem_along(branch)
     layout = problem.layout
@@ -168,7 +223,7 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 
 
 def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
-    """Samples of the force of the law of an element."""
+    """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     one, kept = compiled.system.elements[index], compiled.corners.kept[:, index]
     return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
@@ -177,23 +232,23 @@ def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: in
 def _columns(
     problem: HarmonicBalance, X: Array, each: list[dict[str, float]], element: int | str, dof: int | str | None
 ) -> dict[str, Array]:
-    """All columns of motions X (P, m (2H + 1))."""
+    """Return all columns of motions X (P, m (2H + 1)) with parameters `each` (P,)."""
     index = problem.layout.index(element)
-    models = [problem.model_at(here) for here in each]  # one and the same where Omega alone changes
+    models = [problem.model_at(here) for here in each]  # the same object if only Omega changes
     scales: list[Any] = [model.scales for model in models]
     known = all(one is not None for one in scales)
     length, force, rate = (np.array([getattr(one, name, 1.0) for one in scales])
                            for name in ("length", "force", "acceleration"))  # fmt: skip
-    micro, newton, metre = ("um", "N", "m/s^2") if known else ("-", "-", "-")
+    length_unit, force_unit, acceleration_unit = ("um", "N", "m/s^2") if known else ("-", "-", "-")
     speeds = [speeds_at(problem.model, here) for here in each]
     columns = {"Omega [-]": np.array([here["Omega"] for here in each])}
     columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([one[name] for one in speeds])
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
     found = np.array([_of_motion(problem, row, here, index) for row, here in zip(X, each, strict=True)])
     columns |= {
-        f"dte, half peak-to-peak [{micro}]": found[:, 0] * length * (1e6 if known else 1.0),
-        f"force, largest [{newton}]": found[:, 1] * force,
-        f"force, static [{newton}]": found[:, 2] * force,
+        f"dte, half peak-to-peak [{length_unit}]": found[:, 0] * length * (1e6 if known else 1.0),
+        f"force, largest [{force_unit}]": found[:, 1] * force,
+        f"force, static [{force_unit}]": found[:, 2] * force,
         "dynamic factor [-]": found[:, 3],
     }  # fmt: skip
     supports = {id(model): model.reactions for model in models}
@@ -205,20 +260,20 @@ def _columns(
         sizes = np.array(
             [_reaction(supports[id(model)][name], *each) for model, *each in zip(models, q, Omega, strict=True)]
         )
-        columns[f"reaction {name}, largest [{newton}]"] = sizes[:, 0] * force
-        columns[f"reaction {name}, static [{newton}]"] = sizes[:, 1] * force
+        columns[f"reaction {name}, largest [{force_unit}]"] = sizes[:, 0] * force
+        columns[f"reaction {name}, static [{force_unit}]"] = sizes[:, 1] * force
     if dof is not None:
         acceleration = rms(derivative(q[:, dof_index(dof, problem.dof_names)], Omega, 2)) * rate
-        columns[f"acceleration, rms [{metre}]"] = acceleration
+        columns[f"acceleration, rms [{acceleration_unit}]"] = acceleration
         if known:
             columns["acceleration, level [dB]"] = 20 * np.log10(np.maximum(acceleration, 1e-300) / REFERENCE)
     return columns
 
 
 def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
-    """Largest and static size of the force in a support, of motions (n, 2H + 1)."""
+    """Return the largest and the static size of the force in a support, for a motion q (n, 2H + 1)."""
     rows = support.stiffness @ q + support.damping @ derivative(q, rate, 1)
-    theta = 2 * np.pi * np.arange(_PHASES) / _PHASES
+    theta = 2 * np.pi * np.arange(_REACTION_PHASES) / _REACTION_PHASES
     size = np.linalg.norm([evaluate(row, theta) for row in rows], axis=0)
     return float(size.max()), float(np.linalg.norm(rows[:, 0]))
 
@@ -226,7 +281,10 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
 def _of_motion(
     problem: HarmonicBalance, X: Array, here: dict[str, float], index: int
 ) -> tuple[float, float, float, float]:
-    """dte, the force that is largest in the direction of the mean one, this, and their ratio; in units of the model."""
+    """Return the transmission error, largest force, static force and dynamic factor, in units of the model.
+
+    The largest force is the one in the direction of the static force.
+    """
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     row = problem.rows(X)[index]
     force = _force(problem, X, here, index)

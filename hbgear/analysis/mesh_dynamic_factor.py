@@ -1,11 +1,11 @@
-"""Dynamic factor of a mesh: how much larger its force becomes than the one it transmits.
+"""Dynamic factor of a mesh: largest force over static force.
 
     K = max_tau p(d, d', tau) / mean_tau p(d, d', tau)
 
-p is the force of the law, without the damper in parallel. Its mean is the static force, since the mean of the force of
-the damper over a period is zero. Where the static force is zero there is no dynamic factor: |mean p| at most 1e-6 max
-|p|, the accuracy of a motion, or at most 1e-9 of the forces that the elements of the machine have at its displacements,
-which is rounding.
+p is the force of the law, without the damper in parallel. Its mean is the static force, because the mean damper force
+over a period is zero. The dynamic factor is not defined if the static force is zero: if |mean p| is at most 1e-6 max
+|p|, the accuracy of a motion, or at most 1e-9 of the largest product of stiffness and displacement of the elements of
+the machine, which is rounding.
 """
 
 from __future__ import annotations
@@ -23,29 +23,41 @@ from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.models import Element, Model
 from hbgear.mechanics.series.fourier import stretch, to_complex
 
-_ACCURACY = 1e-6  # relative accuracy of the forces of a motion
+_FORCE_ACCURACY = 1e-6
+"""Relative accuracy of the forces of a motion."""
 
-_ROUNDING = 1e-9  # forces over those of the machine, below which they are rounding
+_FORCE_ROUNDING = 1e-9
+"""Static force over the largest force level of the elements, below which it is rounding."""
 
-_PHASES = 16  # of a period, at which the slope of a law is looked at
+_SLOPE_PHASES = 16
+"""Number of phases of a period at which the slope of a law is evaluated."""
 
-_SAMPLES = 4096  # a corner of the force between two of them is missed by 1e-6 of the force
+_FORCE_SAMPLES = 4096
+"""Number of samples of the force over a period; a breakpoint between two samples changes it by 1e-6 of the force."""
 
 
 @checked_arguments()
 def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
-    """Largest over mean force of an element; equation at the head of this file.
+    """Compute the largest over the static force of an element; see the equation in the module header.
 
     Parameters
     ----------
-    model : the model the point was traced with.
-    point : a `Point` of a curve.
-    element : which element, by number or name.
+    model : Model
+        Model of the branch of the point.
+    point : Point
+        Point of a branch of periodic motions.
+    element : int or str, optional
+        Element by number or name. The default is the first element.
+
+    Returns
+    -------
+    float
+        Dynamic factor.
 
     Raises
     ------
     ValueError
-        If the point does not say how it is to be read, there is no such element, or its static force is zero.
+        If the point has no layout, there is no such element, or its static force is zero.
 
     Examples
     --------
@@ -58,58 +70,97 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     """
     layout = layout_of(point)
     if layout is None:
-        raise ValueError("dynamic_factor: the point does not say how its unknowns are to be read")
+        raise ValueError("dynamic_factor: the point has no layout; give a point of a branch of a HarmonicBalance")
     here, index = model.at(point.parameters), layout.index(element)
     force = _forces(here, point, layout, index)
     mean = float(force.mean())
     rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
     if not is_static(mean, float(np.abs(force).max()), force_level(here.system().elements, rows)):
         raise ValueError(
-            f"dynamic_factor: the static force of {quoted(layout.elements[index])} is zero, and a factor over it is "
-            "not defined: use the largest force, 'force, largest' of hbgear.answers"
+            f"dynamic_factor: the static force of {quoted(layout.elements[index])} is zero, so the factor is not "
+            "defined; use the column 'force, largest' of hb.analysis.machine_quantities"
         )
     return float(np.max(force / mean))
 
 
 def is_static(static: float, largest: float, level: float) -> bool:
-    """Whether a static force is not zero; thresholds at the head of this file.
+    """Return whether a static force differs from zero; see the thresholds in the module header.
 
     Parameters
     ----------
-    static, largest : mean and largest size of the force of an element.
-    level : size of the forces of the machine, of `force_level`.
+    static : float
+        Mean force of an element.
+    largest : float
+        Largest absolute force of the element.
+    level : float
+        Force level of the machine, see `force_level`.
+
+    Returns
+    -------
+    bool
+        True if the static force is larger than its accuracy and rounding.
     """
-    return abs(static) > max(_ACCURACY * largest, _ROUNDING * level)
+    return abs(static) > max(_FORCE_ACCURACY * largest, _FORCE_ROUNDING * level)
 
 
 def force_level(elements: Sequence[Element], rows: Array) -> float:
-    """Largest of stiffness times displacement of the elements, for displacements with coefficients rows (m, 2H + 1)."""
+    """Return the largest product of stiffness and displacement of the elements.
+
+    Parameters
+    ----------
+    elements : sequence of Element
+        Elements of the machine.
+    rows : ndarray, shape (m, 2H + 1)
+        Fourier coefficients of their displacements.
+
+    Returns
+    -------
+    float
+        Force level.
+    """
     sizes = np.abs(rows).sum(axis=1)
-    return float(max(_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True)))
+    return float(max(_max_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True)))
 
 
-def _stiffness(one: Element, size: float) -> float:
-    """Largest slope of a law over displacements up to a size, and beyond its corners."""
-    far = [2 * abs(corner) or 1.0 for corner in one.law.breakpoints]
-    d = np.array([0.0, *(side * each for each in (size, *far) for side in (-1, 1))])
-    tau = 2 * np.pi * np.arange(_PHASES) / _PHASES
-    slopes = one.law.force(np.repeat(d, _PHASES), np.zeros(_PHASES * len(d)), np.tile(tau, len(d)))[1]
+def _max_stiffness(one: Element, size: float) -> float:
+    """Return the largest slope of a law at zero, at displacements of this size, and beyond its breakpoints."""
+    outside = [2 * abs(breakpoint_) or 1.0 for breakpoint_ in one.law.breakpoints]
+    d = np.array([0.0, *(side * each for each in (size, *outside) for side in (-1, 1))])
+    n = _SLOPE_PHASES
+    tau = 2 * np.pi * np.arange(n) / n
+    slopes = one.law.force(np.repeat(d, n), np.zeros(n * len(d)), np.tile(tau, len(d)))[1]
     return float(np.abs(slopes).max())
 
 
 def _forces(model: Model, point: Point, layout: Layout, index: int) -> Array:
-    """Force of the law of an element at equal steps of its period (N,)."""
+    """Return samples of the force of the law of an element over the period of its motion, shape (N,)."""
     one, row, nu = model.system().elements[index], point.coefficients(index), layout.nu
     kept = to_complex(stretch(one.displacement.row(layout.harmonics // nu), nu))
     return force_samples(one, kept, row, point.parameters["Omega"] / nu, nu)
 
 
 def force_samples(one: Element, kept: ComplexArray, row: Array, rate: float, nu: int) -> Array:
-    """Force of an element whose motion is a row at equal steps of its period (N,).
+    """Return samples of the force of an element over the period of its motion.
 
-    kept as of `corners.gap`; rate = dtheta/dt.
+    Parameters
+    ----------
+    one : Element
+        Element.
+    kept : ndarray of complex
+        Harmonics of its prescribed displacement, as for `hbgear.harmonic.forces.breakpoints.gap_samples`.
+    row : ndarray, shape (2H + 1,)
+        Fourier coefficients of its displacement.
+    rate : float
+        Rate of the phase dtheta/dt.
+    nu : int
+        Number of periods of the excitation in the period of the motion.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Force at equidistant phases.
     """
-    d, slope = (gap_samples(one.displacement, kept, nu, row, _SAMPLES, order) for order in (0, 1))
-    theta = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
+    d, slope = (gap_samples(one.displacement, kept, nu, row, _FORCE_SAMPLES, order) for order in (0, 1))
+    theta = 2 * np.pi * np.arange(_FORCE_SAMPLES) / _FORCE_SAMPLES
     force: Array = one.law.force(d, rate * slope, nu * theta)[0]
     return force

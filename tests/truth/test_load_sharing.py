@@ -81,7 +81,7 @@ def test_from_a_file_and_of_a_train(tmp_path):
 
 def test_bad_input(shares):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.81))
-    with pytest.raises(ValueError, match="shares a load with nothing"):
+    with pytest.raises(ValueError, match="need two or more elements"):
         hb.analysis.load_sharing(curve)
     planets = shares(hb.gears.PlanetarySet()).curve
     with pytest.raises(KeyError, match="no element 'sun-p9'"):
@@ -89,5 +89,5 @@ def test_bad_input(shares):
     with pytest.raises(TypeError, match="needs a list of names of elements"):
         hb.analysis.load_sharing(planets, "sun-p1")
     idle = hb.gears.PlanetarySet(torque=0.0, e_sp=(1e-6,), **STILL)
-    with pytest.raises(ValueError, match="carry no load to share"):
+    with pytest.raises(ValueError, match="the mean load of .* is zero"):
         hb.analysis.load_sharing(hb.trace(hb.HarmonicBalance(idle, 8), "Omega", (1.0, 1.001), stability=False))

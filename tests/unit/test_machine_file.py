@@ -273,5 +273,5 @@ def test_answers_of_a_saved_curve(run, file, tmp_path):
     assert float(line.split()[3]) == pytest.approx(found["dynamic factor"][stable].max(), rel=1e-3)
     assert (tmp_path / "all.png").stat().st_size > 20_000
     code, out, err = run("results", "box.npz", "noise")
-    assert code == 2 and "there is no answer 'noise'; there are 'Omega'" in err
+    assert code == 2 and "there is no quantity 'noise'; choose one of 'Omega'" in err
     assert run("results", "box.npz", "--dof", "z")[0] == 2

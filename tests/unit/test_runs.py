@@ -85,9 +85,9 @@ def test_answers(curve, tmp_path):
     found.save(tmp_path / "answers.csv")
     head, *rows = (tmp_path / "answers.csv").read_text().splitlines()
     assert head.startswith("Omega [-],") and head.endswith(",stable") and len(rows) == len(curve)
-    with pytest.raises(KeyError, match="there is no answer 'dynamik factor'"):
+    with pytest.raises(KeyError, match="there is no quantity 'dynamik factor'"):
         found["dynamik factor"]
-    with pytest.raises(ValueError, match="answers need the model"):
+    with pytest.raises(ValueError, match="machine_quantities needs the model"):
         hb.analysis.machine_quantities(replace(curve, problem=None, meta={}))
     curve.save(tmp_path / "curve.npz")
     np.testing.assert_array_equal(
