@@ -1,6 +1,6 @@
-"""Critical values: for which design a jump appears or vanishes.
+"""Critical parameters: values of a design parameter at which a jump appears or vanishes.
 
-The two folds of a jump meet at a cusp of the fold curve in the design parameter.
+At such a value two folds meet in a cusp of the fold curve in the design parameter.
 
 References
 ----------
@@ -28,17 +28,18 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 
-_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
+_MAX_PARAMETER_RATIO = 5.0
+"""Range in which a fold is followed, over the value of the parameter in the model."""
 
+_FOLD_STEPS = StepControl(first_step=0.002, max_step=0.02, max_points=300)
+"""Step sizes of fold curves; small steps resolve a cusp near the start."""
 
-_CAREFUL = StepControl(first_step=0.002, max_step=0.02, max_points=300)
-
-
-_BARREN = 6  # fold curves without a cusp after which the search is given up
+_MAX_CURVES_WITHOUT_CUSP = 6
+"""Number of fold curves without a cusp after which the search ends."""
 
 
 class NoFoldError(ValueError):
-    """A critical value was asked for, but no jump was found at any value tried.
+    """No jump that appears or vanishes was found at any value of the parameter.
 
     Examples
     --------
@@ -54,14 +55,28 @@ class NoFoldError(ValueError):
 
 @dataclass(frozen=True)
 class CriticalParameter:
-    """A critical value: where a jump appears or vanishes.
+    """Value of a parameter at which a jump appears or vanishes.
 
-    value, Omega : the parameter and the frequency of the cusp.
-    point : the motion there.
-    folds : the fold curve it was found on.
-    jump_below : whether the jump exists below the value (else above).
-    others : further cusps met, as (value, Omega).
-    status, message : whether all folds of the response curve were followed; if not, another cusp may be nearer.
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter.
+    value : float
+        Value of the parameter at the cusp.
+    Omega : float
+        Frequency of the cusp.
+    point : SpecialPoint
+        Motion at the cusp.
+    folds : Branch
+        Fold curve with the cusp.
+    jump_below : bool
+        True if the jump exists below the value, False if above.
+    others : tuple of tuple of float
+        Value and Omega of further cusps.
+    status : Status
+        Complete if all folds of the response curve were followed. If not, another cusp may be nearer.
+    message : str
+        Reason of an early end, and advice.
 
     Examples
     --------
@@ -91,33 +106,40 @@ def critical_parameter(
     harmonics: int = 16,
     progress: ProgressCallback | None = None,
 ) -> CriticalParameter:
-    """The value of a parameter at which a jump appears or vanishes, nearest to the model's own value.
+    """Find the value of a parameter at which a jump appears or vanishes, nearest to the value of the model.
 
-    The response curve of the model is searched for folds; if it has none, those of ever more distant values of the
-    parameter on either side, within its range. Each fold curve is followed once in the parameter, to its cusp or over
-    five times the model's own value.
+    The response curve of the model is searched for folds. If it has none, response curves at values with increasing
+    distance on both sides are searched, within the range of the parameter. Each fold is followed in the parameter to a
+    cusp, or over five times the value of the model.
 
     Parameters
     ----------
-    model : a model, or a `HarmonicBalance` whose settings are to be used.
-    parameter : float field of the model.
-    frequencies : range of Omega; the model's by default.
-    harmonics : used if a model is given.
-    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
+    model : Model or HarmonicBalance
+        Model, or its equations with their settings.
+    parameter : str
+        Name of a float parameter of the model.
+    frequencies : tuple of float, optional
+        Range of Omega. By default the range of the model.
+    harmonics : int, optional
+        Harmonic truncation order H if a model is given. The default is 16.
+    progress : callable, optional
+        Function that is called with a `Progress` after each step, such as ``print``. Its fraction is unknown.
 
     Returns
     -------
-    Critical
-        Ctrl-C ends it with the nearest cusp found until then, if there is one; ``status`` and ``message`` say so.
+    CriticalParameter
+        The value with its motion. After Ctrl-C it is the nearest cusp found before; ``status`` and ``message`` report
+        the reason.
 
     Raises
     ------
-    NoFold
-        If no value tried has a fold, or no fold curve a cusp; the message gives the steepest slope of the amplitude.
+    NoFoldError
+        If no response curve has a fold, or no fold curve a cusp; the message states the steepest slope of the
+        amplitude.
     KeyError, ValueError
-        If the model has no such parameter, or it is Omega.
+        If the model has no such parameter, or the parameter is Omega.
     KeyboardInterrupt
-        If Ctrl-C comes before a cusp is found.
+        If Ctrl-C is pressed before a cusp is found.
 
     Examples
     --------
@@ -132,8 +154,8 @@ def critical_parameter(
     followed: list[Branch] = []
     tried: list[float] = []
     slope = ""
-    for value in _search(own):
-        if len(followed) >= _BARREN:
+    for value in _search_values(own):
+        if len(followed) >= _MAX_CURVES_WITHOUT_CUSP:
             break
         if value not in allowed:
             continue
@@ -143,11 +165,11 @@ def critical_parameter(
             continue
         report_progress(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
-        slope = slope or _steepest(curve)
+        slope = slope or _steepest_slope(curve)
         found: list[tuple[SpecialPoint, Branch, bool]] = []
         ending = Termination()
         try:
-            _cusps_from(problem, parameter, curve, followed, found, progress)
+            _find_cusps(problem, parameter, curve, followed, found, progress)
         except KeyboardInterrupt as error:
             if not found:
                 raise
@@ -165,35 +187,37 @@ def critical_parameter(
     )
 
 
-def _search(own: float) -> Iterator[float]:
-    """The model's own value, then values ever further away on both sides."""
+def _search_values(own: float) -> Iterator[float]:
+    """Yield the value of the model, then values with increasing distance on both sides."""
     yield own
     step = abs(own) or 1.0
-    for far in (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9):
-        yield own - far * step
-        yield own + step * (1 / (1 - far) - 1)
+    for fraction in (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9):
+        yield own - fraction * step
+        yield own + step * (1 / (1 - fraction) - 1)
 
 
 def _count_folds(curve: Branch) -> str:
+    """Return the number of folds of a response curve as text."""
     count = sum(p.kind == "LP" for p in curve.special)
     return f"{count} folds" if count else "no fold"
 
 
-def _cusps_from(
+def _find_cusps(
     problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch],
     found: list[tuple[SpecialPoint, Branch, bool]], progress: ProgressCallback | None,
 ) -> None:  # fmt: skip
-    """Add to found the cusps reached from the folds of a curve, with the fold curve and whether the jump lies below.
+    """Follow the folds of a response curve to cusps.
 
-    ``followed`` are the fold curves already followed; those of this curve are added.
+    Each cusp is appended to `found` with its fold curve and True if the jump exists below the cusp. Each fold curve is
+    appended to `followed`; folds on a fold curve of this list are skipped.
     """
     own, allowed = problem.value_of(parameter), problem.range_of(parameter)
-    reach = _REACH * (abs(own) or 1.0)
+    reach = _MAX_PARAMETER_RATIO * (abs(own) or 1.0)
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
         if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
             continue
         value = point.parameters[parameter]
-        first = -1 if own < value else 1  # towards the model's own value
+        first = -1 if own < value else 1  # towards the value of the model
         for side in (first, -first):
             end = allowed.clipped(value + side * reach, value)
             if end == value:
@@ -201,7 +225,7 @@ def _cusps_from(
             report_progress(
                 progress, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}"
             )
-            fold = raise_if_interrupted(trace(FoldProblem(problem), parameter, (value, end), point, steps=_CAREFUL))
+            fold = raise_if_interrupted(trace(FoldProblem(problem), parameter, (value, end), point, steps=_FOLD_STEPS))
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
             if cusp is not None:
@@ -209,8 +233,8 @@ def _cusps_from(
                 break
 
 
-def _steepest(curve: Branch) -> str:
-    """The steepest slope of the rms amplitude, in words."""
+def _steepest_slope(curve: Branch) -> str:
+    """Return the steepest slope of the rms amplitude as text."""
     A, Omega = curve.amplitude("rms"), curve.values
     with np.errstate(all="ignore"):
         slope = np.diff(A) / np.diff(Omega)

@@ -216,7 +216,7 @@ def test_a_fold_of_another_number_of_harmonics_is_a_start():
 def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
     monkeypatch.setattr(
-        "hbgear.analysis.critical_parameters._CAREFUL", StepControl(first_step=0.002, max_step=0.02, max_points=10)
+        "hbgear.analysis.critical_parameters._FOLD_STEPS", StepControl(first_step=0.002, max_step=0.02, max_points=10)
     )
     said = []
     with pytest.raises(NoFoldError, match="no jump that appears or vanishes with b"):
