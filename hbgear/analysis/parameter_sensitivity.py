@@ -1,9 +1,10 @@
-"""What a frequency and an amplitude depend on: derivatives in every parameter of the model.
+"""Sensitivities: derivatives of a frequency and an amplitude in each parameter of the model.
 
-    dOmega/da, dA/da          of a special point, a peak, a jump; of a motion at a held frequency dA/da alone
+    dOmega/da, dA/da          of a special point, a peak or a jump; of a motion at a fixed frequency dA/da alone
     n = s(a) Omega:           dn/da = s dOmega/da + Omega ds/da       in r/min and Hz, L(a) A in metres
 
-from the equations of the point (`hbgear.continuation.augmented.sensitivity`); scales s and L depend on parameters too.
+They follow from the equations of the point (`hbgear.continuation.augmented.sensitivity`). The scales s and L depend on
+parameters as well.
 """
 
 from __future__ import annotations
@@ -49,20 +50,28 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 
 LENGTH = "m"
-"""Unit of amplitudes of models that know theirs."""
+"""Unit of amplitudes of models with `Scales`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity:
-    """Derivatives of what a point is, in the parameters of its model.
+    """Derivatives of the quantities of a point in the parameters of its model.
 
-    Parameters
+    Attributes
     ----------
-    label : of the point.
-    parameters, values : (A,) names, entries of tuples as ``eps[0]``, and values in the model.
-    quantities, sizes : (Q,) names and values: the parameter of the curve, "mesh Hz" and "pinion r/min" of models that
-        know their units, the amplitude ("pp2", also "pp2 m"; of a jump "pp2 before" and "pp2 after").
-    slopes : (Q, A) derivatives, in the units of quantity and parameter; nan where there is none.
+    label : str
+        Label of the point.
+    parameters : tuple of str
+        A names of parameters; entries of tuples as ``eps[0]``.
+    values : ndarray, shape (A,)
+        Values of the parameters.
+    quantities : tuple of str
+        Q names: the parameter of the branch, "mesh Hz" and "pinion r/min" if the model has `Scales`, and the amplitude
+        ("pp2", with `Scales` also "pp2 m"; of a jump "pp2 before" and "pp2 after").
+    sizes : ndarray, shape (Q,)
+        Values of the quantities.
+    slopes : ndarray, shape (Q, A)
+        Derivatives in the units of quantity and parameter; nan where the derivative does not exist.
 
     Examples
     --------
@@ -83,19 +92,39 @@ class Sensitivity:
     slopes: Array
 
     def __repr__(self) -> str:
-        most = next(iter(self.percent()), "")
-        return (
-            f"<Sensitivity of {self.label}: {', '.join(self.quantities)} in {len(self.parameters)} parameters; {most}>"
-        )
+        largest = next(iter(self.percent()), "")
+        quantities = ", ".join(self.quantities)
+        return f"<Sensitivity of {self.label}: {quantities} in {len(self.parameters)} parameters; {largest}>"
 
     @checked_arguments()
     def size(self, quantity: str = "") -> float:
-        """The value of a quantity; the first by default."""
+        """Return the value of a quantity.
+
+        Parameters
+        ----------
+        quantity : str, optional
+            Name of the quantity. By default the first one.
+
+        Returns
+        -------
+        float
+            Value.
+        """
         return float(self.sizes[self._index(quantity)])
 
     @checked_arguments()
     def of(self, quantity: str = "") -> dict[str, float]:
-        """Derivative of a quantity, the first by default, in each parameter.
+        """Return the derivatives of a quantity in each parameter.
+
+        Parameters
+        ----------
+        quantity : str, optional
+            Name of the quantity. By default the first one.
+
+        Returns
+        -------
+        dict of str to float
+            Derivative by name of the parameter.
 
         Raises
         ------
@@ -106,7 +135,17 @@ class Sensitivity:
 
     @checked_arguments()
     def percent(self, quantity: str = "") -> dict[str, float]:
-        """Change in percent for one percent of each parameter that is not zero, the largest first; nan comes last.
+        """Return the change of a quantity in percent for one percent of each parameter that is not zero.
+
+        Parameters
+        ----------
+        quantity : str, optional
+            Name of the quantity. By default the first one.
+
+        Returns
+        -------
+        dict of str to float
+            Change [%] by name of the parameter, the largest first, nan last.
 
         Raises
         ------
@@ -114,19 +153,27 @@ class Sensitivity:
             If there is no such quantity.
         """
         i = self._index(quantity)
-        share = self.slopes[i] * self.values / (self.sizes[i] or math.nan)
-        order = np.argsort(-np.abs(share), kind="stable")
-        return {self.parameters[a]: float(share[a]) for a in order if self.values[a]}
+        change = self.slopes[i] * self.values / (self.sizes[i] or math.nan)
+        order = np.argsort(-np.abs(change), kind="stable")
+        return {self.parameters[a]: float(change[a]) for a in order if self.values[a]}
 
-    @checked_arguments(spread="standard deviations by name, such as {'zeta': 0.002}")
+    @checked_arguments(spread="a dictionary of standard deviations by name, such as {'zeta': 0.002}")
     def scatter(self, spread: Mapping[str, float], quantity: str = "") -> float:
-        """Standard deviation of a quantity for independent small deviations of parameters, to first order.
+        """Return the standard deviation of a quantity for independent small deviations of parameters, to first order.
 
             s^2 = sum_a (dquantity/da s_a)^2
 
         Parameters
         ----------
-        spread : standard deviations of parameters by name, in their units.
+        spread : dict of str to float
+            Standard deviations of parameters by name, in their units.
+        quantity : str, optional
+            Name of the quantity. By default the first one.
+
+        Returns
+        -------
+        float
+            Standard deviation in the unit of the quantity.
 
         Raises
         ------
@@ -143,7 +190,18 @@ class Sensitivity:
 
     @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a .csv: parameter, value, and the derivatives of each quantity; whole or not at all."""
+        """Write a .csv file with parameter, value and derivatives of each quantity; no file is left after an error.
+
+        Parameters
+        ----------
+        path : str or path-like
+            File. Its name ends in .csv.
+
+        Raises
+        ------
+        ValueError
+            If the name of the file has another ending.
+        """
         if not str(path).endswith(".csv"):
             raise ValueError(f"'{path}' must end in .csv")
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
@@ -154,13 +212,14 @@ class Sensitivity:
                 writer.writerow(row)
 
     def _index(self, quantity: str) -> int:
+        """Return the number of a quantity."""
         if quantity and quantity not in self.quantities:
             raise KeyError(f"no derivatives of '{quantity}'{did_you_mean(quantity, self.quantities)}")
         return self.quantities.index(quantity) if quantity else 0
 
 
 @checked_arguments(
-    point="a special point, peak, jump, critical value or row of a curve, such as curve['LP1']",
+    point="a special point, peak, jump, critical parameter or point of a branch, such as curve['LP1']",
     parameters="names of parameters, such as ('zeta', 'e[0]')",
 )
 def sensitivity(
@@ -171,33 +230,44 @@ def sensitivity(
     element: int | str = 0,
     multipliers: bool = False,
 ) -> Sensitivity:
-    """Derivatives of the frequency and amplitude of a point in the parameters of its model.
+    """Compute derivatives of the frequency and amplitude of a point in the parameters of its model.
 
-    A fold moves by dOmega/da = -(w . R_a) / (w . R_Omega), points of other kinds by the matrix of their own equations.
-    The frequency of a row that is no special point is held, its amplitude moves.
+    The derivative of a fold is dOmega/da = -(w . R_a) / (w . R_Omega). The derivatives of other special points follow
+    from their augmented equations. Of any other point the frequency is fixed and the amplitude has derivatives.
 
     Parameters
     ----------
-    point : of a curve that knows its problem: ``curve["LP1"]``, ``curve.jumps()[0]``, ``hb.analysis.peaks(curve)[0]``,
-        ``curve[7]``; or a critical value, ``hb.analysis.critical_parameter(...)``, whose first quantity is the value
-        itself.
-    parameters : names, entries of tuples as ``eps[0]``; by default all of the model.
-    measure, element : amplitude, as of `Branch.amplitude`; by default rms, of a peak its own.
-    multipliers : derivatives of the largest modulus of the multipliers too.
+    point : Point, Jump or CriticalParameter
+        Point of a branch that knows its problem, such as ``curve["LP1"]``, ``curve.jumps()[0]``,
+        ``hb.analysis.peaks(curve)[0]`` or ``curve[7]``, or a critical parameter, whose first quantity is its value.
+    parameters : sequence of str, optional
+        Names of parameters; entries of tuples as ``eps[0]``. By default all parameters of the model.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`. By default "rms", for a peak its own measure.
+    element : int or str, optional
+        Element by number or name. The default is the first element.
+    multipliers : bool, optional
+        If True, the largest modulus of the multipliers is a further quantity. The default is False.
+
+    Returns
+    -------
+    Sensitivity
+        Quantities and their derivatives.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If the point does not know its problem or was not located, or there are no derivatives of its kind.
+        If the point does not know its problem or was not located, or its kind has no equations.
     NoConvergence
-        If its equations cannot be solved any more.
+        If the equations of the point cannot be solved.
 
     Notes
     -----
-    Derivatives in parameters are central differences of the equations, at the end of a range one-sided, and exact to
-    some 1e-8. Where a parameter parts two curves that cross, the derivatives of their branch point are nan.
+    Derivatives in parameters are central differences of the equations, one-sided at the end of a range, with a relative
+    error of about 1e-8. If a change of a parameter separates two branches that intersect, the derivatives of their
+    branch point are nan.
 
     References
     ----------
@@ -217,41 +287,43 @@ def sensitivity(
     if isinstance(point, CriticalParameter):
         point = point.point
     one = point.before if isinstance(point, Jump) else point
-    problem, here, parameter = _asked(one)
-    names = _names(problem, here, parameter, parameters)
-    where = _At(_beside(problem, one, here, 2 * len(names) + _ASIDE), one, here, parameter, names)
-    slopes = where.slopes()
+    problem, here, parameter = _problem_and_parameters(one)
+    names = _parameter_names(problem, here, parameter, parameters)
+    cached = _expanded_at(problem, one, here, 2 * len(names) + _EXTRA_PARAMETER_SETS)
+    sensitive = _PointSensitivity(cached, one, here, parameter, names)
+    slopes = sensitive.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
-    rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
-    units = units_at(where.problem, here, names)
-    rows += where.speeds(rows, units)
+    rows += [(name, here[name], X_a) for name, X_a in sensitive.unknown_parameters(slopes)]
+    units = units_at(sensitive.problem, here, names)
+    rows += sensitive.speeds(rows, units)
     note = one.note if isinstance(one, SpecialPoint) and one.kind == "PK" else ""
     wanted = measure or note.removeprefix("peak of ") or "rms"
-    motions = [(wanted, where, slopes.X)]
+    motions = [(wanted, sensitive, slopes.X)]
     if isinstance(point, Jump) and point.after is not None:
-        motions[0] = (f"{wanted} before", where, slopes.X)
-        motions.append((f"{wanted} after", *where.landed(point.after, slopes.p)))
+        motions[0] = (f"{wanted} before", sensitive, slopes.X)
+        motions.append((f"{wanted} after", *sensitive.landed(point.after, slopes.p)))
     for name, at, X_a in motions:
         rows += at.amplitudes(name, wanted, element, X_a, units)
     if multipliers:
-        rows.append(where.largest_multiplier(slopes))
+        rows.append(sensitive.largest_multiplier(slopes))
     label = point.label or "a point"
     values = np.array([here[name] for name in names])
     quantities, sizes, moved = zip(*rows, strict=True)
     return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(moved))
 
 
-_ASIDE = 32  # sets of parameters that are asked for beside two for each derivative
+_EXTRA_PARAMETER_SETS = 32
+"""Number of cached sets of parameters in addition to two for each derivative."""
+
+_Row = tuple[str, float, Array]
+"""Name, value and derivatives of a quantity."""
+
+_Units = tuple[dict[str, float], dict[str, Array]]
+"""Units by name, and their derivatives in the parameters."""
 
 
-_Row = tuple[str, float, Array]  # quantity, value, derivatives
-
-
-_Units = tuple[dict[str, float], dict[str, Array]]  # values by name, and their derivatives
-
-
-def _asked(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:
-    """Problem and parameters of a point, and in which of them its curve was traced."""
+def _problem_and_parameters(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:
+    """Return the problem and all parameters of a point, and the name of the parameter of its branch."""
     if point.problem is None:
         raise ValueError(
             f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and "
@@ -261,49 +333,51 @@ def _asked(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:
         low, high = point.interval
         raise ValueError(f"{point.label} was not located, only known to lie within {low:.8g} and {high:.8g}")
     problem = as_problem(point.problem)
-    inner = _innermost(problem)
+    inner = _base_problem(problem)
     entries = inner.model.entries if isinstance(inner, HarmonicBalance) else {}
     return problem, {**entries, **problem.parameters, **point.parameters}, list(point.parameters)[-1]
 
 
-def _names(
+def _parameter_names(
     problem: ContinuationProblem, here: Mapping[str, float], parameter: str, wanted: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Parameters in which there are derivatives: those asked for, or all but those that move themselves."""
+    """Return the wanted parameters after a check, or all parameters that are not unknowns of the point."""
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
-            raise ValueError(f"{name} is what the point is sought in; ask for derivatives in other parameters")
+            raise ValueError(f"{name} is an unknown of the point; choose other parameters")
         if name not in here:
             raise KeyError(f"the point has no parameter '{name}'{did_you_mean(name, here)}")
     return tuple(dict.fromkeys(wanted))
 
 
-def _remembering(problem: ContinuationProblem, point: Point, sets: int) -> ContinuationProblem:
-    """The problem with the unknowns of the point, which keeps what it computes for many sets of parameters."""
-    return _keeping(problem, point, lambda balance: balance.with_cache_size(sets))
+def _with_cache_size(problem: ContinuationProblem, point: Point, sets: int) -> ContinuationProblem:
+    """Return the problem with the unknowns of the point and a cache for this number of sets of parameters."""
+    return _with_balance(problem, point, lambda balance: balance.with_cache_size(sets))
 
 
-def _beside(problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int) -> ContinuationProblem:
-    """The same for values of parameters next to those of the point."""
-    return _keeping(problem, point, lambda balance: balance.beside(here, sets))
-
-
-def _keeping(
-    problem: ContinuationProblem, point: Point, keep: Callable[[HarmonicBalance], HarmonicBalance]
+def _expanded_at(
+    problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int
 ) -> ContinuationProblem:
-    """The problem with the unknowns of the point, its balance replaced by one that keeps more."""
+    """Return `_with_cache_size` with receptances expanded about the parameters of the point."""
+    return _with_balance(problem, point, lambda balance: balance.beside(here, sets))
+
+
+def _with_balance(
+    problem: ContinuationProblem, point: Point, replaced: Callable[[HarmonicBalance], HarmonicBalance]
+) -> ContinuationProblem:
+    """Return the problem with the unknowns of the point and its harmonic balance replaced by a function of it."""
     if isinstance(problem, MinimallyAugmentedProblem):
-        inner = _keeping(problem.problem, point, keep)
+        inner = _with_balance(problem.problem, point, replaced)
         return type(problem)(inner, problem.parameter, *problem.arguments)
-    return _like(keep(problem) if isinstance(problem, HarmonicBalance) else problem, point)
+    return _at_resolution(replaced(problem) if isinstance(problem, HarmonicBalance) else problem, point)
 
 
-def _like(problem: ContinuationProblem, point: Point) -> ContinuationProblem:
-    """The problem with the unknowns of a point."""
+def _at_resolution(problem: ContinuationProblem, point: Point) -> ContinuationProblem:
+    """Return the problem with the period and the number of harmonics of a point."""
     layout = point.layout
     if not isinstance(problem, HarmonicBalance) or not isinstance(layout, Layout):
         return problem.at_resolution_of(point)
@@ -315,11 +389,25 @@ def _like(problem: ContinuationProblem, point: Point) -> ContinuationProblem:
 
 
 def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Sequence[str]) -> _Units:
-    """Units of a model and their derivatives (A,) in parameters; nothing if the model does not know them.
+    """Return the units of a model and their derivatives in parameters.
 
-    "mesh Hz" and "pinion r/min" at Omega = 1, and "m", its unit of length; ``here`` are all parameters.
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        Equations of the point.
+    here : dict of str to float
+        All parameters.
+    names : sequence of str
+        A names of parameters.
+
+    Returns
+    -------
+    values : dict of str to float
+        "mesh Hz" and "pinion r/min" at Omega = 1, and "m", the unit of length; empty if the model has no `Scales`.
+    derivatives : dict of str to ndarray, shape (A,)
+        Their derivatives.
     """
-    inner = _innermost(problem)
+    inner = _base_problem(problem)
     if not isinstance(inner, HarmonicBalance) or not (own := units_of(inner.model_at(here))):
         return {}, {}
     keys, known = list(own), inner.model.parameters | inner.model.entries
@@ -335,14 +423,14 @@ def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Seq
 
 
 def units_of(model: Model) -> dict[str, float]:
-    """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
+    """Return Hz and r/min at Omega = 1 and the unit of length in metres; empty if the model has no `Scales`."""
     known, own = scales(model, {}), model.scales
     return known | {LENGTH: own.length} if known and own else known
 
 
 @dataclass(frozen=True)
-class _At:
-    """A point, its problem and all parameters, the one its curve was traced in, and those that are changed."""
+class _PointSensitivity:
+    """Point with its problem and all parameters, the parameter of its branch, and the parameters of derivatives."""
 
     problem: ContinuationProblem
     point: Point
@@ -356,7 +444,7 @@ class _At:
         return self.problem.join(self.point.X, self.here)
 
     def slopes(self) -> Slopes:
-        """Derivatives of the unknowns and of the parameter of the curve."""
+        """Return the derivatives of the unknowns and of the parameter of the branch."""
         if not isinstance(self.point, SpecialPoint):
             return of_solution(self.problem, self.X, self.here, self.names)
         if self.point.kind == "BP":
@@ -367,37 +455,31 @@ class _At:
 
     @cached_property
     def refined(self) -> tuple[MinimallyAugmentedProblem, Array]:
-        """The equations of a special point, based there, and (X, p) as near as rounding allows."""
+        """Equations of a special point with borders computed there, and (X, p) refined to rounding."""
         U = np.append(self.X, self.here[self.parameter])
         equations = self.equations().with_borders_at(U, self.here)
-        with suppress(NoConvergence):  # else as near as it was located
+        with suppress(NoConvergence):  # then the located point is used
             U = refine(equations, solve(equations, U, self.here), self.here).X
         return equations, U
 
     @property
-    def place(self) -> float:
-        """The parameter of the curve at the point, refined if it was."""
+    def parameter_value(self) -> float:
+        """Value of the parameter of the branch, refined if `refined` was computed."""
         return float(self.refined[1][-1]) if "refined" in vars(self) else self.here[self.parameter]
 
     def equations(self) -> MinimallyAugmentedProblem:
-        """The equations of a special point.
-
-        Raises
-        ------
-        ValueError
-            If it has none.
-        """
+        """Return the equations of a special point; raise a ValueError if its kind has no equations."""
         known, point = self.known_equations(), self.point
         assert isinstance(point, SpecialPoint)
         if known is None:
             raise ValueError(
-                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations of its own to be differentiated; "
-                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a row of the curve"
+                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations that can be differentiated; "
+                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a point of the branch"
             )
         return known
 
     def known_equations(self) -> MinimallyAugmentedProblem | None:
-        """The equations of a special point, if it has some."""
+        """Return the equations of a special point. None if its kind has no equations."""
         point = self.point
         assert isinstance(point, SpecialPoint)
         if point.kind == "PK":
@@ -410,42 +492,42 @@ class _At:
 
     @cached_property
     def own(self) -> dict[str, float]:
-        """The parameters of the model."""
-        model = getattr(_innermost(self.problem), "model", None)
+        """Parameters of the model."""
+        model = getattr(_base_problem(self.problem), "model", None)
         return model.parameters | model.entries if isinstance(model, Model) else {}
 
     def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
-        """Logarithm of the modulus of the multiplier that is on the unit circle at the point."""
+        """Return the logarithm of the modulus, as a function, of the multiplier on the unit circle at the point."""
         problem = self.problem
         assert isinstance(problem, HarmonicBalance)
-        all_of_them = problem.multipliers(self.X, points=8, width=1.0, **self._balanced(self.here))
-        paired = all_of_them[np.abs(all_of_them.imag) > 1e-8 * np.abs(all_of_them)]
-        of = paired if paired.size else all_of_them
-        mu = of[np.argmin(np.abs(np.abs(of) - 1.0))]
-        return self._tracked(mu)
+        every = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))
+        complex_pairs = every[np.abs(every.imag) > 1e-8 * np.abs(every)]
+        candidates = complex_pairs if complex_pairs.size else every
+        mu = candidates[np.argmin(np.abs(np.abs(candidates) - 1.0))]
+        return self._modulus_nearest_to(mu)
 
-    def _tracked(self, mu: complex) -> Callable[[Array, dict[str, float]], float]:
-        """Logarithm of the modulus of the multiplier nearest to one."""
+    def _modulus_nearest_to(self, mu: complex) -> Callable[[Array, dict[str, float]], float]:
+        """Return the logarithm of the modulus, as a function, of the multiplier nearest to `mu`."""
         problem: Any = self.problem
 
         def value(X: Array, at: dict[str, float]) -> float:
-            near = problem.multipliers(X, points=8, width=1.0, **self._balanced(at))
-            return math.log(abs(near[np.argmin(np.abs(near - mu))]))
+            every = problem.multipliers(X, points=8, width=1.0, **self._changed_parameters(at))
+            return math.log(abs(every[np.argmin(np.abs(every - mu))]))
 
         return value
 
-    def _balanced(self, here: Mapping[str, float]) -> dict[str, float]:
-        """The parameters that are not those of the model."""
+    def _changed_parameters(self, here: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters whose values differ from the model."""
         own = self.own
         return {name: float(value) for name, value in here.items() if own.get(name) != value}
 
-    def unknown(self, slopes: Slopes) -> list[tuple[str, Array]]:
-        """Derivatives of parameters among the unknowns, as the frequency of a fold is on a curve of folds."""
+    def unknown_parameters(self, slopes: Slopes) -> list[tuple[str, Array]]:
+        """Return the derivatives of parameters that are unknowns, such as the frequency on a fold curve."""
         own = self.problem.unknown_parameters
         return [(name, slopes.X[:, -1 - i]) for i, name in enumerate(own)]
 
     def speeds(self, rows: Sequence[_Row], units: _Units) -> list[_Row]:
-        """Mesh frequency and speed of models that know their units."""
+        """Return mesh frequency and speed with their derivatives; empty if the model has no `Scales`."""
         own, changes = units
         if "Omega" not in self.here:
             return []
@@ -455,7 +537,7 @@ class _At:
                 if unit in own]  # fmt: skip
 
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: _Units) -> list[_Row]:
-        """The amplitude, and that in metres of models that know their unit of length."""
+        """Return the amplitude with its derivatives, with `Scales` also in metres."""
         layout = self.point.layout
         if layout is None:
             return []
@@ -469,90 +551,108 @@ class _At:
         return rows
 
     def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:
-        """The motion on which a jump lands, which is held at the frequency of the jump, and its derivatives."""
-        problem = _like(self.problem, after)
-        here = {**self.here, self.parameter: self.place}
-        at = _At(problem, after, here, self.parameter, self.names)
+        """Return the motion on which a jump lands, at the frequency of the jump, and its derivatives."""
+        problem = _at_resolution(self.problem, after)
+        here = {**self.here, self.parameter: self.parameter_value}
+        at = _PointSensitivity(problem, after, here, self.parameter, self.names)
         t = tangent(problem, at.X, here, self.parameter)
         return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t
 
     def largest_multiplier(self, slopes: Slopes) -> _Row:
-        """The largest modulus of the multipliers, the point moving as it does."""
+        """Return the largest modulus of the multipliers with its derivatives along the derivatives of the point."""
         problem = self.problem
         if not isinstance(problem, HarmonicBalance):
-            raise ValueError("multipliers are those of periodic motions: ask for a point of a HarmonicBalance")
-        mu = problem.multipliers(self.X, points=8, width=1.0, **self._balanced(self.here))[0]
-        value = self._tracked(mu)
+            raise ValueError("multipliers=True needs a point of a HarmonicBalance, without further unknowns")
+        mu = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))[0]
+        value = self._modulus_nearest_to(mu)
         p = self.parameter
 
-        def moved(name: str, dX: Array, dp: float) -> float:
-            def following(X: Array, at: dict[str, float]) -> float:
+        def derivative(name: str, dX: Array, dp: float) -> float:
+            def along_point(X: Array, at: dict[str, float]) -> float:
                 return value(X, {**at, p: self.here[p] + dp * (at[name] - self.here[name])})
 
-            return along(problem, self.X, self.here, following, dX, name)
+            return along(problem, self.X, self.here, along_point, dX, name)
 
         each = zip(self.names, slopes.X, slopes.p, strict=True)
-        return "|mu|", abs(mu), abs(mu) * np.array([moved(name, dX, dp) for name, dX, dp in each])
+        return "|mu|", abs(mu), abs(mu) * np.array([derivative(name, dX, dp) for name, dX, dp in each])
 
 
-class Relocation:
-    """A special point solved for again with other values of some parameters.
+class RelocatedPoint:
+    """Special point as a function of some parameters.
 
     Parameters
     ----------
-    point : as for `sensitivity`, of a kind that has equations of its own.
-    names : of the parameters that change.
+    point : Point
+        Special point as for `sensitivity`, of a kind with equations.
+    names : sequence of str
+        Names of the parameters that change.
 
     Raises
     ------
     ValueError
-        If it has none, or does not know its problem.
+        If the point has no equations, or does not know its problem.
     """
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
-        problem, here, parameter = _asked(point)
-        self._names = _names(problem, here, parameter, names)
-        at = _At(_remembering(problem, point, 4), point, here, parameter, self._names)
+        problem, here, parameter = _problem_and_parameters(point)
+        self._names = _parameter_names(problem, here, parameter, names)
+        at = _PointSensitivity(_with_cache_size(problem, point, 4), point, here, parameter, self._names)
         self._equations, self._here = at.equations(), here
         slopes = at.slopes()
         self._U = np.append(at.X, here[parameter])
         self._slopes = np.column_stack([slopes.X, slopes.p])
 
     def at(self, changes: Array) -> float:
-        """The value of the curve's parameter at the point, for changes (A,) of the parameters; see `solved`."""
+        """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""
         return float(self.solved(changes)[0][-1])
 
     def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
-        """Derivatives of the unknowns and of the curve's parameter at a point that was `solved` for."""
+        """Return the derivatives of the unknowns and of the parameter of the branch at a point of `solved`."""
         return of_special(self._equations, U, here, self._names)
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
-        """The point (X, p) for changes (A,) of the parameters, and all parameters.
+        """Solve for the point with changed parameters.
+
+        Parameters
+        ----------
+        changes : ndarray, shape (A,)
+            Changes of the parameters.
+
+        Returns
+        -------
+        U : ndarray
+            Unknowns and parameter of the branch, (X, p).
+        parameters : dict of str to float
+            All parameters.
 
         Raises
         ------
         NoConvergence, ValueError, numpy.linalg.LinAlgError
-            If there is no such point near where the first order puts it.
+            If there is no point near the prediction of first order.
         """
         here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
         U = self._U + changes @ self._slopes
         found = solve(self._equations.with_borders_at(U, here), U, here).X
         moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
-        if moved > _FAR * (expected + 1e-3 * abs(self._U[-1])):
+        if moved > _MAX_CHANGE_RATIO * (expected + 1e-3 * abs(self._U[-1])):
             raise NoConvergence("Newton ended at another point", found, here, [])
         return found, here
 
 
-_FAR = 5.0  # times the change to first order by which a point moves at most
+_MAX_CHANGE_RATIO = 5.0
+"""Largest change of a point over its prediction of first order; a larger one belongs to another point."""
 
 
-def _innermost(problem: ContinuationProblem) -> ContinuationProblem:
-    """The problem that curves of special points are of."""
-    return _innermost(problem.problem) if isinstance(problem, MinimallyAugmentedProblem) else problem
+def _base_problem(problem: ContinuationProblem) -> ContinuationProblem:
+    """Return the problem of periodic motions inside augmented equations."""
+    return _base_problem(problem.problem) if isinstance(problem, MinimallyAugmentedProblem) else problem
 
 
 def measured_along(layout: LayoutProtocol, measure: str, element: int | str, X: Array, along: Array) -> Array:
-    """Derivatives (P, A) of an amplitude of motions X (P, n) along directions (P, A, n); nan of those not finite."""
+    """Return the derivatives (P, A) of an amplitude of motions X (P, n) along directions (P, A, n).
+
+    They are central differences, and nan for directions that are not finite.
+    """
     sizes = np.linalg.norm(along, axis=-1)
     known = np.isfinite(sizes)
     h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(known & (sizes > 0), sizes, 1.0)

@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
-from hbgear.analysis.parameter_sensitivity import Relocation, measured_along
+from hbgear.analysis.parameter_sensitivity import RelocatedPoint, measured_along
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
@@ -506,7 +506,7 @@ class _Search:
         """
         every = (*self.names, *self.spread.deviations, *self.spread.names)
         names = [name for name in dict.fromkeys(every) if name != parameter]
-        again, old, new = Relocation(point, names), self.values(start), self.values(u)
+        again, old, new = RelocatedPoint(point, names), self.values(start), self.values(u)
         changes = {name: new[name] - old[name] for name in new}
         first = self._at(again, point, names, changes, {})
         out = [first]
@@ -518,7 +518,7 @@ class _Search:
         return out
 
     def _at(
-        self, again: Relocation, point: SpecialPoint, names: Sequence[str], changes: Mapping[str, float],
+        self, again: RelocatedPoint, point: SpecialPoint, names: Sequence[str], changes: Mapping[str, float],
         deviations: Mapping[str, float],
     ) -> _Relocated:  # fmt: skip
         U, here = again.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))

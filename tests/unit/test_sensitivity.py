@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.analysis.parameter_sensitivity import _asked, _At, _names, _remembering
+from hbgear.analysis.parameter_sensitivity import (
+    _parameter_names,
+    _PointSensitivity,
+    _problem_and_parameters,
+    _with_cache_size,
+)
 from hbgear.continuation.solvers.newton import refine, solve
 from hbgear.harmonic.bifurcations.extremum import EXTREMA
 
@@ -23,9 +28,9 @@ def located(problem, equations, U, here):
 
 def differences(point, parameters=None):
     """Derivatives of (X, p) by differences of points located at h and 2h to both sides; one-sided at ends of ranges."""
-    problem, here, parameter = _asked(point)
-    names = _names(problem, here, parameter, parameters)
-    at = _At(_remembering(problem, point, 8), point, here, parameter, names)
+    problem, here, parameter = _problem_and_parameters(point)
+    names = _parameter_names(problem, here, parameter, parameters)
+    at = _PointSensitivity(_with_cache_size(problem, point, 8), point, here, parameter, names)
     equations = at.equations()
     first = located(at.problem, equations, np.append(at.X, here[parameter]), here)
     out = []
@@ -287,7 +292,7 @@ def test_what_cannot_be_differentiated(spur):
         hb.analysis.sensitivity(spur["LP1"], ["zetta"])
     with pytest.raises(KeyError, match=r"no parameter 'eps\[7\]'"):
         hb.analysis.sensitivity(spur["LP1"], ["eps[7]"])
-    with pytest.raises(ValueError, match="Omega is what the point is sought in"):
+    with pytest.raises(ValueError, match="Omega is an unknown of the point"):
         hb.analysis.sensitivity(spur["LP1"], ["Omega"])
     with pytest.raises(ValueError, match="name at least one parameter"):
         hb.analysis.sensitivity(spur["LP1"], [])

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import Relocation, sensitivity
+from hbgear.analysis.parameter_sensitivity import RelocatedPoint, sensitivity
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
@@ -124,7 +124,7 @@ def jump_tolerance(
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
         places: list[float] = []
         lost = 0
-        again = Relocation(jump.before, names)
+        again = RelocatedPoint(jump.before, names)
         for i, row in enumerate(xi):
             if progress is not None:
                 done = (number + i / draws) / len(branch.jumps())
