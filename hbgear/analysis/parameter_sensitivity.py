@@ -550,7 +550,7 @@ class _PointSensitivity:
             rows.append((f"{name} {LENGTH}", own[LENGTH] * size, own[LENGTH] * moved + size * changes[LENGTH]))
         return rows
 
-    def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:
+    def landed(self, after: Point, p_a: Array) -> tuple[_PointSensitivity, Array]:
         """Return the motion on which a jump lands, at the frequency of the jump, and its derivatives."""
         problem = _at_resolution(self.problem, after)
         here = {**self.here, self.parameter: self.parameter_value}
