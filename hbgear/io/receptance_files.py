@@ -122,7 +122,7 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
             if pair not in functions:
                 there = ", ".join(f"{one} by {other}" for one, other in functions)
                 raise ValueError(
-                    f"from_receptances: there is no function of '{a}' by a force on '{b}', nor the other way round; "
+                    f"from_receptances: there is no function of '{a}' by a force on '{b}', or of '{b}' by a force on '{a}'; "
                     f"need one for each pair of {', '.join(names)}; there are {there}"
                 )
             lines, values[:, i, j] = functions[pair][0], 0.0

@@ -229,7 +229,7 @@ def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
     KeyError
         If a name is not a field or an entry of a field.
     ValueError
-        If a field has neither a value nor a default, or the class refuses a value.
+        If a field without a default has no value, or the class refuses a value.
     """
     whole = {name: value for name, value in values.items() if not is_entry(name)}
     check_names(cls, whole)

@@ -192,7 +192,7 @@ def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | 
     Returns
     -------
     tuple or None
-        The reduction and its error; None if there is none.
+        The reduction and its error. None if no reduction is accurate enough.
     """
     F = _forces(system)
     w = highest * np.array([1.0, 0.75, 0.5, 0.25])

@@ -298,7 +298,7 @@ def test_what_cannot_be_differentiated(spur):
         hb.analysis.sensitivity(spur["LP1"], [])
     with pytest.raises(TypeError, match="needs names of parameters, such as"):
         hb.analysis.sensitivity(spur["LP1"], "zeta")
-    with pytest.raises(TypeError, match="needs a special point, peak, jump, critical value or row"):
+    with pytest.raises(TypeError, match="needs a special point, peak, jump, critical parameter or point"):
         hb.analysis.sensitivity(spur)
     with pytest.raises(KeyError, match="no derivatives of 'pp2'"):
         hb.analysis.sensitivity(spur["LP1"], ["zeta"]).of("pp2")

@@ -136,7 +136,7 @@ class DataTable:
         called : dict of str to str, optional
             Headers of roles with other names; columns without such a header are then omitted.
         assumed : dict of str to str, optional
-            Units of roles, used if neither the header nor its name gives one.
+            Units of roles whose header and name give no unit.
 
         Returns
         -------

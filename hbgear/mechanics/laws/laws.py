@@ -3,8 +3,10 @@
 ``d`` is the element coordinate, ``v`` its time derivative (per unit of time, not of phase), ``tau`` the phase of the
 excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump.
 
-Contract for a new law
-----------------------
+Notes
+-----
+Contract for a new law:
+
 1. A frozen dataclass derived from `Law`, registered by `hbgear.mechanics.register_law` so that files can hold it.
 2. ``force(d, v, tau)`` accepts arrays of one shape and returns ``(p, dp/dd, dp/dv)`` of that shape.
 3. ``reference`` is a typical positive stiffness [force / length]. It conditions the linear algebra and never changes a
@@ -18,6 +20,8 @@ Contract for a new law
 8. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
    the choice of a time step, and change no result.
 
+Examples
+--------
 A law of the user that is projected exactly:
 
 >>> import hbgear as hb

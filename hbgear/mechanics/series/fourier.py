@@ -151,8 +151,8 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     """Return the extrema of each row over a period, to rounding if H harmonics resolve the function.
 
     The function is sampled with N >= 16 per shortest wave; Newton's method on the derivative starts from every sample
-    that
-    can be the nearest to the extremum, whose value differs from it by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
+    that can be the nearest to the extremum. The value of this sample differs from the extremum by at most
+    (pi/N)^2 / 2 sum_k k^2 |c_k|.
 
     Parameters
     ----------
@@ -161,8 +161,14 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
 
     Returns
     -------
-    low, theta_low, high, theta_high : ndarray, shape (...,)
-        Smallest value and its phase, largest value and its phase, for each row.
+    low : ndarray, shape (...,)
+        Smallest value of each row.
+    theta_low : ndarray, shape (...,)
+        Phase of the smallest value.
+    high : ndarray, shape (...,)
+        Largest value of each row.
+    theta_high : ndarray, shape (...,)
+        Phase of the largest value.
     """
     from hbgear.mechanics.series.fourier_kernels import extremes
 

@@ -139,7 +139,7 @@ class SpeedTerms:
     ValueError
         If G is not square, not finite or not skew-symmetric, or no term is given.
     TypeError
-        If damping or stiffness is neither a table nor a function.
+        If damping or stiffness is not a table or a function.
 
     Examples
     --------
@@ -253,7 +253,7 @@ class SpeedTerms:
 
 
 def _value(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
-    """Return a term at Omega, or 0 if there is none."""
+    """Return a term at Omega; 0 if the term is None."""
     if term is None:
         return 0.0
     if isinstance(term, MatrixTable):
