@@ -122,8 +122,8 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
             if pair not in functions:
                 there = ", ".join(f"{one} by {other}" for one, other in functions)
                 raise ValueError(
-                    f"from_receptances: there is no function of '{a}' by a force on '{b}', or of '{b}' by a force on '{a}'; "
-                    f"need one for each pair of {', '.join(names)}; there are {there}"
+                    f"from_receptances: there is no function of '{a}' by a force on '{b}', or of '{b}' by a force on "
+                    f"'{a}'; need one for each pair of {', '.join(names)}; there are {there}"
                 )
             lines, values[:, i, j] = functions[pair][0], 0.0
             if len(lines) != len(f) or np.abs(lines - f).max() > LINE_TOLERANCE * f[-1]:
