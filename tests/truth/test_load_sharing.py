@@ -89,5 +89,5 @@ def test_bad_input(shares):
     with pytest.raises(TypeError, match="needs a list of names of elements"):
         hb.analysis.load_sharing(planets, "sun-p1")
     idle = hb.gears.PlanetarySet(torque=0.0, e_sp=(1e-6,), **STILL)
-    with pytest.raises(ValueError, match="the mean load of .* is zero"):
+    with pytest.raises(ValueError, match=r"the mean load of .* is zero"):
         hb.analysis.load_sharing(hb.trace(hb.HarmonicBalance(idle, 8), "Omega", (1.0, 1.001), stability=False))

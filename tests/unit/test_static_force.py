@@ -33,7 +33,7 @@ def test_no_dynamic_factor_without_static_force(curve, element):
 
 
 def test_no_load_to_share(curve):
-    with pytest.raises(ValueError, match="the mean load of .* is zero"):
+    with pytest.raises(ValueError, match=r"the mean load of .* is zero"):
         hb.analysis.load_sharing(curve, ["x", "y"])
 
 
