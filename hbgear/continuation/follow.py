@@ -76,6 +76,6 @@ def follow(
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "
-            "are known for it; choose LP, PD, NS, GR, PK of rms or a harmonic, or an event of your own"
+            "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
     return trace(equations, parameter, span, here, **options)

@@ -10,8 +10,8 @@ from hbgear.common.optional import needed
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_STATES
-from hbgear.harmonic.equations.layout import MEASURES, layout_of
-from hbgear.io.branches.columns import MEASURED, Column, about, columns_of, label_of, terms_of
+from hbgear.harmonic.equations.layout import default_measures, layout_of
+from hbgear.io.branches.columns import Column, about, columns_of, label_of, terms_of
 
 if TYPE_CHECKING:
     import pandas
@@ -74,10 +74,15 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     if layout is None:
         data["X"] = (("point", "unknown"), branch.X, {"long_name": "unknowns"})
     else:
-        coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(MEASURES)}
+        measures = default_measures(same_unit=True)
+        coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(measures)}
         each = range(len(layout.elements))
-        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in MEASURES])
-        meanings = "; ".join(f"{name}: {meaning}" for name, meaning in MEASURED.items())
+        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in measures])
+        meanings = "; ".join(f"{name}: {entry.text}" for name, entry in measures.items())
+        for name in default_measures().keys() - measures.keys():  # an array has one unit
+            parts = [columns[f"{name}_{element}"] for element in layout.elements]
+            values = np.stack([part.values for part in parts], axis=-1)
+            data[name] = (("point", "element"), values, _attributes(parts[0].meaning, parts[0].unit))
         data["amplitude"] = (
             ("point", "element", "measure"), amplitude.transpose(2, 1, 0),
             {"long_name": "amplitude of the motion", "measures": meanings, **size},

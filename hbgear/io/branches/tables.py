@@ -20,7 +20,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import saved_fields
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.harmonic.equations.layout import default_measures
 from hbgear.io.branches.columns import Column, about, bracketed, columns_of, speeds_of
 from hbgear.io.branches.npz import encode
 
@@ -92,7 +92,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
     out["about"] = about(branch)
     if branch.layout:
         each = range(len(branch.layout.elements))
-        rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
+        rows = {name: [branch.amplitude(name, j) for j in each] for name in default_measures()}
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
     if branch.stable is not None:
         out |= {"stable": branch.stable, "undecided": branch.undecided}
