@@ -20,6 +20,7 @@ import dataclasses
 import functools
 import inspect
 import os
+import re
 import sys
 import types
 import typing
@@ -270,7 +271,9 @@ _COUNTS = {2: "two", 3: "three"}
 
 
 def _plural(kind: Any) -> str:
-    return "numbers" if kind is float else f"{words(kind).removeprefix('a ').removeprefix('an ')}s"
+    """Return the name of a type in the plural, for the elements of a sequence."""
+    names = ("numbers" if each is float else f"{re.sub('^an? ', '', words(each))}s" for each in _alternatives(kind))
+    return " or ".join(dict.fromkeys(names))
 
 
 @functools.cache
