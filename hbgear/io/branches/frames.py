@@ -19,7 +19,26 @@ if TYPE_CHECKING:
 
 
 def to_dataframe(branch: Branch) -> pandas.DataFrame:
-    """Return a data frame with one row per point; the column ``curve`` comes first if there are several curves."""
+    """Return a pandas data frame with one line per point.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch. If its span has other branches, the column ``curve`` comes first and holds their numbers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in the .csv file; units and descriptions are in ``attrs``.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> frame = hb.io.to_dataframe(curve)
+    >>> len(frame) == len(curve), "rms_x" in frame.columns
+    (True, True)
+    """
     pd = needed("pandas", "data", "a data frame")
     curves = (branch, *branch.others)
     frames = []
@@ -51,6 +70,24 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     """Return a data set with the dimensions point, element, term, measure and multiplier.
 
     Units and long names are attributes. Complex multipliers are two variables, for all versions of NetCDF.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch.
+
+    Returns
+    -------
+    xarray.Dataset
+        The data set.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> data = hb.io.to_xarray(curve)
+    >>> data.measure.values.tolist()
+    ['rms', 'pp2', 'max', 'mean']
     """
     xr = needed("xarray", "data", "a data set")
     layout = layout_of(branch)

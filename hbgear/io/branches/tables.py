@@ -26,7 +26,31 @@ from hbgear.io.branches.npz import encode
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all."""
+    """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch, with the other branches of its span.
+    path : path_like
+        File that ends in .csv or .mat.
+
+    Raises
+    ------
+    ValueError
+        If the path has another ending.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.io.export(curve, os.path.join(folder, "curve.csv"))
+    ...     os.listdir(folder)
+    ...
+    ['curve.csv']
+    """
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
         tables = [columns_of(one) for one in (branch, *branch.others)]
         table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
