@@ -1,16 +1,16 @@
-"""Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
+"""Kernels: functions with loops over numbers and arrays, compiled by Numba at their first call.
 
-A kernel that Python calls is compiled with all kernels that it calls, as one unit: their results do not depend on
-which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754), so that
-results do not depend on how the compiler arranges the code either, nor on whether it was compiled in this process.
+A kernel that Python calls is compiled together with all kernels that it calls. Their results therefore do not depend on
+which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754). Results
+therefore do not depend on the arrangement of the code by the compiler, or on the process that compiled it.
 
 The machine code of every such unit is stored in one file with a checksum, in the cache folder of the user or in
 NUMBA_CACHE_DIR, and loaded by later processes. The folder is named by a hash of the sources of all kernels, the
-versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss; a folder that cannot be written
-is read. Numba reads and writes its own files in a temporary folder of the process.
+versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss. A folder that cannot be
+written is read. Numba reads and writes its own files in a temporary folder of the process.
 
-Without Numba the same functions run as they are written, some hundred times slower. A module of kernels imports Numba
-when it calls the first of them, and is therefore imported inside of the functions that need it.
+Without Numba the same functions run as Python code, about a hundred times slower. A module of kernels imports Numba at
+the first call of a kernel, and is therefore imported inside the functions that use it.
 
 References
 ----------
@@ -148,7 +148,7 @@ def _write_files(folder: Path, parts: dict[str, bytes]) -> None:
 
 
 def _read(path: Path) -> dict[str, bytes]:
-    """Return stored code; an empty dict if there is none or it cannot be used."""
+    """Return stored code; an empty dict if nothing is stored or it cannot be used."""
     try:
         parts = read_parts(path)
     except (DamagedFile, OSError) as error:
