@@ -1,4 +1,4 @@
-"""hbgear: nonlinear frequency response of gear drives with backlash.
+"""Nonlinear frequency response of gear drives with backlash.
 
 Harmonic balance with exact contact (AFT for other laws), pseudo-arclength continuation, Floquet stability, jump
 frequencies. ``hbgear`` holds the names that a first script needs; the others are in its sub-modules:
@@ -170,6 +170,8 @@ _DEPRECATED = {
     "no_jumps": "design.no_jumps",
     "peak_below": "design.peak_below",
     "peaks": "analysis.peaks",
+    "plot_cases": "plot",
+    "plot_time": "plot",
     "read_measurements": "design.read_measurements",
     "read_table": "io.read_mesh_table",
     "redesign": "design.redesign",
@@ -184,12 +186,12 @@ _DEPRECATED = {
     "sweep": "time.sweep",
     "sweep_statistics": "design.sweep_statistics",
 }
-"""Names of version 0.2 and where they are now."""
+"""Names of version 0.2 and earlier, and the names that replace them."""
 
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
-        """Return a public name, imported now."""
+        """Return a public name, which is imported at its first use."""
         from hbgear.common import lazy_names
 
         found = lazy_names.attached(__name__)[0]

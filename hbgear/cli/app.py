@@ -78,6 +78,7 @@ from hbgear.cli.support import (
 )
 from hbgear.common.atomic_write import CannotWrite
 from hbgear.common.process.signals import sigterm_like_ctrl_c
+from hbgear.continuation.events.registry import optional_events
 from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.frequency_units import model_of
@@ -230,6 +231,17 @@ cli_rotors.register(app)
 
 Plot = Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")]
 
+Events = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Locate these special points, too: "
+        f"{'; '.join(f'{name}, {entry.meaning}' for name, entry in optional_events().items())}; "
+        "and those that FILE.py of the model registers. Repeat for several.",
+        autocompletion=cli_complete.events,
+    ),
+]
+
 
 @app.callback(invoke_without_command=True)
 def _version(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
@@ -310,6 +322,7 @@ def trace(
             help="Target relative error of special points, reached with more harmonics where needed; 0: no target.",
         ),
     ] = 1e-5,
+    event: Events = None,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
 
@@ -346,6 +359,7 @@ def trace(
             stability=stability,
             steps=hb.StepControl(max_points=max_points, predictor_points=predictor_points),
             accuracy=accuracy or None,
+            events=event or (),
         )
     except KeyboardInterrupt:  # outside the trace, which keeps its points
         print_message("error", "interrupted before the first point or after the last; nothing was kept")

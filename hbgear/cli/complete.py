@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import hbgear as hb
+from hbgear.continuation.events.registry import optional_events
 from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
@@ -46,6 +47,11 @@ def labels(incomplete: str) -> list[str]:
 def crossings(incomplete: str) -> list[str]:
     """Return labels of its points from which another branch leads."""
     return [p.label for p in _special() if p.kind in ("PD", "BP") and p.label.startswith(incomplete)]
+
+
+def events(incomplete: str) -> list[str]:
+    """Return names of events that are located on request."""
+    return [name for name in optional_events() if name.startswith(incomplete)]
 
 
 def amplitudes(incomplete: str) -> list[str]:

@@ -1,1 +1,1 @@
-"""What every room stands on: checks of arguments, ranges, words of errors, files written whole, signals."""
+"""Foundations of all packages: checks of arguments, ranges, units, messages, atomic writes, signals."""

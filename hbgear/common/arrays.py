@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-Array = NDArray[Any]  # real
+Array = NDArray[Any]  # of real numbers
 
 
-ComplexArray = NDArray[Any]  # complex; the two names tell the reader, not the type checker
+ComplexArray = NDArray[Any]  # of complex numbers; type checkers do not distinguish the two names

@@ -1,6 +1,6 @@
-"""Files that appear whole or not at all.
+"""Atomic writes: files appear completely or not at all.
 
-What is written goes to a temporary file beside the one that is meant, reaches the disk, and only then takes the name.
+The content is written to a temporary file in the same folder, synchronised to the disk, and then renamed.
 """
 
 from __future__ import annotations
@@ -16,41 +16,51 @@ from typing import IO, Any
 
 from hbgear.common.process.signals import defer_signals
 
-_PROBE = bytes(1 << 16)  # what is written to see whether a file can be
+_PROBE = bytes(1 << 16)  # content of the file that tests whether files can be written
 
 
 class CannotWrite(OSError):
-    """A file cannot be written; the text is one sentence that says which, why, and what to do."""
+    """A file cannot be written; the message states the file, the reason and how to fix it."""
 
     def __str__(self) -> str:
         return str(self.strerror)
 
 
 def _cannot(path: str | os.PathLike[str], reason: OSError | str, advice: str) -> CannotWrite:
+    """Return the error of a file that cannot be written."""
     number, text = (reason.errno, reason.strerror or str(reason)) if isinstance(reason, OSError) else (0, reason)
     return CannotWrite(number or 0, f"cannot write '{path}': {text[:1].lower()}{text[1:]}; {advice}")
 
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write that takes its name only once it is complete and on the disk; before, nothing is changed.
+    """Open a file for writing that replaces the target only when it is complete and on the disk.
 
-    Ctrl-C waits until it is written.
+    Ctrl-C is deferred until it is written.
 
     Parameters
     ----------
-    path : of the file, which keeps its permissions if it is there; a link is followed, unless it leads nowhere.
-    mode, options : as of `open`, with "x" for a new file.
+    path : path_like
+        The file. An existing file keeps its permissions. A link is followed; a broken link is refused.
+    mode : str, optional
+        Mode of `open`, with "x" for a new file. The default is "xb".
+    **options : dict
+        Further arguments of `open`.
+
+    Yields
+    ------
+    file
+        The temporary file.
 
     Raises
     ------
     FileNotFoundError
         If there is no such folder.
     CannotWrite
-        If the file cannot be made, written to its end or given its name: what was there before is whole.
+        If the file cannot be created, written completely or renamed; an existing file is unchanged.
     """
     target = _target(path)
-    # a name of fixed length: that of the file may already be as long as names can be
+    # a name of fixed length, because the name of the file may have the maximum length
     temporary = target.with_name(f".hbgear-{uuid.uuid4().hex[:16]}")
     with defer_signals():
         try:
@@ -67,30 +77,32 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "xb", **options: Any)
             before = "the file that was there is unchanged" if target.exists() else "nothing was left there"
             raise _cannot(path, reason, before) from error
         finally:
-            with suppress(OSError):  # where the folder itself is gone or sealed nothing is left to be done
+            with suppress(OSError):  # nothing can be removed if the folder was removed or is read-only
                 temporary.unlink(missing_ok=True)
 
 
 def _opened(name: str, flags: int, like: Path) -> int:
-    """A new file with the permissions of the one that it replaces, from its first byte on; else those of the user."""
+    """Open a new file with the permissions of the file that it replaces, or with the default permissions."""
     try:
         permissions = stat.S_IMODE(like.stat().st_mode)
     except FileNotFoundError:
         return os.open(name, flags, 0o666)
     number = os.open(name, flags, 0o600)
-    os.chmod(name, permissions)  # without what the user's mask would take away
+    os.chmod(name, permissions)  # independent of the mask of the user
     return number
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Write a file beside the one that is meant and remove it; permissions alone do not tell.
+    """Check that a file can be written: write a test file in its folder and remove it.
+
+    Permissions alone do not decide it, for example on a full disk.
 
     Raises
     ------
     FileNotFoundError
         If there is no such folder.
     CannotWrite
-        If the name is too long or taken by something that is no file, or nothing can be written beside it.
+        If the name is too long or belongs to a folder or device, or the folder cannot be written.
     """
     target = _target(path)
     temporary = target.with_name(f".hbgear-{uuid.uuid4().hex[:16]}")
@@ -99,7 +111,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
             with open(temporary, "xb", buffering=0) as handle:
                 done = handle.write(_PROBE)
                 if done < len(_PROBE):
-                    handle.write(_PROBE[done:])  # a full disk takes a part first, and fails then
+                    handle.write(_PROBE[done:])  # a full disk accepts a part first and fails then
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
@@ -108,7 +120,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _target(path: str | os.PathLike[str]) -> Path:
-    """The file that is meant, links followed: a file already, or nothing yet in a folder that is there."""
+    """Return the target of a path after links: an existing file, or a new file in an existing folder."""
     path = Path(path)
     try:
         target = Path(os.path.realpath(path))
@@ -133,7 +145,7 @@ def _target(path: str | os.PathLike[str]) -> Path:
 
 
 def _reason(error: BaseException | None) -> OSError | None:
-    """What the system said, behind an error: closing an archive that failed says something else."""
+    """Return the error of the system behind an error; an archive raises another error when it is closed."""
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None:
             return error
@@ -142,19 +154,19 @@ def _reason(error: BaseException | None) -> OSError | None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """A new name is on the disk once its folder is."""
+    """Synchronise a folder to the disk, which stores the new name."""
     if os.name != "posix":
         return
     number = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(OSError):  # some file systems cannot; the file itself has been written
+        with suppress(OSError):  # some file systems do not support it; the file itself is written
             os.fsync(number)
     finally:
         os.close(number)
 
 
 def checked_suffix(path: str | os.PathLike[str], allowed: tuple[str, ...], advice: str) -> str:
-    """The ending of a name, in small letters; any other than those allowed is refused with the advice."""
+    """Return the suffix of a file name in lower case; raise an error with the advice if it is not allowed."""
     suffix = Path(path).suffix.lower()
     if suffix not in allowed:
         raise ValueError(f"'{path}' must end in {' or '.join(allowed)}; {advice}")

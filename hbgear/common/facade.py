@@ -12,14 +12,14 @@ from typing import Any
 
 
 def call(place: str, *arguments: Any, **options: Any) -> Any:
-    """Call a function of this package by its name, such as ``call("hbgear.io.npz.save", branch, path)``.
+    """Call a function of this package by its name, such as ``call("hbgear.io.branches.npz.save", branch, path)``.
 
     Parameters
     ----------
     place : str
-        Module and function.
+        Module and name of the function.
     *arguments, **options
-        Passed on.
+        Arguments of the function.
 
     Returns
     -------

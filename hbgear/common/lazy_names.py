@@ -1,7 +1,7 @@
-"""Names of a package that are imported when they are first used.
+"""Names of a package that are imported at their first use.
 
-A package imports them ``if TYPE_CHECKING``, where editors and type checkers read what there is and where; the same
-lines, read from its source, are the table of this module. A program waits for what it uses, and for nothing else.
+A package imports them in a block ``if TYPE_CHECKING``, which editors and type checkers read. This module reads the same
+lines from the source. A program imports only the modules that it uses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 @cache
 def attached(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """``__getattr__`` and ``__dir__`` of a package, called in it: its names, and the packages in it."""
+    """Return ``__getattr__`` and ``__dir__`` of a package, for its names and sub-packages."""
     module = sys.modules[package]
     file = Path(str(module.__file__))
     places = {name: place for name, place in _places(file.read_text(encoding="utf-8")).items() if place != package}
@@ -29,14 +29,14 @@ def attached(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
             value = import_module(f"{package}.{name}")
         else:
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
-        setattr(module, name, value)  # is not asked for again
+        setattr(module, name, value)  # later uses find it there
         return value
 
     return found, lambda: sorted({*vars(module), *places})
 
 
 def _places(source: str) -> dict[str, str]:
-    """Module of each name that a source imports if types are checked."""
+    """Return the module of each name in the block ``if TYPE_CHECKING`` of a source."""
     blocks = [node for node in ast.parse(source).body if isinstance(node, ast.If)]
     checked = [node for block in blocks if ast.unparse(block.test) == "TYPE_CHECKING" for node in block.body]
     imports = [node for node in checked if isinstance(node, ast.ImportFrom)]

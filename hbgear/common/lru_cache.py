@@ -1,4 +1,4 @@
-"""What was computed last, kept for when it is asked for again."""
+"""Cache of the most recently used values."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Value = TypeVar("Value")
 
 
 class LRUCache(Generic[Value]):
-    """The values of the ``most`` keys that were asked for last; several threads may ask at once.
+    """Values of the ``most`` most recently used keys; several threads may use the cache at once.
 
-    A pickle or deep copy starts empty: what is kept can be computed again, and need not be fit for either.
+    A pickle or deep copy is empty, because values can be computed again and may not be picklable.
     """
 
     def __init__(self, most: int) -> None:
@@ -25,7 +25,7 @@ class LRUCache(Generic[Value]):
         return LRUCache, (self.most,)
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """The value of a key, made if it is not kept; threads that ask for it at once may each make it."""
+        """Return the value of a key, computed with ``make`` if it is not stored. Threads may compute it in parallel."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

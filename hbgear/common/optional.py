@@ -1,4 +1,4 @@
-"""Libraries that only some things need: imported when they are, with an error that says how to install them."""
+"""Optional libraries: imported when a function needs them, with an error that states how to install them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,21 @@ from hbgear.common.process.signals import defer_signals
 
 
 def needed(library: str, extra: str, what: str) -> Any:
-    """The library, imported.
+    """Return an optional library, imported.
 
     Parameters
     ----------
-    library : its name in Python.
-    extra : of hbgear that installs it.
-    what : needs it, in words.
+    library : str
+        Name of the module.
+    extra : str
+        Extra of hbgear that installs it.
+    what : str
+        Function that needs it, in words.
+
+    Returns
+    -------
+    module
+        The library.
 
     Raises
     ------
@@ -23,7 +31,7 @@ def needed(library: str, extra: str, what: str) -> Any:
         If it is not installed.
     """
     try:
-        with defer_signals():  # some extension modules say ImportError when Ctrl-C comes
+        with defer_signals():  # some extension modules turn Ctrl-C into an ImportError
             return importlib.import_module(library)
     except ImportError as error:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Which values a parameter may have.
+"""Ranges of parameters.
 
 low <= value <= high,   above < value < below
 """
@@ -12,17 +12,20 @@ from typing import Any
 
 from hbgear.common.text.messages import quoted
 
-_INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
+_OPEN_END_DISTANCE = 1e-3
+"""Distance of searches from an end outside the range, relative to the distance of the inner value."""
 
 
 @dataclass(frozen=True)
 class Range:
     """An interval of numbers: ``Range(low=0)`` not negative, ``Range(above=0)`` positive, ``Range()`` any number.
 
-    Parameters
+    Attributes
     ----------
-    low, high : ends that belong to it.
-    above, below : ends that do not.
+    low, high : float
+        Ends that belong to the range. Default: none.
+    above, below : float
+        Ends that do not belong to the range. Default: none.
 
     Examples
     --------
@@ -54,7 +57,7 @@ class Range:
         return self.low <= value <= self.high and self.above < value < self.below
 
     def __str__(self) -> str:
-        """What a value must be or do, to follow "must"."""
+        """Return the condition in words, to follow "must"."""
         if self == Range(low=0):
             return "not be negative"
         if self == Range(above=0):
@@ -65,30 +68,31 @@ class Range:
         return "be " + " and ".join(f"{word} {end:g}" for word, end in ends.items() if math.isfinite(end))
 
     def clipped(self, value: float, inside: float) -> float:
-        """The value, or where it lies outside the last one of the range on the way to it from a value inside.
+        """Return a value, moved to the end of the range if it is outside.
 
-        An end that does not belong to the range is approached to a thousandth of the way.
+        If the end does not belong to the range, a thousandth of the distance to the value ``inside`` remains.
         """
         value = min(max(value, self.low), self.high)
         if value <= self.above:
-            return self.above + _INSIDE * (inside - self.above)
+            return self.above + _OPEN_END_DISTANCE * (inside - self.above)
         if value >= self.below:
-            return self.below - _INSIDE * (self.below - inside)
+            return self.below - _OPEN_END_DISTANCE * (self.below - inside)
         return value
 
 
 def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> int:
-    """A whole number from ``least`` to ``most``.
+    """Return a whole number from ``least`` to ``most``.
 
     Raises
     ------
     ValueError
+        If the number is not whole or outside the limits.
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
         raise ValueError(f"{name} = {quoted(number)} must be a whole number of at least {least}")
     if most is not None and int(number) > most:
-        told = f"{int(number):,}" if number < 10**15 else quoted(int(number))
-        raise ValueError(f"{name} = {told} is more than {most:,}, which is the most there can be")
+        text = f"{int(number):,}" if number < 10**15 else quoted(int(number))
+        raise ValueError(f"{name} = {text} is more than {most:,}, which is the most there can be")
     return int(number)
 
 
@@ -102,13 +106,14 @@ POSITIVE = Range(above=0)
 
 
 def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
-    """Refuse what is no finite number, or a number outside a range.
+    """Raise an error for a value that is no finite number or is outside a range.
 
     Raises
     ------
     ValueError
+        If it is not finite or not allowed.
     """
-    if type(value) is float and -math.inf < value < math.inf and value in allowed:  # the usual case, and the quickest
+    if type(value) is float and -math.inf < value < math.inf and value in allowed:  # the usual case
         return
     if isinstance(value, bool) or not isinstance(value, Real) or not _is_finite(value):
         raise ValueError(f"{owner}: {name} = {quoted(value)} must be a finite number")
@@ -117,7 +122,8 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
 
 
 def _is_finite(value: Real) -> bool:
+    """Return whether a number is finite as a float."""
     try:
         return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
+    except OverflowError:  # a whole number above the largest float
         return False

@@ -1,10 +1,10 @@
-"""Quantities with units at the boundary, as text such as "80 um" or from `pint`; inside there are numbers in SI.
+"""Quantities with units: texts such as "80 um" or objects of `pint` are converted to numbers in SI units.
 
-    si("Gear", "module", "3 mm", "m") = 0.003
+    to_si("Gear", "module", "3 mm", "m") = 0.003
 
-Texts in the units that drawings have are read by a table, since to import Pint takes longer than to trace a curve; Pint
-reads all others, and quantities. A number without a unit is in the SI unit that the field names; what is far from every
-machine is refused, since it is a number of another unit.
+Texts in the units of drawings are read by a table, because the import of Pint takes longer than to trace a curve. Pint
+reads all other texts and quantities. A number without a unit is in the SI unit of the field. A number far outside the
+range of real machines is refused, because it was probably given in another unit.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from hbgear.common.text.messages import quoted
 EXAMPLES = {"m": "'3 mm'", "rad": "'20 deg'", "N m": "'200 N m'", "N/m": "'2e8 N/m'", "kg": "'0.7 kg'",
             "kg m^2": "'0.0005 kg m^2'", "N": "'50 N'", "Pa": "'206 GPa'", "kg/m^3": "'7850 kg/m^3'",
             "N m/rad": "'1e6 N m/rad'", "": "0.04"}  # fmt: skip
-"""How a quantity of each SI unit may be written, for errors."""
+"""Example of a quantity of each SI unit, for messages."""
 
 
 _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^-?\d[\w\s/*-]*)*"
-"""A number and what may be a unit: letters, products, quotients and whole powers."""
+"""A number and a possible unit: letters, products, quotients and whole powers."""
 
 
-_LAST_DIGIT = 2.5e-16  # relative, what the product with a unit's factor is off by
+_PRODUCT_ROUNDING = 2.5e-16
+"""Relative rounding error of the product of a number and the factor of a unit."""
 
 
 USUAL = {
@@ -39,11 +40,12 @@ USUAL = {
     "kg m^2": {"kg m^2": 1.0},
     "rad/s": {"rad/s": 1.0, "r/min": pi / 30, "rpm": pi / 30},
 }
-"""Factors of the usual units of what is held in an SI unit, those of Pint."""
+"""Factors of the usual units of each SI unit, equal to those of Pint."""
 
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
+    """Return the registry of units of Pint."""
     import pint
 
     registry: Any = pint.UnitRegistry()
@@ -52,13 +54,21 @@ def _registry() -> Any:
 
 
 def to_si(owner: str, name: str, value: Any, unit: str) -> float:
-    """The number of a quantity in an SI unit.
+    """Return the number of a quantity in an SI unit.
 
     Parameters
     ----------
-    owner, name : whose and which quantity, for errors.
-    value : a number in that unit, a text such as "3 mm", or a `pint` quantity.
-    unit : the SI unit as pint reads it, such as "m", "rad", "N m"; "" for a number without one.
+    owner, name : str
+        Class and name of the quantity, for messages.
+    value : float, str or pint.Quantity
+        A number in the SI unit, or a quantity with its unit such as "3 mm".
+    unit : str
+        SI unit in the notation of Pint, such as "m", "rad", "N m"; empty for a dimensionless number.
+
+    Returns
+    -------
+    float
+        The number.
 
     Raises
     ------
@@ -67,7 +77,7 @@ def to_si(owner: str, name: str, value: Any, unit: str) -> float:
 
     Examples
     --------
-    >>> si("Gear", "module", "3 mm", "m"), si("Gear", "module", 0.003, "m")
+    >>> to_si("Gear", "module", "3 mm", "m"), to_si("Gear", "module", 0.003, "m")
     (0.003, 0.003)
     """
     if isinstance(value, str) or hasattr(value, "magnitude"):
@@ -77,7 +87,7 @@ def to_si(owner: str, name: str, value: Any, unit: str) -> float:
 
 
 def known_unit(unit: str) -> bool:
-    """Whether a text is a unit that quantities can be converted to; "" is that of a number.
+    """Return whether a text is a unit to which quantities can be converted; the empty text is dimensionless.
 
     Examples
     --------
@@ -98,6 +108,7 @@ def known_unit(unit: str) -> bool:
 
 
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
+    """Return the number of a text or a quantity in a unit."""
     if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
         return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {EXAMPLES.get(unit, unit)}" if unit else "a number"
@@ -109,7 +120,7 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
         if unit and re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text):
             raise ValueError(f"{owner}: {name} = {quoted(value)} has no unit; give one, such as {EXAMPLES.get(unit)}")
         if len(text) > 60 or not re.fullmatch(_QUANTITY, text):
-            raise refusal  # a unit alone, or an expression, which takes as long as it likes
+            raise refusal  # a unit alone, or an expression, whose evaluation may take very long
         try:
             value = _registry()(text.replace("r/min", "rpm")) if "**" not in text else None
         except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError, AssertionError):
@@ -128,29 +139,33 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
 
 
 def _usual(text: str, unit: str) -> float | None:
-    """The number of a quantity in a usual unit; None if it is none."""
+    """Return the number of a quantity in a usual unit; None for other units."""
     match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", text, re.ASCII)
     factor = USUAL.get(unit, {}).get(match[2]) if match and len(text) <= 60 else None
     return None if match is None or factor is None else float(match[1]) * factor
 
 
 def _short(exact: float) -> float:
-    """80e-6, not 7.999999999999999e-05."""
+    """Return a number without the rounding error of a conversion: 80e-6, not 7.999999999999999e-05."""
     short = float(f"{exact:.15g}")
-    return short if abs(short - exact) <= _LAST_DIGIT * abs(exact) else exact
+    return short if abs(short - exact) <= _PRODUCT_ROUNDING * abs(exact) else exact
 
 
 class QuantityField:
-    """A field of a frozen dataclass that takes quantities and holds a number in SI.
+    """Field of a frozen dataclass that accepts quantities and contains a number in an SI unit.
 
-        module: Measured = Measured("m", POSITIVE, Range(1e-5, 0.1))
+        module: QuantityField = QuantityField("m", POSITIVE, Range(1e-5, 0.1))
 
     Parameters
     ----------
-    unit : SI unit of the number, "" for none.
-    allowed : values it may have.
-    plausible : values any machine has: others are refused as numbers of another unit.
-    default : its default, a number; none if it is left out.
+    unit : str
+        SI unit of the number; empty for a dimensionless number.
+    allowed : Range, optional
+        Values that are allowed. Default: all.
+    plausible : Range, optional
+        Values of real machines; others are refused, because they were probably given in another unit. Default: all.
+    default : float, optional
+        Default of the field. Without it the field is required.
     """
 
     def __init__(self, unit: str, allowed: Range = ANY, plausible: Range = ANY, default: float | None = None) -> None:
@@ -166,7 +181,7 @@ class QuantityField:
     def __get__(self, instance: object, owner: type) -> float: ...
 
     def __get__(self, instance: object | None, owner: type) -> float:
-        if instance is None:  # where a dataclass looks for the default
+        if instance is None:  # dataclasses read the default of a field here
             if self.default is None:
                 raise AttributeError(self.name)
             return self.default
@@ -177,12 +192,24 @@ class QuantityField:
         vars(instance)[self.name] = self.read(type(instance).__name__, value)
 
     def read(self, owner: str, value: Any) -> float:
-        """The number a value stands for.
+        """Return the number of a value.
+
+        Parameters
+        ----------
+        owner : str
+            Class of the field, for messages.
+        value : float, str or pint.Quantity
+            Value of the field.
+
+        Returns
+        -------
+        float
+            Number in the SI unit.
 
         Raises
         ------
         ValueError
-            If it is no such quantity, or out of range.
+            If it is no quantity of the unit, or out of range.
         """
         number = to_si(owner, self.name, value, self.unit)
         checked(owner, self.name, number, self.allowed)
@@ -198,7 +225,7 @@ class QuantityField:
 
 
 class OptionalQuantityField(QuantityField):
-    """As `QuantityField`, with None for what is to be computed, the default."""
+    """A `QuantityField` that may be None, its default: the value is then computed."""
 
     def __get__(self, instance: object | None, owner: type) -> float | None:  # type: ignore[override]
         return None if instance is None else vars(instance)[self.name]

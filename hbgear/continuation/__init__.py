@@ -7,6 +7,7 @@ from hbgear.common import lazy_names as _lazy
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.continuation.augmented.branch_point import BranchPointProblem
     from hbgear.continuation.augmented.fold import FoldProblem
+    from hbgear.continuation.events.registry import register_event
     from hbgear.continuation.problem.adapter import as_problem
     from hbgear.continuation.problem.base import ContinuationProblem
     from hbgear.continuation.problem.evaluation import Evaluation
@@ -17,6 +18,7 @@ __all__ = [
     "Evaluation",
     "FoldProblem",
     "as_problem",
+    "register_event",
 ]
 
 if not TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import Any
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.events.event import Event
+from hbgear.continuation.events.registry import event_of_kind
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
@@ -39,7 +40,8 @@ def follow(
     branch : a branch that still knows its problem.
     point : label of one of its special points, or the point itself, such as ``hb.analysis.peaks(branch)[0]``.
     parameter, span : the second parameter, and from where to where.
-    event : the event that located the point, if the branch was loaded from a file and the event is your own.
+    event : the event that located the point, if the branch was loaded from a file and the event is your own and not
+        registered.
     options : passed to `trace`.
 
     Raises
@@ -67,15 +69,16 @@ def follow(
     problem = as_problem(branch.problem)
     if problem.unknown_parameters:
         raise ValueError("the branch is one of special points already; follow points of a curve in one parameter")
-    meant = event or event_of(branch, here)
+    meant = event or event_of(branch, here) or event_of_kind(here.kind)
     if meant is None:
-        raise ValueError(f"{here.label} has lost the event that located it, as what comes from a file has: give event=")
+        raise ValueError(f"{here.label} has lost the event that located it, as what comes from a file has: give event= "
+                         "or register it with hb.continuation.register_event")  # fmt: skip
     if meant.kind != here.kind:
         raise ValueError(f"event '{meant.kind}' did not locate {here.label}; give the one that did")
     equations = meant.equations(as_problem(problem.at_resolution_of(here)).original, branch.parameter, here)
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "
-            "are known for it; choose LP, PD, NS, GR, PK of rms or a harmonic, or an event of your own"
+            "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
     return trace(equations, parameter, span, here, **options)

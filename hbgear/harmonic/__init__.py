@@ -9,6 +9,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.bifurcations.grazing import GrazingProblem
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
     from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+    from hbgear.harmonic.equations.layout import register_measure
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "HarmonicBalance",
     "NeimarkSackerProblem",
     "PeriodDoublingProblem",
+    "register_measure",
 ]
 
 if not TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.equations.layout import MEASURES, axis_text, is_measure, layout_of
 from hbgear.harmonic.frequency_units import common_scales, model_of, same_scales, scales
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import (
@@ -26,7 +25,6 @@ from hbgear.plot.style import (
     FONT,
     GREY,
     LINES,
-    MEASURES,
     WIDTHS,
     add_legend,
     axes_or_new,
@@ -330,22 +328,32 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
     layout = layout_of(branch)
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    if _is_answer(measure):
+    if not is_measure(measure):
         title = machine_quantities(_asked(branch, measure)[0], element, dof).title(measure)
         ax.set_ylabel(title + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
     else:
-        ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
+        ax.set_ylabel(axis_text(measure, gap_label(layout, element)))
     dress(ax)
-
-
-def _is_answer(measure: str) -> bool:
-    return measure not in MEASURES and re.fullmatch(r"H\d+(/\d+)?", measure) is None and len(measure) > 4
 
 
 def _asked(branch: Branch, measure: str) -> Branch:
     """The branch, with its problem if that is needed: its points are told then, too."""
-    known = branch.problem is not None or not _is_answer(measure)
-    return branch if known else replace(branch, problem=problem_along(branch))
+    if branch.problem is not None or is_measure(measure):
+        return branch
+    try:
+        return replace(branch, problem=problem_along(branch))
+    except ValueError as error:
+        names = ", ".join(MEASURES)
+        raise ValueError(f"no measure {quoted(measure)}; there are {names}, H1, H2, ...; {error}") from None
+
+
+def _quantity(found: Branch | Point, name: str, element: int | str, dof: int | str | None) -> Array:
+    """Return a column of the machine quantities of a curve or a point."""
+    quantities = machine_quantities(found, element, dof)
+    try:
+        return quantities[name]
+    except KeyError as error:
+        raise KeyError(f"{error.args[0]}; measures are {', '.join(MEASURES)}, H1, H2, ...") from None
 
 
 class _Height:
@@ -358,8 +366,8 @@ class _Height:
     def along(self, branch: Branch) -> Array:
         """Of every row."""
         if id(branch) not in self._along:
-            if _is_answer(self.measure):
-                column = machine_quantities(branch, self.element, self.dof)[self.measure]
+            if not is_measure(self.measure):
+                column = _quantity(branch, self.measure, self.element, self.dof)
                 if not np.isfinite(column).any():
                     raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
                                      "answer, such as 'force, largest'")  # fmt: skip
@@ -370,8 +378,8 @@ class _Height:
 
     def at(self, point: Point) -> float:
         """Of a point."""
-        if _is_answer(self.measure):
-            return float(machine_quantities(point, self.element, self.dof)[self.measure][0])
+        if not is_measure(self.measure):
+            return float(_quantity(point, self.measure, self.element, self.dof)[0])
         return point.amplitude(self.measure, self.element)
 
 

@@ -177,8 +177,11 @@ class Sweep:
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> Array:
         """A measure of every motion (P,), as `Branch.amplitude`; "H1", "H2", ... are harmonics of the excitation."""
         j = self.index(element)
-        if measure in measures.MEASURES:
+        if measure in measures.BUILT_IN_MEASURES:
             return np.asarray(getattr(self, measure)[:, j])
+        if measure in measures.MEASURES:
+            known = ", ".join(measures.BUILT_IN_MEASURES)
+            raise ValueError(f"a sweep has no measure '{measure}': time integration records {known}, H1, H2, ...")
         return measures.measure(measure, self.rows[:, j])
 
     def export(self, path: str | os.PathLike[str]) -> None:
@@ -210,7 +213,7 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
         for i, found in enumerate(sweeps):
             columns: dict[str, Any] = {found.parameter: found.values, "direction": [found.direction] * len(found)}
             for j, name in enumerate(found.elements):
-                columns |= {f"{measure}_{name}": found.amplitude(measure, j) for measure in measures.MEASURES}
+                columns |= {f"{measure}_{name}": found.amplitude(measure, j) for measure in measures.BUILT_IN_MEASURES}
             columns |= {name: getattr(found, name) for name in ("period", "taken", "left", "lyapunov")}
             if i == 0:
                 writer.writerow(columns)

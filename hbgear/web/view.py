@@ -20,9 +20,9 @@ from hbgear.common.text.symbols import in_html, unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
+from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, common_scales
-from hbgear.io.branches.columns import MEASURED, bracketed, label_of
+from hbgear.io.branches.columns import bracketed, label_of
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
 
@@ -76,8 +76,8 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "corners": [list(corners) for corners in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,
-        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in MEASURES},
-        "measures": MEASURED,
+        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()},
+        "measures": _measures(),
         "stretches": [
             [[regime, _verdict(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
         ],
@@ -138,9 +138,14 @@ def multipliers(branch: Branch) -> dict[str, Any]:
     return {"count": mu.shape[1], "real": packed(mu.real), "imag": packed(mu.imag), "largest": plain(largest)}
 
 
+def _measures() -> dict[str, str]:
+    """Return the descriptions of the measures of a page by name; axes have the unit of the motion."""
+    return {name: entry.text for name, entry in default_measures(same_unit=True).items()}
+
+
 def _tops(branch: Branch, elements: Sequence[int]) -> dict[str, list[float]]:
     """How far up figures go where a curve runs off to infinity, by measure and element."""
-    return {m: [HEADROOM * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in MEASURES}
+    return {m: [HEADROOM * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in _measures()}
 
 
 def _verdict(stable: bool | str | None) -> str:
@@ -154,7 +159,7 @@ def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float
     X = [(layout_of(point) or layout).spread(point.X) for point in points]
     width = max(rows.shape[1] for rows in X)  # special points may have more harmonics than their curve
     padded = np.array([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in X])
-    sizes = {m: layout.measure_rows(m, padded) for m in MEASURES}
+    sizes = {m: layout.measure_rows(m, padded) for m in _measures()}
     return [{m: plain(of[i]) for m, of in sizes.items()} for i in range(len(points))]
 
 

@@ -62,6 +62,17 @@ def test_from_a_file_with_more_harmonics(problem, whole, tmp_path):
     assert_same(curve, trace(curve.problem, "Omega", (1.5, 0.6)), 1e-4)
 
 
+def test_a_fold_curve_of_an_earlier_version_is_loaded_and_goes_on(problem, whole, tmp_path):
+    """Its header names the class Fold, which is FoldProblem now."""
+    equations = FoldProblem(problem)
+    part = trace(equations, "zeta", (0.05, 0.2), start=whole["LP1"], steps=StepControl(max_points=4))
+    dataclasses.replace(part, meta={**part.meta, "curve": {"of": "Fold", "in": "Omega"}}).save(tmp_path / "fold.npz")
+    loaded = hb.load(tmp_path / "fold.npz")
+    assert loaded.meta["curve"] == {"of": "Fold", "in": "Omega"} and np.array_equal(loaded.X, part.X)
+    assert loaded.tracked.keys() == {"Omega"} and loaded.parameter == "zeta"
+    assert extend(loaded, problem=equations)["CP1"].parameters["zeta"] > 0.1
+
+
 def test_a_fold_curve_goes_on_too(problem, whole):
     options = {"start": whole["LP1"]}
     fold = trace(FoldProblem(problem), "zeta", (0.05, 0.2), **options)

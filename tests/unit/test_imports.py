@@ -1,6 +1,7 @@
 """Import rules that import-linter cannot express; its contracts are in pyproject.toml and run here as well."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -95,6 +96,21 @@ def test_names_of_a_package_are_imported_when_they_are_used(package):
         "print(early < late, modules)"
     )
     assert run(code) == "True []"
+
+
+PACKAGES = ["hbgear", *(
+    ".".join(("hbgear", *path.parent.relative_to(ROOT).parts)) for path in sorted(ROOT.glob("*/**/__init__.py"))
+)]  # fmt: skip
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_exported_name_is_that_of_a_submodule(package):
+    """The import of the submodule would replace the name: "module is not callable"."""
+    names = getattr(importlib.import_module(package), "__all__", ())
+    folder = ROOT.joinpath(*package.split(".")[1:])
+    modules = {path.stem for path in folder.glob("*.py")} | {path.parent.name for path in folder.glob("*/__init__.py")}
+    whole = {path.parent.name for path in ROOT.glob("*/__init__.py")} if package == "hbgear" else set()
+    assert not set(names) & modules - whole
 
 
 def test_a_missing_name_raises_attribute_error():

@@ -61,7 +61,7 @@ class Shell:
 
 def test_bar_in_a_notebook(monkeypatch):
     shell = Shell()
-    monkeypatch.setattr(progress_bar, "_PAUSE", 0.0)
+    monkeypatch.setattr(progress_bar, "_MIN_INTERVAL", 0.0)
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
     monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shell.display))
     hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.8), progress=hb.ProgressBar("a < b"))

@@ -327,7 +327,7 @@ def test_no_omega_no_phase_diagram():
 
 def test_names_of_the_first_releases_lead_to_what_moved():
     for name, function in (("plot_time", "sweeps"), ("plot_cases", "envelope")):
-        with pytest.warns(DeprecationWarning, match=f"hbgear.{name} is now part of hbgear.plot"):
+        with pytest.warns(DeprecationWarning, match=f"hbgear.{name} is deprecated: use hbgear.plot$"):
             module = getattr(hb, name)
         assert getattr(module, function) is getattr(plot, function)
     with pytest.raises(AttributeError, match="no attribute 'plot_nothing'"):

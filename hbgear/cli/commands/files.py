@@ -38,7 +38,7 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
 
 
 class Outputs:
-    """Writes files one by one; a failure neither keeps the others from being written nor the result from being printed.
+    """Writer of files one by one. After a failure the other files are still written and the result is printed.
 
     A file that cannot be written gets a free name in the current folder, else in the folder for temporary files.
     """
@@ -155,7 +155,7 @@ def _draw(make: Callable[[Any], Any], path: Path) -> None:
 def _fallbacks(path: Path) -> Iterator[Path]:
     """Yield the fallback folders."""
     for folder in (Path.cwd, tempfile.gettempdir):
-        with suppress(OSError):  # the current folder was removed, or there is none for temporary files
+        with suppress(OSError):  # the current folder was removed, or no folder for temporary files exists
             found = Path(folder())
             if not path.parent.is_dir() or not found.samefile(path.parent):
                 yield found

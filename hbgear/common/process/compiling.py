@@ -1,16 +1,16 @@
-"""Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
+"""Kernels: functions with loops over numbers and arrays, compiled by Numba at their first call.
 
-A kernel that Python calls is compiled with all kernels that it calls, as one unit: their results do not depend on
-which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754), so that
-results do not depend on how the compiler arranges the code either, nor on whether it was compiled in this process.
+A kernel that Python calls is compiled together with all kernels that it calls. Their results therefore do not depend on
+which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754). Results
+therefore do not depend on the arrangement of the code by the compiler, or on the process that compiled it.
 
 The machine code of every such unit is stored in one file with a checksum, in the cache folder of the user or in
 NUMBA_CACHE_DIR, and loaded by later processes. The folder is named by a hash of the sources of all kernels, the
-versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss; a folder that cannot be written
-is read. Numba reads and writes its own files in a temporary folder of the process.
+versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss. A folder that cannot be
+written is read. Numba reads and writes its own files in a temporary folder of the process.
 
-Without Numba the same functions run as they are written, some hundred times slower. A module of kernels imports Numba
-when it calls the first of them, and is therefore imported inside of the functions that need it.
+Without Numba the same functions run as Python code, about a hundred times slower. A module of kernels imports Numba at
+the first call of a kernel, and is therefore imported inside the functions that use it.
 
 References
 ----------
@@ -52,16 +52,16 @@ def kernel(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """A kernel that becomes a part of the source of the kernel that calls it.
+    """Return a kernel that is inlined in the kernels that call it.
 
-    Every kernel is compiled once for itself and once more in each that calls it, with all that it calls. A large
-    kernel that is called at one or two places takes less time to compile in this way.
+    Every kernel is compiled once for itself and once more in each kernel that calls it. Inlining reduces the compile
+    time of a large kernel that is called once or twice.
     """
     return cast(Function, Kernel(function, inline=True))
 
 
 class Kernel:
-    """A function and what Numba makes of it: an entry that Python calls, and a part of other kernels."""
+    """A function and its compiled forms: an entry for calls from Python, and a part of other kernels."""
 
     def __init__(self, function: Callable[..., Any], inline: bool) -> None:
         functools.update_wrapper(self, function)
@@ -70,24 +70,24 @@ class Kernel:
         self._call: Callable[..., Any] = function
 
     def __call__(self, *args: Any) -> Any:
-        """Call the entry; compile or load it before, if there is none for arguments of these classes."""
+        """Call the entry; compile or load it first if there is no entry for arguments of these classes."""
         if tuple(map(type, args)) not in self._known:
             self._prepare(args)
         return self._call(*args)
 
     @property
     def signatures(self) -> list[Any]:
-        """Types of arguments for which there is an entry in this process."""
+        """Argument types that have an entry in this process."""
         return list(getattr(self._call, "signatures", []))
 
     @cached_property
     def part(self) -> Any:
-        """What other kernels call; without code for calls from Python."""
+        """Form that other kernels call, without code for calls from Python."""
         options = _OPTIONS | ({"inline": "always"} if self._inline else {})
         return _numba().njit(no_cpython_wrapper=True, **options)(self._linked(self.function.__code__))
 
     def _linked(self, code: Any) -> FunctionType:
-        """The function with parts in the place of the kernels that it calls."""
+        """Return the function with parts instead of the kernels that it calls."""
         known = self.function.__globals__
         parts = {name: known[name].part for name in code.co_names if isinstance(known.get(name), Kernel)}
         linked = FunctionType(code, known | parts, self.function.__name__, self.function.__defaults__)
@@ -105,16 +105,16 @@ class Kernel:
             self._known.add(tuple(map(type, args)))
 
     def _entry(self) -> Any:
-        """What Numba makes of the function for calls from Python; it caches in a temporary folder if there is one."""
+        """Return the compiled function for calls from Python; Numba caches it in a temporary folder if possible."""
         source = Path(self.function.__code__.co_filename)
         code, options = self.function.__code__, _OPTIONS
         try:
             copy = Path(tempfile.mkdtemp(dir=_folder())) / source.name
             shutil.copyfile(source, copy)
-            os.utime(copy, (0.0, 0.0))  # the same in every process: Numba compares it
+            os.utime(copy, (0.0, 0.0))  # the same in every process, because Numba compares the time
             code, options = code.replace(co_filename=str(copy)), _OPTIONS | {"cache": True}
         except OSError as error:
-            _warn_once(_NOT_KEPT, f"no temporary folder: {error}")
+            _warn_once(_NOT_STORED_MESSAGE, f"no temporary folder: {error}")
         return _numba().njit(**options)(self._linked(code))
 
     def _compile(self, signature: tuple[Any, ...]) -> None:
@@ -126,28 +126,29 @@ class Kernel:
             return
         place, kept = Path(folder), _store() / f"{self.function.__module__}.{self.function.__name__}"
         try:
-            _put(place, _read(kept))
+            _write_files(place, _read(kept))
             misses = sum(entry.stats.cache_misses.values())
             entry.compile(signature)
             if sum(entry.stats.cache_misses.values()) > misses:
                 _write(kept, {path.name: path.read_bytes() for path in place.iterdir()})
         except OSError as error:  # from the temporary folder
-            _warn_once(_NOT_KEPT, error)
-            shutil.rmtree(place, ignore_errors=True)  # what was copied in part
-            with contextlib.suppress(OSError):  # Numba has the code by then, if it cannot write it
+            _warn_once(_NOT_STORED_MESSAGE, error)
+            shutil.rmtree(place, ignore_errors=True)  # files of an incomplete copy
+            with contextlib.suppress(OSError):  # Numba has compiled the code already if it cannot write it
                 entry.compile(signature)
         finally:
             shutil.rmtree(place, ignore_errors=True)
 
 
-def _put(folder: Path, parts: dict[str, bytes]) -> None:
+def _write_files(folder: Path, parts: dict[str, bytes]) -> None:
+    """Write parts as files of a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in parts.items():
         (folder / name).write_bytes(content)
 
 
 def _read(path: Path) -> dict[str, bytes]:
-    """Stored code; nothing if there is none, or none that can be used."""
+    """Return stored code; an empty dict if nothing is stored or it cannot be used."""
     try:
         parts = read_parts(path)
     except (DamagedFile, OSError) as error:
@@ -159,7 +160,7 @@ def _read(path: Path) -> dict[str, bytes]:
 
 
 def _write(path: Path, parts: dict[str, bytes]) -> None:
-    """Store code, if that is possible."""
+    """Store code if possible."""
     error = _writable()
     try:
         if error is None:
@@ -167,31 +168,29 @@ def _write(path: Path, parts: dict[str, bytes]) -> None:
     except OSError as found:
         error = found
     if error is not None:
-        _warn_once(_NOT_KEPT, error)
+        _warn_once(_NOT_STORED_MESSAGE, error)
 
 
-_NOT_KEPT = (
+_NOT_STORED_MESSAGE = (
     "hbgear compiles its core in every process, for the code cannot be stored (%s): set the environment variable "
     "NUMBA_CACHE_DIR to a folder that can be written"
 )
 
 
-_SAID: set[str] = set()
+_WARNED: set[str] = set()
 
 
 def _warn_once(message: str, *details: object) -> None:
-    """Warn; of further files with the same fault nothing is said."""
-    if message not in _SAID:
-        _SAID.add(message)
+    """Warn once per message, not for each file."""
+    if message not in _WARNED:
+        _WARNED.add(message)
         _LOG.warning(message, *details)
 
 
 @cache
 def _numba() -> Any:
     try:
-        with (
-            defer_signals()
-        ):  # an extension module of Numba makes an ImportError of Ctrl-C: hbgear would go on without it
+        with defer_signals():  # an extension module of Numba turns Ctrl-C into an ImportError
             import numba
     except ImportError as error:
         _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
@@ -201,7 +200,7 @@ def _numba() -> Any:
 
 @cache
 def _folder() -> str:
-    """A temporary folder for files of Numba, removed when the process ends."""
+    """Return a temporary folder for files of Numba, which is removed when the process ends."""
     return _temporary().name
 
 
@@ -212,7 +211,7 @@ def _temporary() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def _store() -> Path:
-    """The folder of stored code for the sources as they are now; it may not exist."""
+    """Return the folder of stored code for the present sources; it may not exist."""
     import platformdirs
 
     given = os.environ.get("NUMBA_CACHE_DIR")
@@ -221,13 +220,13 @@ def _store() -> Path:
 
 
 def nothing_stored() -> bool:
-    """Whether compiled code can be stored, and there is none yet for the sources as they are now."""
+    """Return whether compiled code can be stored and none is stored yet for the present sources."""
     return _numba() is not None and not _store().is_dir() and _writable() is None
 
 
 @cache
 def _writable() -> OSError | None:
-    """Why nothing can be written to the store, None if that is possible; the folder is made if there is none."""
+    """Create the folder of stored code if necessary; return the error if it cannot be written, else None."""
     folder = _store()
     try:
         if not folder.is_dir():
@@ -240,19 +239,20 @@ def _writable() -> OSError | None:
     return None
 
 
-_STALE = 30 * 24 * 3600.0  # seconds after which the code of other states of the sources is removed
+MAX_STORED_AGE = 30 * 24 * 3600.0
+"""Time [s] after which stored code of other versions of the sources is removed."""
 
 
 def _clear(parent: Path) -> None:
-    """Remove code of other states of the sources to which no process has added any for long."""
+    """Remove code of other versions of the sources that no process has changed for `MAX_STORED_AGE`."""
     for other in parent.glob("kernels-*"):
         with contextlib.suppress(OSError):
-            if time.time() - other.stat().st_mtime > _STALE:
+            if time.time() - other.stat().st_mtime > MAX_STORED_AGE:
                 shutil.rmtree(other, ignore_errors=True)
 
 
 def _state() -> str:
-    """A hash of all that compiled code depends on: sources, the compiler and the processor, not where they are."""
+    """Return a hash of sources, compiler and processor, which determine the compiled code."""
     import llvmlite.binding
 
     root = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""How a long computation says how far it is."""
+"""Progress of long computations."""
 
 from __future__ import annotations
 
@@ -9,22 +9,25 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a computation is, as it is told to ``progress=`` of every function that takes long.
+    """Progress of a computation: argument of the callback ``progress=`` of long computations.
 
-    Parameters
+    Attributes
     ----------
-    done : share of the work that is done, from 0 to 1; nan where it cannot be told. Of a trace it is the place within
-        the span, which goes back where the curve turns.
-    text : what it is at, in one line.
-    numbers : numbers of the text, if any: of `trace` the ``value`` of the parameter, ``points`` and ``step``; of
-        `cases` how many are ``finished``, ``total`` and ``failed``.
+    done : float
+        Fraction of the work that is done, 0 to 1; nan if unknown. For a trace it is the position in the span, which
+        decreases where the curve turns back.
+    text : str
+        Current state in one line.
+    numbers : mapping
+        Numbers of the text by name. `trace` gives the ``value`` of the parameter, ``points`` and ``step``; `cases` the
+        numbers of ``finished``, ``total`` and ``failed`` cases.
 
     Examples
     --------
     >>> import hbgear as hb
-    >>> seen = []
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.8), progress=seen.append)
-    >>> seen[-1].done, seen[-1].numbers["value"]
+    >>> received = []
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.8), progress=received.append)
+    >>> received[-1].done, received[-1].numbers["value"]
     (1.0, 0.8)
     >>> print(hb.Progress(0.25, "Omega = 0.9"))
      25 %  Omega = 0.9
@@ -40,14 +43,14 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-"""What ``progress=`` may be: ``print``, or any function of a `Progress`. What it raises ends the computation.
+"""Type of ``progress=``: ``print`` or another function of a `Progress`. An exception in it ends the computation.
 
 Examples
 --------
 >>> import hbgear as hb
->>> def tell(progress: hb.Progress) -> None:
+>>> def show(progress: hb.Progress) -> None:
 ...     if progress.done == 1.0:
 ...         print(progress.text.split(",")[0])
->>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.6), progress=tell)
+>>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.6), progress=show)
 Omega = 0.60000
 """

@@ -1,4 +1,4 @@
-"""A bar that shows how far a computation is, in notebooks and in terminals."""
+"""Progress bar for notebooks and terminals."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from typing import Any
 
 from hbgear.common.process.progress import Progress
 
-_PAUSE = 0.1  # seconds between two looks at the bar
+_MIN_INTERVAL = 0.1
+"""Time [s] between two updates of the bar."""
 
 
 class ProgressBar:
-    """A bar for ``progress=`` of every function that takes long: drawn in a notebook, a line in a terminal.
+    """Progress bar for ``progress=`` of long computations: a bar in a notebook, a line in a terminal.
 
     Parameters
     ----------
-    text : what it is that goes on.
+    text : str, optional
+        Name of the computation.
 
     Examples
     --------
@@ -38,10 +40,10 @@ class ProgressBar:
         self._now = Progress(0.0)
 
     def __call__(self, now: Progress) -> None:
-        """Show how far it is; not more often than eyes can follow."""
+        """Show the progress, at most every 0.1 s."""
         self._now = now
         at = time.monotonic()
-        if now.done != 1.0 and at - self._last < _PAUSE:
+        if now.done != 1.0 and at - self._last < _MIN_INTERVAL:
             return
         self._last = at
         display = _display()
@@ -55,16 +57,17 @@ class ProgressBar:
             self._shown.update({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True)
 
     def _repr_html_(self) -> str:
-        """For notebooks: how far it has come."""
+        """Return the bar for notebooks."""
         return self._drawn(self._now)
 
     def _drawn(self, now: Progress) -> str:
+        """Return the HTML of the bar."""
         value = "" if math.isnan(now.done) else f' value="{now.done:.4f}"'
         return f"{html.escape(self.text)} <progress{value}></progress> {html.escape(now.text)}"
 
 
 def _display() -> Any:
-    """What shows things in a notebook; None outside of one."""
+    """Return the display function of a notebook; None outside notebooks."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is None or not hasattr(shell, "kernel"):

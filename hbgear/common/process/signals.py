@@ -1,4 +1,4 @@
-"""Ctrl-C (SIGINT) and the request to end (SIGTERM): one way to stop, which waits while a file is being written."""
+"""Ctrl-C (SIGINT) and the request to end (SIGTERM): both raise KeyboardInterrupt, after a file has been written."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Handler = Callable[[int, FrameType | None], None]
 
 @contextmanager
 def signal_handlers(handler: Handler, *numbers: int) -> Iterator[None]:
-    """These signals call ``handler(number, frame)`` until this is over.
+    """Call ``handler(number, frame)`` for signals while a block runs.
 
-    Python lets only the main thread say so; elsewhere nothing changes. Nor does it for a signal that something other
-    than Python sees to.
+    Only the main thread can set handlers; in other threads nothing changes. Signals whose handler was not set by
+    Python are left alone.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -37,22 +37,22 @@ def signal_handlers(handler: Handler, *numbers: int) -> Iterator[None]:
 
 @contextmanager
 def sigterm_like_ctrl_c() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt as Ctrl-C does, so that what was done is kept; neither is ever lost."""
-    with signal_handlers(_interrupt, signal.SIGTERM), _told_again():
+    """Raise KeyboardInterrupt for SIGTERM as for Ctrl-C, so that results so far are returned; no signal is lost."""
+    with signal_handlers(_interrupt, signal.SIGTERM), _repeat_lost_interrupts():
         yield
 
 
 @contextmanager
-def _told_again() -> Iterator[None]:
-    """A KeyboardInterrupt that Python cannot raise where it comes is raised a moment later.
+def _repeat_lost_interrupts() -> Iterator[None]:
+    """Raise a KeyboardInterrupt again that Python could not raise where it occurred.
 
-    It comes so in functions that compiled code calls, of which the compiler of kernels has some.
+    It is lost in Python functions that compiled code calls, as the compiler of kernels does.
     """
     before = sys.unraisablehook
 
     def hook(given: sys.UnraisableHookArgs) -> None:
         if issubclass(given.exc_type, KeyboardInterrupt):
-            threading.Timer(_MOMENT, _thread.interrupt_main).start()
+            threading.Timer(REPEAT_DELAY, _thread.interrupt_main).start()
         else:
             before(given)
 
@@ -63,30 +63,32 @@ def _told_again() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-_MOMENT = 0.05  # seconds after which the compiled code has returned
+REPEAT_DELAY = 0.05
+"""Time [s] after which compiled code has returned, and a lost interrupt is repeated."""
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt: a signal handler."""
     raise KeyboardInterrupt
 
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait until this is over, the second time they come no longer.
+    """Defer Ctrl-C and SIGTERM to the end of a block; a second signal is handled at once.
 
-    A signal that something other than Python sees to is left alone, and so is every thread but the main one.
+    Signals whose handler was not set by Python are left alone, and so are other threads than the main one.
     """
     before = {number: handler for number in _STOPS if callable(handler := signal.getsignal(number))}
-    came: list[int] = []
+    received: list[int] = []
 
     def hold(number: int, frame: FrameType | None) -> None:
-        if came:
+        if received:
             before[signal.Signals(number)](number, frame)
-        came.append(number)
+        received.append(number)
 
     try:
         with signal_handlers(hold, *before):
             yield
     finally:
-        if came:
-            signal.raise_signal(came[0])
+        if received:
+            signal.raise_signal(received[0])

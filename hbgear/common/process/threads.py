@@ -1,4 +1,4 @@
-"""Threads for work that is done without Python's lock, as compiled kernels do it."""
+"""Threads for compiled kernels, which release the global interpreter lock."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Result = TypeVar("Result")
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Return the number of processors that this process may use."""
     own = getattr(os, "sched_getaffinity", None)
     return len(own(0)) if own else os.cpu_count() or 1
 
 
 @contextmanager
 def begun(work: Callable[[Item, Event], Result], items: Sequence[Item]) -> Iterator[list[Future[Result]]]:
-    """Threads at ``work(item, stop)`` of every item while the block runs, and what they will return.
+    """Run ``work(item, stop)`` of every item in threads while a block runs; yield the futures.
 
-    At its end ``stop`` is set, which work is to look at often: what runs ends before the block is left, and what waits
-    does not begin.
+    At the end of the block the event ``stop`` is set, which the work must test often. Running work ends before the
+    block is left; waiting work is cancelled.
     """
     stop = Event()
     with ThreadPoolExecutor(max(1, min(processors(), len(items)))) as pool:
@@ -36,9 +36,9 @@ def begun(work: Callable[[Item, Event], Result], items: Sequence[Item]) -> Itera
 
 
 def for_each(work: Callable[[Item, Event], None], items: Sequence[Item]) -> None:
-    """``work(item, stop)`` for every item, over threads; one item alone is worked on in this one.
+    """Run ``work(item, stop)`` for every item in threads; a single item in the calling thread.
 
-    After Ctrl-C or an error they are stopped as by `begun`.
+    Ctrl-C or an error stops the threads as in `begun`.
     """
     if len(items) < 2:
         for item in items:

@@ -1,4 +1,4 @@
-"""Files of text, read whole: regular files of a limited size."""
+"""Text files: regular files of a limited size, read completely."""
 
 from __future__ import annotations
 
@@ -6,17 +6,25 @@ import os
 import stat
 
 MOST_BYTES = 32 << 20
-"""Bytes above which a file of text is refused: larger ones are no input of a person."""
+"""Size [bytes] above which a text file is refused: input files that a person writes are smaller."""
 
 
 def bytes_of_file(path: str | os.PathLike[str], what: str, most: int = MOST_BYTES) -> bytes:
-    """The bytes of a regular file; a pipe or a device, which may never end, is not opened.
+    """Return the bytes of a regular file; pipes and devices, which may never end, are not opened.
 
     Parameters
     ----------
-    path : of the file.
-    what : it is to be, for errors: "a study".
-    most : number of bytes above which the file is refused.
+    path : path_like
+        The file.
+    what : str
+        Content that is expected, for messages, such as "a study".
+    most : int, optional
+        Size in bytes above which the file is refused. The default is 32 MiB.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
 
     Raises
     ------
@@ -42,17 +50,24 @@ def bytes_of_file(path: str | os.PathLike[str], what: str, most: int = MOST_BYTE
 
 
 def text_of_file(path: str | os.PathLike[str], what: str) -> str:
-    """The text of a file in UTF-8, with or without the mark that some programs begin it with.
+    """Return the text of a file in UTF-8, with or without a byte order mark.
 
     Parameters
     ----------
-    path : of the file.
-    what : it is to be, for errors: "a study".
+    path : path_like
+        The file.
+    what : str
+        Content that is expected, for messages, such as "a study".
+
+    Returns
+    -------
+    str
+        Text with line ends LF.
 
     Raises
     ------
     ValueError
-        If it cannot be opened, is no regular file, is too large, or is no text.
+        If the file cannot be opened, is no regular file, is too large, or contains no text.
     """
     try:
         text = bytes_of_file(path, what).decode("utf-8-sig")
@@ -62,5 +77,6 @@ def text_of_file(path: str | os.PathLike[str], what: str) -> str:
 
 
 def _not_text(error: UnicodeDecodeError) -> str:
+    """Return the reason for which bytes are not text, for messages."""
     line = error.object[: error.start].count(b"\n") + 1
     return f"it is no text (UTF-8), line {line} has the byte 0x{error.object[error.start]:02x}"

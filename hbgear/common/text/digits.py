@@ -1,4 +1,4 @@
-"""Numbers with the digits that hold."""
+"""Numbers as text with their significant digits."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import math
 
 
 def rounded(value: float, digits: int) -> str:
-    """A number with so many significant digits, zeros at its end too: they hold."""
+    """Return a number with a given count of significant digits, zeros at the end included."""
     return f"{value:#.{digits}g}".rstrip(".")
 
 
 def concise(value: float, error: float, most: int = 8) -> str:
-    """A number with its error in units of its last digit; without, where that is beyond the most significant digits.
+    """Return a number with its error in units of the last digit, such as 0.84537(2).
 
-    An error that is infinite is a question mark; one that is not known leaves six digits.
+    The error is left out if it is smaller than the last of ``most`` significant digits. An infinite error is shown as a
+    question mark; with an unknown error (nan) the number has six digits.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Words that errors share."""
+"""Parts of error messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`` ; did you mean 'x'?`` for a close match, else the list of what is known."""
+    """Return ``; did you mean 'x'?`` for a similar name, else the list of the known names."""
     known = list(known)
     close = difflib.get_close_matches(str(word), known, n=1)
     if close:
@@ -17,16 +17,16 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def article(word: str) -> str:
-    """The word or abbreviation with a or an, as it is spoken: an LP, a PD, an element."""
+    """Return a word or abbreviation with its article as pronounced: an LP, a PD, an element."""
     spelt = word[:2].isupper()
     return f"{'an' if word[:1] in ('AEFHILMNORSX' if spelt else 'AEIOaeio') else 'a'} {word}"
 
 
 def quoted(value: Any) -> str:
-    """A value in one short line: as Python writes it, or what it is if that is long."""
+    """Return a value in one short line: its representation, or its type if that is long."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
-    if isinstance(value, int) and abs(value) >= 10**60:  # Python refuses to write the longest
+    if isinstance(value, int) and abs(value) >= 10**60:  # Python raises an error for the text of larger ones
         return "a number of more than 60 digits"
     if isinstance(value, str):
         return repr(shortened(value))
@@ -35,6 +35,6 @@ def quoted(value: Any) -> str:
 
 
 def shortened(text: str, most: int = 80) -> str:
-    """A text in one line of at most that many characters, the middle left out."""
+    """Return a text in one line of at most ``most`` characters; the middle of a longer text is left out."""
     text = " ".join(text.split()) if "\n" in text else text
     return text if len(text) <= most else f"{text[: most - 13]}...{text[-10:]}"

@@ -1,6 +1,6 @@
-r"""Axis labels of models in other scripts than matplotlib's: plain text for tables, HTML for pages.
+r"""Axis labels of models in other forms than the TeX of Matplotlib: plain text for tables, HTML for pages.
 
-Of ``damping ratio $\zeta_p$`` the text is "damping ratio ζ_p" and the HTML "damping ratio ζ<sub>p</sub>".
+The label ``damping ratio $\zeta_p$`` becomes the text "damping ratio ζ_p" and the HTML "damping ratio ζ<sub>p</sub>".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _WRITTEN = {"dot": "\u0307", "prime": "\N{PRIME}", "times": "\N{MULTIPLICATION S
 
 
 def in_text(label: str) -> str:
-    r"""A label as plain text.
+    r"""Return a label as plain text.
 
     >>> in_text(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]"), in_text(r"$I_p$ [kg m$^2$]")
     ('Ω = ω_mesh/ω_n [-]', 'I_p [kg m^2]')
@@ -24,7 +24,7 @@ def in_text(label: str) -> str:
 
 
 def in_html(label: str) -> str:
-    r"""A label as HTML, with what is no markup escaped.
+    r"""Return a label as HTML with escaped characters.
 
     >>> in_html(r"$k_{p\theta x}$ [N m/rad], x < 1")
     'k<sub>pθx</sub> [N m/rad], x &lt; 1'
@@ -34,7 +34,7 @@ def in_html(label: str) -> str:
     def scripted(found: re.Match[str]) -> str:
         return f"<{tags[found[1]]}>{found[2] or found[3] or ''}</{tags[found[1]]}>"
 
-    parts = label.split("$")  # every second one is a formula; outside an underscore is part of a name
+    parts = label.split("$")  # every second part is a formula; outside formulas an underscore is part of a name
     return "".join(
         _SCRIPT.sub(scripted, html.escape(_letters(part))) if i % 2 else html.escape(part)
         for i, part in enumerate(parts)
@@ -42,7 +42,7 @@ def in_html(label: str) -> str:
 
 
 def unit_of(label: str) -> str:
-    r"""The unit a label ends with, "1" for none and "" if it does not say.
+    r"""Return the unit at the end of a label: "1" for [-], empty if the label has no unit.
 
     >>> unit_of(r"$I_p$ [kg m$^2$]"), unit_of(r"$x$ [-]"), unit_of(r"damping ratio $\zeta$")
     ('kg m^2', '1', '')
@@ -52,18 +52,19 @@ def unit_of(label: str) -> str:
 
 
 def without_unit(label: str) -> str:
-    """A label as plain text without the unit at its end."""
+    """Return a label as plain text without the unit at its end."""
     return re.sub(r"\s*\[[^\[\]]*\]\s*$", "", in_text(label))
 
 
 def _letters(label: str) -> str:
-    """A label with Greek letters instead of commands, and braces only around scripts of several letters."""
+    """Return a label with Greek letters instead of TeX commands; braces remain around scripts of several letters."""
     label = re.sub(r"\\(?:mathrm|text|mathit|mathbf)\{([^{}]*)\}", r"{\1}", label)
     label = _COMMAND.sub(_letter, label.replace("$", ""))
     return re.sub(r"(?<![_^])\{([^{}]*)\}", r"\1", label)
 
 
 def _letter(found: re.Match[str]) -> str:
+    """Return the character of a TeX command, or its name."""
     name = found[1]
     if name in _WRITTEN:
         return _WRITTEN[name]
@@ -74,4 +75,4 @@ def _letter(found: re.Match[str]) -> str:
         return name
 
 
-_SPELT = {"lambda": "lamda", "Lambda": "lamda"}  # as Unicode has it
+_SPELT = {"lambda": "lamda", "Lambda": "lamda"}  # spelling in Unicode

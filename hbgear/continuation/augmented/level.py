@@ -24,7 +24,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     Parameters
     ----------
     problem, parameter : as for `MinimallyAugmentedProblem`.
-    test : a smooth function of a `Point`, whose unknowns and parameters it may use.
+    test : a smooth function of a `Point`, whose unknowns, parameters and problem it may use.
 
     Examples
     --------
@@ -60,7 +60,10 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         ValueError
             If it is not finite.
         """
-        point = Point(X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout)
+        point = Point(
+            X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
+            problem=self.problem.original,
+        )  # fmt: skip
         value = float(self.test(point))
         if not math.isfinite(value):
             raise ValueError(f"the function of the level is {value} at {point}; it must be finite")

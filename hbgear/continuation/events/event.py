@@ -135,6 +135,11 @@ class Event:
     def __repr__(self) -> str:
         return f"<Event {self.kind}: {self.meaning}>"
 
+    @property
+    def test_function(self) -> Callable[[Point], float] | None:
+        """Function of the user; None for a class that overrides `test` or locates in another way."""
+        return getattr(self, "_test", None)
+
     def test(self, point: Point) -> float:
         """The function that passes zero."""
         value = float(self._test(point))
@@ -184,15 +189,15 @@ class Event:
         Raises
         ------
         ValueError
-            If the test uses more of a point than its unknowns and parameters, such as its multipliers.
+            If the test uses more of a point than its unknowns, parameters and problem, such as its multipliers.
         """
         level = ScalarConditionProblem(problem, parameter, self.test)
         try:
             level.value(point.X, point.parameters)
         except Exception as error:
             raise ValueError(
-                f"the event '{self.kind}' cannot be followed: its test must use no more of a point than its unknowns "
-                f"and parameters ({type(error).__name__}: {error})"
+                f"the event '{self.kind}' cannot be followed: its test must use no more of a point than its unknowns, "
+                f"parameters and problem ({type(error).__name__}: {error})"
             ) from error
         return level
 

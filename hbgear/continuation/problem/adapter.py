@@ -58,6 +58,18 @@ def as_problem(problem: AnyProblem) -> ContinuationProblem:
     ------
     TypeError
         If it has no ``evaluate``.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Circle:
+    ...     def evaluate(self, X, p):
+    ...         return X**2 + p**2 - 1, np.diag(2 * X)
+    ...
+    >>> problem = hb.continuation.as_problem(Circle())
+    >>> problem.smooth, problem.unknown_parameters
+    (True, ())
     """
     return problem if isinstance(problem, ContinuationProblem) else _adapted(problem)
 

@@ -53,6 +53,18 @@ class ContinuationProblem:
     """A problem R(X, p) = 0 with a default for every ability.
 
     Derive from it, or let `as_problem` add the defaults to an object with ``evaluate``.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Circle(hb.continuation.ContinuationProblem):
+    ...     def evaluate(self, X, p):
+    ...         return X**2 + p**2 - 1, np.diag(2 * X)
+    ...
+    >>> curve = hb.trace(Circle(), "p", (0.0, 1.5), np.array([1.0]))
+    >>> curve.special[0].label, bool(abs(curve["LP1"].parameters["p"] - 1.0) < 1e-9)
+    ('LP1', True)
     """
 
     unknown_parameters: Sequence[str] = ()

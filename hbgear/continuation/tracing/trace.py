@@ -36,6 +36,7 @@ from hbgear.continuation.curve.builder import build_branch
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import EventDetector, events_of
 from hbgear.continuation.events.event import Event
+from hbgear.continuation.events.registry import resolved_events
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem
@@ -75,7 +76,7 @@ def trace(
     settings: NewtonSettings = NewtonSettings(),
     stability: bool = True,
     special: bool = True,
-    events: Sequence[Event] = (),
+    events: Sequence[Event | str] = (),
     progress: ProgressCallback | None = None,
     cover: bool = True,
     accuracy: float | None = 1e-5,
@@ -98,7 +99,9 @@ def trace(
     steps, settings : step control and corrector.
     stability : ask the problem for multipliers at every point.
     special : locate the special points that the problem knows (folds, branch points, ...) and insert them as rows.
-    events : special points of your own, located and inserted as well; see `Event`.
+    events : special points of your own, located and inserted as well; see `Event`. Names stand for events that are
+        located on request, such as "PK", and for those that are registered with `hbgear.continuation.register_event`;
+        the error for an unknown name lists them. With ``special=False`` names such as "LP" select single kinds.
     progress : called with a `Progress` after every point, such as ``print``. An exception it raises ends the trace and
         comes out of it as it is, with the branch traced so far as its attribute ``branch``.
     cover : without a start: if the curve does not lead through the whole span (it turns back to where it began, or
@@ -151,7 +154,8 @@ def trace(
     if work is not None:
         checked("trace", "work", work, NOT_NEGATIVE)
     bound = Work(math.inf if work is None else float(work))
-    given = TraceSettings(parameter, at, steps, settings, stability, special, tuple(events), progress, accuracy)
+    located = resolved_events(events, requested, parameter)
+    given = TraceSettings(parameter, at, steps, settings, stability, special, located, progress, accuracy)
     return _trace_refined(requested, given, span, start, cover, bound)
 
 
@@ -264,7 +268,9 @@ class Tracer:
         self.state, self._second = begin(setup, start)
         known = events_of(setup.problem, setup.name)
         searched = known if settings.special else [event for event in known if event.terminal]
-        detector = EventDetector([*searched, *settings.events], setup.problem, setup.name, setup.fixed)
+        kinds = {type(event) for event in searched}  # a name may select an event that is located anyway
+        added = [event for event in settings.events if type(event) not in kinds]
+        detector = EventDetector([*searched, *added], setup.problem, setup.name, setup.fixed)
         self.monitor = Monitor(self.state)
         self.resolution = ResolutionControl(self.state, self.monitor)
         self.special_points = SpecialPoints(self.state, self.monitor, self.resolution, detector)

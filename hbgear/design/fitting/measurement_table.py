@@ -12,7 +12,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.design.fitting.measurements import FREQUENCIES, Measurements
-from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES
 from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, split
 from hbgear.io.tables.table_units import FREQUENCY, factor_of
@@ -37,7 +37,7 @@ KINDS = (
          lambda unit: unit == "" or unit in FREQUENCY, f"{', '.join(FREQUENCY)}, - (Omega)"),
     Kind("amplitude",
          dict.fromkeys(("amplitude", "a", "x", "d", "y", "displacement", "gap", "dte", "te", "transmission error",
-                        "dynamic transmission error", "half peak to peak", *MEASURES), ""), _is_length,
+                        "dynamic transmission error", "half peak to peak", *BUILT_IN_MEASURES), ""), _is_length,
          "um, mm, m, - (unit of the model)"),
     Kind("direction", dict.fromkeys(("direction", "sweep", "sweep direction", "dir"), ""), "".__eq__, "-"),
     Kind("deviation", dict.fromkeys(("deviation", "standard deviation", "std", "sigma", "uncertainty"), ""),
@@ -139,7 +139,7 @@ def _frequency(column: Column, wanted: str | None) -> tuple[str, float]:
 def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, str]:
     """The measure that the heading of the amplitudes names, if it names one."""
     name = None if column is None else normal(split(column.heading)[0])
-    if column is None or name not in MEASURES:
+    if column is None or name not in BUILT_IN_MEASURES:
         return {}
     if settings.get("measure", name) != name:
         raise ValueError(f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "

@@ -17,7 +17,7 @@ from hbgear.common.argument_checks import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
-from hbgear.harmonic.equations.layout import check_measure
+from hbgear.harmonic.equations.layout import check_displacement
 from hbgear.harmonic.frequency_units import MESH, PINION
 
 FREQUENCIES = ("Omega", MESH, PINION)
@@ -84,7 +84,7 @@ class Measurements:
         check_fields(self)
         if self.unit not in FREQUENCIES:
             raise ValueError(f"Measurements: unit = {quoted(self.unit)}{did_you_mean(str(self.unit), FREQUENCIES)}")
-        check_measure("Measurements", self.measure)
+        check_displacement("Measurements", self.measure)
         frequency, amplitude = self._numbers("frequency"), self._numbers("amplitude")
         if len(frequency) != len(amplitude):
             raise ValueError(

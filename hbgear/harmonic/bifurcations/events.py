@@ -43,6 +43,7 @@ from hbgear.continuation.events.event import (
 )
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.events.near_tangency import near_zeros
+from hbgear.continuation.events.registry import EVENTS, RegisteredEvent
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
@@ -554,25 +555,70 @@ INITIAL_PEAK_TOLERANCE, FINAL_PEAK_TOLERANCE = 1e-2, 1e-7
 """Fractions of a segment to which a peak is minimised: before Newton's method, and instead of it."""
 
 
+class TracedPeakEvent(AmplitudePeakEvent):
+    """Peak of the rms amplitude of an element, located while a curve is traced: opt-in event "PK".
+
+    X^T S t = 0, from + to -,   t the tangent of the curve, S the weights of the alternating part
+    """
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return the derivative of half the squared amplitude along the curve at points, shape (points, 1)."""
+        return np.array([[self._slope(problem, point)] for point in points])
+
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        """Return where the amplitude has a maximum: the derivative changes from positive to negative."""
+        return np.asarray((values[:-1, 0] > 0) & (values[1:, 0] < 0))
+
+    def close(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return no segments: a maximum and a minimum on one segment are not searched."""
+        return []
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the maximum by Newton's method, or as a bracketed root of the derivative."""
+        before, after = self._slope(segment.problem, segment.a), self._slope(segment.problem, segment.b)
+        if not before > 0 > after:
+            return []
+        note = f"peak of {self.measure}"
+        try:
+            equations = peak_of(segment.problem, segment.name, self.measure, self.element)
+            return [locate_by_newton(segment, self, equations, before / (before - after), note)]
+        except (NoConvergence, np.linalg.LinAlgError):
+            return [locate_root(segment, self, lambda point: self._slope(segment.problem, point), note)]
+
+    def _slope(self, problem: Any, point: CurvePoint) -> float:
+        """Return the derivative of half the squared rms amplitude along the curve."""
+        motion, change = (problem.rows(problem.resized(x))[self.element, 1:] for x in (point.X, point.tangent[:-1]))
+        return float(motion @ change) / 2
+
+
 def motion_events(nu: int) -> tuple[Event, ...]:
     """Return the events of periodic motions of subharmonic order nu, in addition to folds and branch points."""
     ends = (PeriodDoublingMergeEvent(),) if nu > 1 else ()
     return PeriodDoublingEvent(), NeimarkSackerEvent(), GrazingEvent(), *ends
 
 
-KINDS: dict[str, Event] = {
-    event.kind: event
+def _has_peaks(problem: ContinuationProblem, parameter: str) -> bool:
+    """Return whether amplitude peaks can be located on curves of a problem: response curves of periodic motions."""
+    return isinstance(problem.layout, Layout) and not problem.unknown_parameters
+
+
+EVENTS.update(
+    (event.kind, RegisteredEvent(event.kind, event, event.meaning, True, __name__))
     for event in (
-        FoldEvent(),
-        PeriodDoublingEvent(),
-        NeimarkSackerEvent(),
-        BranchPointEvent(),
-        GrazingEvent(),
-        CuspEvent(),
-        PeriodDoublingMergeEvent(),
-        AmplitudePeakEvent(),
+        FoldEvent,
+        PeriodDoublingEvent,
+        NeimarkSackerEvent,
+        BranchPointEvent,
+        GrazingEvent,
+        CuspEvent,
+        PeriodDoublingMergeEvent,
     )
-}
+)
+EVENTS["PK"] = RegisteredEvent("PK", TracedPeakEvent, TracedPeakEvent.meaning, False, __name__, _has_peaks)
+
+KINDS: dict[str, Event] = {name: entry.create() for name, entry in EVENTS.items() if entry.origin == __name__}
 """All built-in kinds of special points, in the order of legends."""
 
 

@@ -6,6 +6,7 @@
 |---|---|
 | AmplitudeExtremum | derivative of a quadratic amplitude along the curve |
 | ExtremumPeak | derivative of an amplitude made of extrema of the motion, or of its mean |
+| RegisteredMeasurePeak | derivative of a measure of the user, by difference quotients |
 
 References
 ----------
@@ -27,6 +28,7 @@ from hbgear.continuation.numerics.linear import Factors, bordered, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
+from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES, MEASURES, check_peaks
 from hbgear.mechanics.series.fourier import extrema, to_real
 
 
@@ -175,9 +177,48 @@ EXTREMA = ("pp2", "max", "mean")
 """Measures of `ExtremumPeak`."""
 
 
+class RegisteredMeasurePeak(AmplitudeExtremum):
+    """Peaks of a measure that a user registered: dA/ds = 0 along the curve, gradients by central differences.
+
+    The parameters are the same as for `AmplitudeExtremum`, with a measure registered by `register_measure`.
+    """
+
+    def _weights(self, measure: str, element: int) -> Array:
+        check_peaks("peaks", measure)
+        return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
+
+    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+        """Return the gradient (n,) of A, and its derivative along t (n,).
+
+        The step of the second difference is larger, because its error from rounding grows with 1 / h^2. It affects only
+        the rate of convergence of Newton's method.
+        """
+        h = SECOND_DIFFERENCE_STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        curvature = (self._gradient(X + h * t) - self._gradient(X - h * t)) / (2 * h)
+        return self._gradient(X), curvature
+
+    def _gradient(self, X: Array) -> Array:
+        """Return the gradient (n,) of the measure by central differences in the unknowns of the element."""
+        h, m = STEP * max(1e-3, norm(X)), self.problem.m
+        own = np.arange(len(X)).reshape(m, -1)[self.element]
+        moves = np.zeros((len(own), len(X)))
+        moves[np.arange(len(own)), own] = h
+        layout = self.problem.layout
+        up, down = (layout.measure(self.measure, X + sign * moves, self.element) for sign in (1, -1))
+        gradient = np.zeros(len(X))
+        gradient[own] = (up - down) / (2 * h)
+        return gradient
+
+
+SECOND_DIFFERENCE_STEP = 1e-4
+"""Step of the difference quotient of a gradient, relative to the unknowns: near the fourth root of rounding."""
+
+
 def peak_of(problem: Any, parameter: str, measure: str, element: int) -> AmplitudeExtremum:
     """Return the equations of the peaks of a measure."""
-    return (ExtremumPeak if measure in EXTREMA else AmplitudeExtremum)(problem, parameter, measure, element)
+    registered = measure in MEASURES and measure not in BUILT_IN_MEASURES
+    kind = ExtremumPeak if measure in EXTREMA else RegisteredMeasurePeak if registered else AmplitudeExtremum
+    return kind(problem, parameter, measure, element)
 
 
 def _harmonic(measure: str, problem: Any) -> int:

@@ -18,7 +18,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
 from hbgear.harmonic.bifurcations.events import AmplitudePeakEvent
-from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.equations.layout import check_peaks, layout_of
 
 
 @checked_arguments()
@@ -54,7 +54,7 @@ def peaks(
     Raises
     ------
     ValueError
-        If the branch has no problem, or the measure does not exist.
+        If the branch has no problem, or the measure does not exist or was registered with ``peaks=False``.
 
     Examples
     --------
@@ -75,6 +75,7 @@ def locate_peaks(
     branch: Branch, measure: str, element: int | str, share: float
 ) -> list[tuple[int, Segment, LocatedEvent]]:
     """Locate the peaks of the equations of the branch, each with its highest point and the segment around it."""
+    check_peaks("peaks", measure)
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")

@@ -1,12 +1,13 @@
-"""How rows of unknowns are read, and amplitude measures of the periodic functions they stand for.
+"""Layout of the unknowns of periodic motions, and the registry of amplitude measures.
 
     x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta),   theta = tau / nu
 
-    rms   sqrt(sum_k (a_k^2 + b_k^2) / 2), the mean left out     pp2   (max x - min x) / 2
-    max   max |x|                                                mean  a0
-    Hk    sqrt(a^2 + b^2) of harmonic k of the excitation, which is basis harmonic nu k; H1/2 for one between them
+    rms   sqrt(sum_k (a_k^2 + b_k^2) / 2), without the mean         pp2   (max x - min x) / 2
+    max   max |x|                                                   mean  a0
+    Hk    sqrt(a^2 + b^2) of harmonic k of the excitation, which is basis harmonic nu k; H1/2 for a subharmonic one
 
-Functions take rows (..., 2H + 1) and give one number for each.
+Measures are functions of coefficients, shape (..., 2H + 1), that return shape (...). Users add their own with
+`register_measure`. Harmonics are measures without an entry in the registry.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from numpy.typing import ArrayLike
 from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import counted
+from hbgear.common.text.messages import quoted
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -31,61 +33,326 @@ from hbgear.mechanics.series.fourier import evaluate, extrema, harmonics_of, spr
 
 
 def rms(X: Array) -> Array:
-    """Root mean square of the alternating part."""
+    """Return the root mean square of the alternating part."""
     rms: Array = np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
     return rms
 
 
 def half_peak_to_peak(X: Array) -> Array:
-    """Half the distance between the largest and the smallest value."""
+    """Return half the distance between the largest and the smallest value."""
     low, _, high, _ = extrema(X)
     return (high - low) / 2
 
 
 def largest(X: Array) -> Array:
-    """Largest absolute value."""
+    """Return the largest absolute value."""
     low, _, high, _ = extrema(X)
     return np.maximum(np.abs(low), np.abs(high))
 
 
 def mean(X: Array) -> Array:
-    """Mean over a period."""
+    """Return the mean over a period."""
     return X[..., 0].copy()
 
 
 def harmonic(X: Array, k: int) -> Array:
-    """Amplitude of basis harmonic k >= 1."""
+    """Return the amplitude of basis harmonic k >= 1."""
     return np.hypot(X[..., 2 * k - 1], X[..., 2 * k])
 
 
 REGIMES = ("no_impact", "single_sided", "double_sided")
-"""Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
-
-MEASURES: dict[str, Callable[[Array], Array]] = {"rms": rms, "pp2": half_peak_to_peak, "max": largest, "mean": mean}
+"""Names of the regime codes 0, 1, 2: number of sides of an element that the motion meets and leaves. -1 is unknown."""
 
 
-def measure(name: str, X: Array, nu: int = 1) -> Array:
-    """The measure of that name of each row.
+# ---- registry of measures
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Entry of the registry of measures.
+
+    Attributes
+    ----------
+    name : str
+        Name in functions, on the command line and in column names.
+    function : callable
+        Function of coefficients (..., 2H + 1) that returns values (...).
+    text : str
+        Description for axes and tables, such as "half peak-to-peak".
+    dimension : int
+        Power of the unit of the motion: 1 for an amplitude, 0 for a ratio, 2 for a mean square.
+    unit : str
+        Unit, if it does not follow from the unit of the motion. Empty otherwise.
+    peaks : bool
+        Whether `hbgear.analysis.peaks` can locate its peaks: the measure must be smooth where it is largest.
+    default : bool
+        Whether tables, data sets and pages contain it without a request.
+    """
+
+    name: str
+    function: Callable[[Array], Array]
+    text: str
+    dimension: int = 1
+    unit: str = ""
+    peaks: bool = True
+    default: bool = False
+
+    def unit_for(self, motion: str) -> str:
+        """Return the unit for a unit of the motion.
+
+        Parameters
+        ----------
+        motion : str
+            Unit of the motion. It is "-" or "1" if the motion is dimensionless, and empty if it is unknown.
+
+        Returns
+        -------
+        str
+            Unit of the measure. It is "-" for a ratio.
+        """
+        if self.unit or self.dimension == 0:
+            return self.unit or "-"
+        return motion if self.dimension == 1 or motion in ("", "-", "1") else f"{motion}^{self.dimension}"
+
+
+MEASURES: dict[str, Measure] = {
+    "rms": Measure("rms", rms, "alternating rms", default=True),
+    "pp2": Measure("pp2", half_peak_to_peak, "half peak-to-peak", default=True),
+    "max": Measure("max", largest, "largest magnitude", default=True),
+    "mean": Measure("mean", mean, "mean", default=True),
+}
+"""Registered measures by name."""
+
+BUILT_IN_MEASURES = tuple(MEASURES)
+"""Names of the measures of hbgear."""
+
+MEASURE_TEXTS: dict[str, str] = {name: entry.text for name, entry in MEASURES.items()}
+"""Descriptions of the registered measures by name."""
+
+_HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+@overload
+def register_measure(
+    function: _Function, /,
+    *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "", peaks: bool = True,
+    default: bool = False,
+) -> _Function: ...  # fmt: skip
+
+
+@overload
+def register_measure(
+    *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "", peaks: bool = True,
+    default: bool = False,
+) -> Callable[[_Function], _Function]: ...  # fmt: skip
+
+
+def register_measure(
+    function: Any = None, /, *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "",
+    peaks: bool = True, default: bool = False,
+) -> Any:  # fmt: skip
+    """Register a measure of amplitude: a decorator of a function, or a call.
+
+    The name can then be used wherever a measure is given: `Branch.amplitude`, figures, peaks, redesign.
 
     Parameters
     ----------
-    name : "rms", "pp2", "max", "mean", "H1", "H2", ...; with nu = 2 also "H1/2", "H3/2", ...
-    X : (..., 2H + 1) real rows over nu periods of the excitation.
-    nu : subharmonic order.
+    function : callable
+        Function of the coefficients ``(a0, a1, b1, ..., aH, bH)``, shape (..., 2H + 1), that returns one value for each
+        set, shape (...). With subharmonic order nu the harmonics are those of Omega / nu.
+    name : str, optional
+        Name of letters, digits and "_". Default: the name of the function.
+    text : str, optional
+        Description for axes and tables. Default: the name.
+    dimension : int, optional
+        Power of the unit of the motion: 1 (default) for an amplitude, 0 for a ratio, 2 for a mean square.
+    unit : str, optional
+        Unit, if it does not follow from the unit of the motion.
+    peaks : bool, optional
+        Whether peaks can be located and followed. The measure must be smooth there: Newton's method uses difference
+        quotients of it. The default is True.
+    default : bool, optional
+        Whether tables, data sets and pages contain it without a request. The default is False.
+
+    Returns
+    -------
+    callable
+        The function itself, or a decorator if it is called with options only.
+
+    Raises
+    ------
+    TypeError
+        If the measure is no function.
+    ValueError
+        If the name cannot be used, or the function does not return one finite value for each set of coefficients.
+
+    Notes
+    -----
+    A function that is defined again, as in a notebook, replaces the first definition.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> @hb.harmonic.register_measure(text="distortion", dimension=0)
+    ... def distortion(coefficients):
+    ...     size = np.hypot(coefficients[..., 1::2], coefficients[..., 2::2])
+    ...     return np.sqrt((size[..., 1:] ** 2).sum(axis=-1)) / size[..., 0]
+    ...
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> curve.amplitude("distortion").shape == curve.values.shape
+    True
+    >>> hb.plot.response(curve, "distortion").get_ylabel()
+    'distortion of $x$ [-]'
+    """
+
+    def register(function: Any) -> Any:
+        if not callable(function):
+            raise TypeError(f"register_measure needs a function of coefficients (..., 2H + 1), got {quoted(function)}")
+        own = str(getattr(function, "__name__", "")) if name is None else name
+        _check_name(own, function)
+        _check_function(own, function)
+        MEASURES[own] = Measure(own, function, text or own, dimension, unit, peaks, default)
+        MEASURE_TEXTS[own] = MEASURES[own].text
+        return function
+
+    return register if function is None else register(function)
+
+
+def _check_name(name: str, function: Callable[[Array], Array]) -> None:
+    """Raise an error if a measure cannot have a name."""
+    if re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) is None or _HARMONIC.fullmatch(name):
+        raise ValueError(
+            f"register_measure: the name {quoted(name)} must be letters, digits and _, and not H1, H2, ...; "
+            "give another one: register_measure(name=...)"
+        )
+    known = MEASURES.get(name)
+    if known is not None and (name in BUILT_IN_MEASURES or _origin(known.function) != _origin(function)):
+        raise ValueError(
+            f"register_measure: the name '{name}' belongs to {'.'.join(_origin(known.function))}; "
+            "give another one: register_measure(name=...)"
+        )
+
+
+def _origin(function: Any) -> tuple[str, str]:
+    """Return module and qualified name of a function."""
+    return str(function.__module__), str(getattr(function, "__qualname__", type(function).__qualname__))
+
+
+def _check_function(name: str, function: Callable[[Array], Array]) -> None:
+    """Raise an error if a function of coefficients does not return one finite value for each set."""
+    for H in (1, 3):
+        X = np.cos(np.arange(2 * 3 * (2 * H + 1))).reshape(2, 3, -1)
+        try:
+            values = np.asarray(function(X.copy()), dtype=float)
+            good = values.shape == (2, 3) and np.isfinite(values).all()
+            good = good and np.allclose(values[1, 2], function(X[1, 2].copy()), rtol=1e-9, atol=1e-12)
+        except (IndexError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"register_measure: the measure '{name}' fails for coefficients of shape (2, 3, {2 * H + 1}) "
+                f"({type(error).__name__}: {error}); index them as X[..., i] and reduce over axis=-1"
+            ) from error
+        if not good:
+            raise ValueError(
+                f"register_measure: the measure '{name}' must return one finite value for each set of coefficients: "
+                f"shape (2, 3) for (2, 3, {2 * H + 1}), got shape {values.shape}; reduce over axis=-1"
+            )
+
+
+def is_measure(name: str) -> bool:
+    """Return whether a name is that of a registered measure or of a harmonic.
+
+    Parameters
+    ----------
+    name : str
+        Any text.
+
+    Returns
+    -------
+    bool
+        True for "rms", "H1", "H1/2" and names of registered measures.
+    """
+    return name in MEASURES or _HARMONIC.fullmatch(name) is not None
+
+
+def default_measures(same_unit: bool = False) -> dict[str, Measure]:
+    """Return the measures that tables, data sets and pages contain.
+
+    Parameters
+    ----------
+    same_unit : bool, optional
+        Whether to leave out measures that have another unit than the motion. The default is False.
+
+    Returns
+    -------
+    dict
+        Entries by name.
+    """
+    return {
+        name: entry
+        for name, entry in MEASURES.items()
+        if entry.default and not (same_unit and (entry.unit or entry.dimension != 1))
+    }
+
+
+def axis_text(name: str, motion: str) -> str:
+    """Return the text of an axis of a measure.
+
+    Parameters
+    ----------
+    name : str
+        Name of the measure.
+    motion : str
+        Symbol and unit of the motion, such as "d [um]".
+
+    Returns
+    -------
+    str
+        Description, symbol and unit.
+    """
+    entry = MEASURES.get(name)
+    if entry is None:
+        return f"harmonic {name[1:]} of {motion}"
+    if not entry.unit and entry.dimension == 1:
+        return f"{entry.text} of {motion}"
+    bracket = re.search(r"\s*\[([^\[\]]*)\]", motion)
+    unit = entry.unit_for(bracket[1] if bracket else "")
+    symbol = motion.replace(bracket[0], "", 1) if bracket else motion
+    return f"{entry.text} of {symbol}{f' [{unit}]' if unit else ''}"
+
+
+def measure(name: str, X: Array, nu: int = 1) -> Array:
+    """Return a measure of motions.
+
+    Parameters
+    ----------
+    name : str
+        Name of the measure: "rms", "pp2", "max", "mean", "H1", "H2", ...; with nu = 2 also "H1/2", "H3/2", ...
+    X : array_like, shape (..., 2H + 1)
+        Real coefficients over nu periods of the excitation.
+    nu : int, optional
+        Subharmonic order. The default is 1.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Value for each motion.
 
     Raises
     ------
     ValueError
-        If there is no measure of that name, or no such harmonic among the H of the rows.
+        If there is no measure of that name, or no such harmonic among the H of the motions.
     """
     X = np.asarray(X, dtype=float)
     return _measured_by(name, harmonics_of(X), nu)(X)
 
 
 def _measured_by(name: str, H: int, nu: int) -> Callable[[Array], Array]:
-    """The function of rows of H harmonics that a measure is; see `measure`."""
+    """Return the function of a measure for coefficients of H harmonics; see `measure`."""
     if name in MEASURES:
-        return MEASURES[name]
+        return MEASURES[name].function
     found = _HARMONIC.fullmatch(name)
     if found is None:
         raise ValueError(f"no measure '{name}'; there are {_names(H, nu)}")
@@ -95,45 +362,116 @@ def _measured_by(name: str, H: int, nu: int) -> Callable[[Array], Array]:
     return partial(harmonic, k=above // below)
 
 
-_HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
-
-
 def check_measure(where: str, name: str) -> None:
-    """Refuse what is the measure of no motion.
+    """Raise an error for the name of an unknown measure.
+
+    Parameters
+    ----------
+    where : str
+        Name of the function, for the message.
+    name : str
+        Name of the measure.
 
     Raises
     ------
     ValueError
-        If it is the name of none.
+        If there is no such measure.
     """
-    if name not in MEASURES and _HARMONIC.fullmatch(name) is None:
+    if not is_measure(name):
         raise ValueError(f"{where}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
 
 
+def check_peaks(where: str, name: str) -> None:
+    """Raise an error for a measure whose peaks cannot be located.
+
+    Parameters
+    ----------
+    where : str
+        Name of the function, for the message.
+    name : str
+        Name of the measure.
+
+    Raises
+    ------
+    ValueError
+        If there is no such measure, or it was registered with ``peaks=False``.
+    """
+    check_measure(where, name)
+    if name in MEASURES and not MEASURES[name].peaks:
+        usable = ", ".join(known for known, entry in MEASURES.items() if entry.peaks)
+        raise ValueError(
+            f"{where}: peaks of '{name}' cannot be located, because it is registered with peaks=False; "
+            f"use {usable} or H1, H2, ..."
+        )
+
+
+def check_displacement(where: str, name: str) -> None:
+    """Raise an error for a measure that is not a displacement, and cannot be compared with lengths.
+
+    Parameters
+    ----------
+    where : str
+        Name of the function, for the message.
+    name : str
+        Name of the measure.
+
+    Raises
+    ------
+    ValueError
+        If there is no such measure, or it has another unit than the motion.
+    """
+    check_measure(where, name)
+    if name in MEASURES and (MEASURES[name].unit or MEASURES[name].dimension != 1):
+        usable = ", ".join(known for known, entry in MEASURES.items() if entry.dimension == 1 and not entry.unit)
+        raise ValueError(f"{where}: the measure '{name}' is not a displacement; use {usable} or H1, H2, ...")
+
+
 def derivative(X: Array, rate: ArrayLike, order: int) -> Array:
-    """Rows of the derivative in time, c_k (i k rate)^order, with rate = dtheta/dt = Omega / nu."""
+    """Return the coefficients of a derivative in time, c_k (i k rate)^order.
+
+    Parameters
+    ----------
+    X : array_like, shape (..., 2H + 1)
+        Coefficients.
+    rate : array_like, shape (...)
+        Frequency dtheta/dt = Omega / nu.
+    order : int
+        Order of the derivative.
+
+    Returns
+    -------
+    ndarray, shape (..., 2H + 1)
+        Coefficients of the derivative.
+    """
     counted("derivative", order, least=0)
     c = to_complex(np.asarray(X, dtype=float))
     return to_real(c * (1j * np.arange(c.shape[-1]) * np.asarray(rate, dtype=float)[..., None]) ** order)
 
 
 def _names(H: int, nu: int) -> str:
+    """Return the names of all measures of motions of H harmonics, for messages."""
     orders = [f"H{k // nu}" if k % nu == 0 else f"H{k}/{nu}" for k in range(1, H + 1)]
     return ", ".join([*MEASURES, *(orders if H <= 4 else [*orders[:2], "...", orders[-1]])])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a row X of unknowns is to be read.
+    """Meaning of the unknowns X of a harmonic balance.
 
-    Parameters
+    Attributes
     ----------
-    harmonics : H.
-    nu : subharmonic order; the basis phase is theta = tau / nu.
-    elements : m names.
-    breakpoints : per element, the values of its coordinate at which its law has a corner.
-    labels : axis labels by name, e.g. ``{"Omega": "Ω = ω_mesh / ω_n", "amplitude": "d / b_c"}``.
-    orders : the basis harmonics from 1 that X has, ascending; None for all up to H.
+    harmonics : int
+        Harmonic truncation order H.
+    nu : int
+        Subharmonic order; the basis phase is theta = tau / nu.
+    elements : tuple of str
+        Names of the m elements.
+    breakpoints : tuple of tuple of float
+        Breakpoints of the law of each element, in its coordinate.
+    labels : dict, optional
+        Axis labels by name, such as ``{"Omega": "Ω = ω_mesh / ω_n", "amplitude": "d / b_c"}``.
+    orders : tuple of int, optional
+        Basis harmonics from 1 that X contains, ascending. Default: all up to H.
     """
 
     harmonics: int
@@ -145,7 +483,7 @@ class Layout:
 
     @property
     def width(self) -> int:
-        """Number of unknowns m (2H + 1), or that of the orders for H."""
+        """Number of unknowns m (2H + 1), with the number of orders instead of H if X does not contain all."""
         kept = self.harmonics if self.orders is None else len(self.orders)
         return len(self.elements) * (2 * kept + 1)
 
@@ -155,7 +493,7 @@ class Layout:
         return REGIMES
 
     def index(self, element: int | str) -> int:
-        """Position of an element given by position or name; KeyError lists those that exist."""
+        """Return the index of an element given by index or name; the KeyError lists the elements."""
         if isinstance(element, str):
             if element in self.elements:
                 return self.elements.index(element)
@@ -164,37 +502,37 @@ class Layout:
         raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
 
     def rows(self, X: Array, element: int | str) -> Array:
-        """Coefficients ``(..., 2H + 1)`` of an element, out of ``X``; zero where its orders leave out harmonics."""
+        """Return the coefficients ``(..., 2H + 1)`` of an element; zero for harmonics that X does not contain."""
         return self.spread(X)[..., self.index(element), :]
 
     def spread(self, X: Array) -> Array:
-        """Coefficients ``(..., m, 2H + 1)`` of all elements; zero where the orders leave out harmonics."""
+        """Return the coefficients ``(..., m, 2H + 1)`` of all elements; zero for harmonics that X does not contain."""
         if self.orders is None:
             return X.reshape(*X.shape[:-1], len(self.elements), -1)
         return spread(X, len(self.elements), np.array([0, *self.orders]), self.harmonics)
 
     def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """The measure of that name of an element, for each row."""
+        """Return a measure of an element, for X of shape (..., n)."""
         return self.measure_rows(name, self.rows(X, element))
 
     def check_measure(self, name: str, element: int | str = 0) -> None:
-        """Raise what `measure` would for a wrong name of a measure or an element."""
+        """Raise an error for the name of an unknown measure or element, as `measure` does."""
         self.index(element)
         _measured_by(name, self.harmonics, self.nu)
 
     def measure_rows(self, name: str, rows: Array) -> Array:
-        """The measure of that name of rows (..., 2H + 1) of one element."""
+        """Return a measure for coefficients (..., 2H + 1) of one element."""
         return measure(name, rows, self.nu)
 
     def problem_of(self, meta: Mapping[str, Any]) -> Any:
-        """The harmonic balance as a file tells it; None if its model is none of hbgear, for no code is loaded."""
+        """Return the harmonic balance that the header of a file describes; None for a model outside hbgear."""
         try:
             return call("hbgear.harmonic.model_registry.rebuild_problem", meta)
         except (KeyError, TypeError, ValueError):
             return None
 
     def distance(self, X: Array, other: Layout, Y: Array) -> float:
-        """How far two motions are apart, whatever their phases: root mean square of differences of amplitudes.
+        """Return the distance of two motions, independent of their phases: rms of the differences of amplitudes.
 
             sqrt(sum_j [(a0 - a0')^2 + sum_k (|c_k| - |c_k'|)^2 / 2])      c_k = a_k - i b_k of element j
 
@@ -206,22 +544,33 @@ class Layout:
         return norm(apart)
 
     def _amplitudes(self, X: Array, nu: int) -> Array:
-        """Mean and root mean squares (m, H nu / own nu + 1) of the harmonics of Omega / nu."""
+        """Return means and rms values (m, H nu / self.nu + 1) of the harmonics of Omega / nu."""
         c = to_complex(stretch(self.spread(X), nu // self.nu))
         return np.concatenate([c[:, :1].real, np.abs(c[:, 1:]) / math.sqrt(2)], axis=1)
 
     def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
-        """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
+        """Return ``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order of d/dtheta."""
         theta = 2 * np.pi * np.arange(count) / count
         return theta, evaluate(self.rows(X, element), theta, order)
 
     def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
-        """Rows (P, 2H + 1) of the derivative in time at frequencies ``parameters["Omega"]`` (P,)."""
+        """Return coefficients (P, 2H + 1) of the derivative in time at frequencies ``parameters["Omega"]`` (P,)."""
         if "Omega" not in parameters:
             raise ValueError(f"derivative={order} needs Omega; this branch has no parameter of that name")
         return derivative(rows, parameters["Omega"] / self.nu, order)
 
 
 def layout_of(found: Branch | Point) -> Layout | None:
-    """How the unknowns of a curve or a point are read; None if they are not coefficients of periodic motions."""
+    """Return the layout of a curve or a point.
+
+    Parameters
+    ----------
+    found : Branch or Point
+        Curve or point.
+
+    Returns
+    -------
+    Layout or None
+        The layout; None if the unknowns are not coefficients of periodic motions.
+    """
     return found.layout if isinstance(found.layout, Layout) else None

@@ -16,11 +16,11 @@ from hbgear.analysis.summary import describe_changes
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import name_of_regime
-from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
+from hbgear.harmonic.equations.layout import MEASURE_TEXTS, Layout, default_measures, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, model_of, speeds_at
 
-MEASURED = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
-"""Measures of amplitude in words."""
+MEASURED = MEASURE_TEXTS
+"""Descriptions of the registered measures of amplitude by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +155,10 @@ def _element(branch: Branch, layout: Layout, j: int) -> Iterator[Column]:
     yield Column(
         [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime], "impact regime", "", name, "regime"
     )
-    for measure in MEASURES:
-        yield Column(branch.amplitude(measure, j), f"{MEASURED[measure]} of {symbol}", unit, name, measure)
+    for measure, entry in default_measures().items():
+        own = entry.unit_for(unit)
+        values = branch.amplitude(measure, j)
+        yield Column(values, f"{entry.text} of {symbol}", "1" if own == "-" else own, name, measure)
     for term, x in zip(terms_of(layout), layout.rows(branch.X, j).T, strict=True):
         yield Column(x, f"Fourier coefficient {term} of {symbol}", unit, name, term)
 

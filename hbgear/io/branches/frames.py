@@ -10,8 +10,8 @@ from hbgear.common.optional import needed
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_STATES
-from hbgear.harmonic.equations.layout import MEASURES, layout_of
-from hbgear.io.branches.columns import MEASURED, Column, about, columns_of, label_of, terms_of
+from hbgear.harmonic.equations.layout import default_measures, layout_of
+from hbgear.io.branches.columns import Column, about, columns_of, label_of, terms_of
 
 if TYPE_CHECKING:
     import pandas
@@ -19,7 +19,26 @@ if TYPE_CHECKING:
 
 
 def to_dataframe(branch: Branch) -> pandas.DataFrame:
-    """Return a data frame with one row per point; the column ``curve`` comes first if there are several curves."""
+    """Return a pandas data frame with one line per point.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch. If its span has other branches, the column ``curve`` comes first and holds their numbers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in the .csv file; units and descriptions are in ``attrs``.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> frame = hb.io.to_dataframe(curve)
+    >>> len(frame) == len(curve), "rms_x" in frame.columns
+    (True, True)
+    """
     pd = needed("pandas", "data", "a data frame")
     curves = (branch, *branch.others)
     frames = []
@@ -51,6 +70,24 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     """Return a data set with the dimensions point, element, term, measure and multiplier.
 
     Units and long names are attributes. Complex multipliers are two variables, for all versions of NetCDF.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch.
+
+    Returns
+    -------
+    xarray.Dataset
+        The data set.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> data = hb.io.to_xarray(curve)
+    >>> data.measure.values.tolist()
+    ['rms', 'pp2', 'max', 'mean']
     """
     xr = needed("xarray", "data", "a data set")
     layout = layout_of(branch)
@@ -74,10 +111,15 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     if layout is None:
         data["X"] = (("point", "unknown"), branch.X, {"long_name": "unknowns"})
     else:
-        coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(MEASURES)}
+        measures = default_measures(same_unit=True)
+        coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(measures)}
         each = range(len(layout.elements))
-        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in MEASURES])
-        meanings = "; ".join(f"{name}: {meaning}" for name, meaning in MEASURED.items())
+        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in measures])
+        meanings = "; ".join(f"{name}: {entry.text}" for name, entry in measures.items())
+        for name in default_measures().keys() - measures.keys():  # an array has one unit
+            parts = [columns[f"{name}_{element}"] for element in layout.elements]
+            values = np.stack([part.values for part in parts], axis=-1)
+            data[name] = (("point", "element"), values, _attributes(parts[0].meaning, parts[0].unit))
         data["amplitude"] = (
             ("point", "element", "measure"), amplitude.transpose(2, 1, 0),
             {"long_name": "amplitude of the motion", "measures": meanings, **size},

@@ -41,7 +41,32 @@ _FORMAT = "hbgear branch"
 
 
 def save(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write a branch to an .npz with a JSON header, completely or not at all; `load` returns the same numbers."""
+    """Write a branch to an .npz with a JSON header, completely or not at all; `load` returns the same numbers.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch, with the other branches of its span.
+    path : path_like
+        File that ends in .npz.
+
+    Raises
+    ------
+    ValueError
+        If the path has another ending.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.save(curve, os.path.join(folder, "curve.npz"))
+    ...     loaded = hb.load(os.path.join(folder, "curve.npz"))
+    ...
+    >>> bool((loaded.X == curve.X).all())
+    True
+    """
     checked_suffix(path, (".npz",), "use export for .csv and .mat")
     arrays = _arrays_of(branch)
     with atomic_write(path) as handle:

@@ -20,13 +20,37 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import saved_fields
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.harmonic.equations.layout import default_measures
 from hbgear.io.branches.columns import Column, about, bracketed, columns_of, speeds_of
 from hbgear.io.branches.npz import encode
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all."""
+    """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch, with the other branches of its span.
+    path : path_like
+        File that ends in .csv or .mat.
+
+    Raises
+    ------
+    ValueError
+        If the path has another ending.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.io.export(curve, os.path.join(folder, "curve.csv"))
+    ...     os.listdir(folder)
+    ...
+    ['curve.csv']
+    """
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
         tables = [columns_of(one) for one in (branch, *branch.others)]
         table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
@@ -92,7 +116,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
     out["about"] = about(branch)
     if branch.layout:
         each = range(len(branch.layout.elements))
-        rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
+        rows = {name: [branch.amplitude(name, j) for j in each] for name in default_measures()}
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
     if branch.stable is not None:
         out |= {"stable": branch.stable, "undecided": branch.undecided}

@@ -16,8 +16,9 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.study import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
+from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.frequency_units import same_scales, scales
-from hbgear.plot.style import COLOURS, MEASURES, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -345,8 +346,7 @@ def _finite(column: Array) -> Array:
 
 def _measure(found: Cases) -> str:
     """Name of the measure and of what it is of."""
-    name = MEASURES.get(found.work.measure, f"harmonic {found.work.measure[1:]}")
-    return f"{name} of {found.model.labels.get('amplitude', 'gap (model units)')}"
+    return axis_text(found.work.measure, found.model.labels.get("amplitude", "gap (model units)"))
 
 
 def _label(found: Cases, name: str) -> str:
