@@ -6,7 +6,7 @@ import pytest
 import hbgear as hb
 from hbgear.cli import app
 from hbgear.design.fitting.fit import _Search, mean_square_limit
-from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
+from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
 
 TRUTH = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
@@ -172,7 +172,13 @@ def test_profile_errors_are_those_of_the_side_with_the_slower_increase():
     assert profile(lambda at: 1 - np.exp(-at), J, x, high=1.5)[0] == pytest.approx(1.5 / (1 - np.exp(-1.5)), rel=1e-12)
     assert profile(lambda at: 1 - np.exp(-at), J, x, high=0.09)[0] == pytest.approx(2 / (np.exp(2.0) - 1), rel=1e-12)
     # a sum of squares that does not increase: three times the error of the linear model, and no more
-    assert profile(lambda at: 0 * at, J, x)[0] == pytest.approx(MAX_END_RATIO, rel=1e-12)
+    assert profile(lambda at: 0 * at, J, x)[0] == pytest.approx(3.0, rel=1e-12)
+
+
+def test_profile_errors_minimize_over_the_other_parameters():
+    """r = (x, y - x^2) is 4 at x = -+2 with the best y, and 20 with y = 0; along y it is linear: both errors are 1."""
+    errors = profile(lambda at: np.array([at[0], at[1] - at[0] ** 2]), np.eye(2), np.zeros(2))
+    np.testing.assert_allclose(errors, 1.0, rtol=1e-12)
 
 
 def test_a_profile_without_any_curve_is_unknown():
