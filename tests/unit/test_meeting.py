@@ -9,6 +9,7 @@ import hbgear as hb
 from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
 from hbgear.continuation.tracing import even_crossing_search
 from hbgear.harmonic.multipliers.multiplier_collisions import (
+    collisions,
     exchanges,
     extrapolated_crossings,
     leaps,
@@ -161,6 +162,24 @@ def test_multipliers_that_leap_cannot_be_followed():
     mu[3, 0] = np.nan
     assert leaps(mu) == []  # nothing is known there
     assert leaps(mu[:, :0]) == []
+
+
+def test_a_collision_on_the_first_segment():
+    """Exponents sigma + i (phi -+ q^1/2), q a cubic that is negative between the points 0 and 1: there the moduli part.
+    Multipliers move by less than their distance from point to point."""
+    sigma, unit = -0.005, 0.05
+    cubic = np.polyfit([0.0, 1.0, 2.0, 3.0], [1.0, 1.0, 6.0, 8.0], 3)
+
+    def multipliers(x):
+        parted = unit * np.emath.sqrt(np.polyval(cubic, x))
+        return pairs(sigma + 1j * (1.3 + parted), sigma + 1j * (1.3 - parted))
+
+    mu = np.array([multipliers(x) for x in range(4)])
+    assert (np.abs(mu) < 1).all()
+    outside = [np.count_nonzero(np.abs(multipliers(s)) > 1) for s in np.arange(1, 8) / 8]
+    assert max(outside) == 2
+    assert collisions(mu, np.ones(3)) == [(0, (1 + int(np.argmax(outside))) / 8)]
+    assert collisions(mu * np.exp(-2 * unit), np.ones(3)) == []  # too far within the circle
 
 
 # ---- even numbers of crossings between points of a curve
