@@ -43,7 +43,7 @@ def test_inverse_involute_of_nothing():
 
 @pytest.mark.parametrize(("alpha", "beta"), [(20, 0), (20, 14), (25, -30)])
 def test_base_cylinder_by_the_base_pitches(alpha, beta):
-    """tan(beta_b) = tan(beta) cos(alpha_t), and z p_bt = 2 pi r_b with p_bt cos(beta_b) = p_bn = pi m_n cos(alpha_n)."""
+    """tan(beta_b) = tan(beta) cos(alpha_t); z p_bt = 2 pi r_b with p_bt cos(beta_b) = p_bn = pi m_n cos(alpha_n)."""
     alpha, beta = radians(alpha), radians(beta)
     helix = atan(tan(beta) * cos(transverse_pressure_angle(alpha, beta)))
     assert base_helix_angle(alpha, beta) == pytest.approx(helix, rel=1e-12)
