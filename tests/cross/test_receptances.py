@@ -158,7 +158,7 @@ def test_lines_far_apart_are_told(measured):
 
 @pytest.mark.parametrize(("step", "tolerance"), [(1, 0.02), (2, 0.06), (4, 0.3)])
 def test_coarseness_is_the_error_of_the_spline_between_the_lines(step, tolerance):
-    """Against the exact receptance of one mass in the middle of the intervals, over the peak; the estimate converges."""
+    """Against the exact receptance of one mass in the middle of the intervals, over the peak."""
     w = W[:801]
 
     def exact(w):

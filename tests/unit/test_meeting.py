@@ -108,6 +108,15 @@ def test_a_pair_that_speeds_up_passes_plainly():
             assert plainly((np.diff(x), np.array(mu))) is (width == 0)
 
 
+def test_a_pair_that_bends_on_one_side_alone_is_not_plain():
+    """Another pair may have taken its place there: a parabola through the four angles bends on both sides."""
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    for outer, plain in (((1, 1), True), ((1.05, 1), True), ((1.1, 1), False), ((1, 0.95), True), ((1, 0.8), False)):
+        detuning = 0.1 * x * np.array([outer[0], 1.0, 1.0, outer[1]])
+        mu = [near_minus_one(-0.1, d) for d in detuning]
+        assert plainly((np.diff(x), np.array(mu))) is plain
+
+
 def test_pairs_far_within_the_circle_are_plain():
     mu = np.array([near_minus_one(-0.6, d) for d in (-0.3, 0.5, 0.1, 0.4)])
     assert plainly((np.ones(3), mu)) and not plainly((np.ones(3), mu * np.exp(0.3)))
