@@ -76,7 +76,7 @@ def read_results(path: str | os.PathLike[str]) -> Results:
     cases = arrays.get("case", np.empty(0))
     if cases.dtype.kind != "i" or any(column.shape != (len(cases),) for column in arrays.values()):
         raise ValueError(
-            f"'{file}' is not a table of a study: its columns must have one length, and one must be case; {need}"
+            f"'{file}' is not a table of a study: it needs columns of one length, one of them case; {need}"
         )
     parts = {int(case): curves[curves[:, 0] == case, 1:].T for case in np.unique(curves[:, 0])}
     return Results(arrays, jumps, parts)
