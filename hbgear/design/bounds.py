@@ -1,4 +1,4 @@
-"""Bounds within which a value of a parameter is sought: given ones, or multiples of the model's own value."""
+"""Bounds of a parameter in a search: given ones, or multiples of the value of the model."""
 
 from __future__ import annotations
 
@@ -11,25 +11,36 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 def bounds_of(
     problem: HarmonicBalance, name: str, given: Sequence[float] | None, factors: tuple[float, float], what: str
 ) -> tuple[float, float]:
-    """Lower and upper bound of a parameter.
+    """Return the lower and the upper bound of a parameter in a search.
 
     Parameters
     ----------
+    problem : HarmonicBalance
+        Problem of the model.
+    name : str
+        Name of the parameter.
     given : sequence of float or None
-        The bounds; None for the model's own value times both factors, within the range of the parameter.
+        The bounds. None: the value of the model times both factors, within the range of the parameter.
+    factors : tuple[float, float]
+        Factors of the default bounds.
     what : str
-        Asks for them, for errors.
+        Name of the calling function, for error messages.
+
+    Returns
+    -------
+    tuple[float, float]
+        Lower and upper bound.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If they do not rise or are beyond the range, or none are given and the model's value is zero.
+        If the bounds do not ascend or exceed the range, or if none are given and the value of the model is zero.
     """
     problem.check_parameter(name)
     if name == "Omega":
-        raise ValueError(f"{what}: Omega is the frequency; parameters that can be sought are those of the model")
+        raise ValueError(f"{what}: Omega is the frequency; give parameters of the model")
     own, allowed = (problem.model.parameters | problem.model.entries)[name], problem.range_of(name)
     if given is None:
         if not own:
@@ -37,5 +48,5 @@ def bounds_of(
         given = sorted(allowed.clipped(own * factor, own) for factor in factors)
     low, high = (float(end) for end in given)
     if not low < high or low not in allowed or high not in allowed:
-        raise ValueError(f"{what}: bounds of {name} = {quoted(tuple(given))} must rise, and {allowed}")
+        raise ValueError(f"{what}: bounds of {name} = {quoted(tuple(given))} must ascend, and {allowed}")
     return low, high

@@ -138,7 +138,7 @@ def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Go
 class Redesign:
     """Changed design.
 
-    Parameters
+    Attributes
     ----------
     model : Model
         Model with the new values.

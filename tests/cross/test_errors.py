@@ -15,6 +15,7 @@ from hbgear.continuation.events import accuracy
 from hbgear.continuation.events.event import LocatedEvent, RefinedLocation
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.multipliers.multiplier_error import difference_of, estimate_multiplier_error
 from hbgear.harmonic.stability import verification
@@ -191,6 +192,67 @@ def test_a_turn_is_judged_by_one_row_beside_it(H):
     judged, *others = cusps
     moved = max(abs(other.parameters["zeta"] - judged.parameters["zeta"]) for other in others)
     assert moved > 1e-7 and judged.error == pytest.approx(moved, rel=0.03) and judged.layout.harmonics == H
+
+
+class Parabola(ContinuationProblem):
+    """p = c + (X - d)^2, which turns at (d, c): its place and value depend on the resolution."""
+
+    smooth = False
+    size = 1
+
+    def __init__(self, c=0.0, d=0.0, others=(), finer=None, fails=False):
+        self.c, self.d, self.others, self.finer, self.fails = c, d, others, finer, fails
+
+    def evaluate(self, X, p):
+        if self.fails:
+            raise np.linalg.LinAlgError("this resolution has no solution")
+        return p - self.c - (X - self.d) ** 2, -2.0 * np.diag(X - self.d)
+
+    @property
+    def comparisons(self):
+        return self.others
+
+    @property
+    def refined_problem(self):
+        return self.finer
+
+
+def turn_on(problem):
+    """The turn of a parabola with its vertex at the origin, on a segment from -0.01 to 0.01, as it was located."""
+    ends = [
+        point_from_solution(solve(problem, np.array([x]), {"p": x**2}, "p"), np.array([1.0, 2 * x]), np.ones(2))
+        for x in (-1e-2, 1e-2)
+    ]
+    arc = Segment(problem, "p", {}, *ends, np.ones(2), hb.NewtonSettings())
+    turn = replace(ends[0], u=np.zeros(2), tangent=np.array([1.0, 0.0]))
+    return arc, LocatedEvent(FoldEvent(), 0.5, turn, True)
+
+
+@pytest.mark.parametrize("others", [
+    [(0.0, 1e-3, 1.0)], [(2e-6, 1e-3, 1.0)], [(3e-6, 0.0, 1.0)], [(2e-6, 1e-3, 1.0), (5e-6, 1e-3, 0.25)],
+    [(1e-6, 1e-3, 0.25), (9e-6, 1e-3, 1.0)],
+])  # fmt: skip
+def test_the_error_of_a_turn_in_closed_form(others):
+    """From the point (0, c + d^2) with the slope -2 d and the curvature 2: w (|c + d^2| + (2 d)^2 / (2 2)), the largest
+    one."""
+    problem = Parabola(others=tuple((Parabola(c, d), w) for c, d, w in others))
+    found = accuracy.estimate_error(*turn_on(problem), 1e-9)
+    assert found.error == pytest.approx(max(w * (abs(c + d**2) + d**2) for c, d, w in others), rel=1e-3)
+
+
+@pytest.mark.parametrize("failures", [0, 1, 2])
+def test_a_turn_that_is_missed_once_is_sought_with_more_unknowns(failures):
+    """Twice in a row, and its error is unknown; else it is located with the first unknowns that have it."""
+    last = problem = Parabola(1e-5, others=((Parabola(1.2e-5), 1.0),))
+    for _ in range(failures):
+        problem = Parabola(others=((problem, 1.0),), finer=problem, fails=True)
+    first = Parabola(others=((problem, 1.0),), finer=problem)
+    found = accuracy.estimate_error(*turn_on(first), 1e-9)
+    if failures == 2:
+        assert found.error == np.inf and found.sharp is None and found.value == 0.0
+    else:
+        assert found.sharp.problem is last and found.value == pytest.approx(1e-5, rel=1e-6)
+        assert found.error == pytest.approx(2e-6, rel=1e-3)
 
 
 @pytest.mark.parametrize("near", ["equations", "piece"])

@@ -156,6 +156,21 @@ def test_lines_far_apart_are_told(measured):
         hb.HarmonicBalance(coarse, 8)
 
 
+@pytest.mark.parametrize(("step", "tolerance"), [(1, 0.02), (2, 0.06), (4, 0.3)])
+def test_coarseness_is_the_error_of_the_spline_between_the_lines(step, tolerance):
+    """Against the exact receptance of one mass in the middle of the intervals, over the peak."""
+    w = W[:801]
+
+    def exact(w):
+        return (1 / (1.0 + 0.4j * w - w**2))[:, None, None]
+
+    found = hb.mechanics.Receptances(w[::step], exact(w[::step]), ["x"])
+    middle = (found.omega[2:] + found.omega[1:-1]) / 2  # above the lowest line
+    spline = np.array([np.linalg.inv(found.stiffness(x)[0]) for x in middle])
+    error = np.abs(spline - exact(middle)).max() / np.abs(found.values).max()
+    assert found.coarseness == pytest.approx(error, rel=tolerance)
+
+
 ONE = np.ones((5, 1, 1))
 LINES = np.arange(1.0, 6.0)
 

@@ -131,6 +131,62 @@ def test_static_transmission_error_against_a_root_finder(error):
         assert static.value[i] == pytest.approx(delta, rel=2e-5)  # compliance is interpolated along the path
 
 
+@pytest.mark.parametrize("slices", [2, 4, 10])
+def test_error_without_load_of_a_crowned_pair(slices):
+    """Rigid teeth touch at the slices next to the middle, z = b/(2 n): both crownings, which hold at z = b/2, over
+    n^2."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", crowning=c) for z, c in ((25, 8e-6), (40, 3e-6))]
+    error = hb.GearPair(*gears).mesh(100.0, slices=slices, phases=8).error
+    np.testing.assert_allclose(error.value, (8e-6 + 3e-6) / slices**2, rtol=1e-12)
+
+
+def test_crowning_adds_its_mean_over_the_face_to_the_displacement():
+    """With all slices in contact, F = sum k (delta - g_i): the mean of (8 + 3) um (2 z/b)^2 is (1 - 1/n^2)/3 of it.
+
+    The force is large, so that the stiffness of the contacts is nearly that of equal loads (to 2 % of the crowning)."""
+    plain, crowned = (pair(25, 40, 3), hb.GearPair(
+        *(hb.gears.Gear(z, "3 mm", "20 mm", crowning=c) for z, c in ((25, 8e-6), (40, 3e-6)))))  # fmt: skip
+    one, other = (p.mesh(3e4, slices=12, phases=16).static_error.value for p in (plain, crowned))
+    np.testing.assert_allclose(other - one, 11e-6 / 3 * (1 - 1 / 144), rtol=0.02)
+
+
+def test_error_without_load_of_a_pair_with_a_pitch_error():
+    """Rigid teeth: of the pairs in contact the one with the least material missing, f_p (s - s_middle)/p_b for each."""
+    import dataclasses
+
+    p = dataclasses.replace(pair(25, 40, 3), pitch_error=4e-6)
+    error, middle = p.mesh(100.0, phases=32).error, sum(p.path) / 2
+    for i in (3, 10, 17, 25, 30):
+        gaps = [4e-6 * (s - middle) / p.base_pitch for s in teeth_in_contact(p, error.phase[i])]
+        assert error.value[i] == pytest.approx(min(gaps), abs=1e-15)
+    assert error.range == pytest.approx(4e-6, rel=0.05)  # a pitch later the next pair has the same gap
+
+
+def test_hertzian_compliance_falls_with_the_logarithm_of_the_load():
+    """a ~ F^1/2, so that c(F) - c(4 F) = 2/(pi b) sum (1 - nu^2)/E ln 2 in single contact, for all teeth."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", E=E, poisson=nu) for z, E, nu in ((25, 206e9, 0.3), (40, 110e9, 0.25))]
+    p = hb.GearPair(*gears)
+    light, heavy = (p.mesh(T, phases=64).stiffness for T in (100.0, 400.0))
+    i = int(np.argmin(np.abs(light.phase - (p.contact_ratio - 1 + 1) / 2)))  # one pair of teeth
+    soft = (1 - 0.3**2) / 206e9 + (1 - 0.25**2) / 110e9
+    assert len(teeth_in_contact(p, light.phase[i])) == 1
+    assert 1 / light.value[i] - 1 / heavy.value[i] == pytest.approx(2 / (pi * 0.02) * soft * log(2), rel=1e-9)
+
+
+@pytest.mark.parametrize("teeth", [18, 40, 120])
+def test_foundation_of_other_moduli_and_its_share_by_the_pressure_angle(teeth):
+    """c_f E / cos^2(phi) depends on the shape alone: half the modulus is twice as soft, and no size matters."""
+    one, soft, large = (
+        Tooth(hb.gears.Gear(teeth, m, "20 mm", profile_shift=0.2, E=E))
+        for m, E in (("3 mm", 206e9), ("3 mm", 103e9), ("9 mm", 206e9))
+    )
+    at = np.array([-1e-3, 0.0, 2e-3])
+    c, depth = one.compliance(at)
+    np.testing.assert_allclose(soft.compliance(at)[0], 2 * c, rtol=1e-12)
+    np.testing.assert_allclose(large.compliance(3 * at)[0], c, rtol=1e-9)
+    np.testing.assert_allclose(large.compliance(3 * at)[1], 3 * depth, rtol=1e-12)
+
+
 def test_error_without_load_of_a_relieved_pair():
     """Rigid teeth: zero while some pair is off the relief, else the least relieved of those in contact, in closed
     form."""

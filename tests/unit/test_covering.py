@@ -2,6 +2,7 @@
 
 import csv
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.io import loadmat
 import hbgear as hb
 from hbgear import Status
 from hbgear.analysis.multistart import whole_branch
+from hbgear.continuation.tracing import coverage
 from hbgear.continuation.tracing.coverage import uncovered_intervals
 
 PAIR = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
@@ -39,6 +41,46 @@ def pair():
 
 def left_over(curve, span):
     return uncovered_intervals([curve, *curve.others], span)
+
+
+def passing(low, high, **asymptotes):
+    """A branch that passes a range of its parameter."""
+    return SimpleNamespace(values=np.array([low, high]), asymptotes=asymptotes)
+
+
+@pytest.mark.parametrize(("free", "gap"), [(0.9e-4, False), (1.1e-4, True), (5e-3, True)])
+def test_a_gap_is_longer_than_a_ten_thousandth_of_the_span(free, gap):
+    """Between two branches, at the beginning and at the end of the span (2, 4), in either direction."""
+    free *= 2.0
+    for span in ((2.0, 4.0), (4.0, 2.0)):
+        between = uncovered_intervals([passing(3.0 + free, 4.0), passing(3.0, 2.0)], span)
+        assert between == ([(3.0, 3.0 + free)] if gap else [])
+        assert uncovered_intervals([passing(2.0 + free, 4.5)], span) == ([(2.0, 2.0 + free)] if gap else [])
+        assert uncovered_intervals([passing(1.5, 4.0 - free)], span) == ([(4.0 - free, 4.0)] if gap else [])
+
+
+def test_a_branch_passes_its_asymptote_and_hides_branches_within():
+    branches = [passing(2.0, 2.4, last=2.8), passing(2.1, 2.2), passing(3.5, 3.1)]
+    assert uncovered_intervals(branches, (2.0, 4.0)) == [(2.8, 3.1), (3.5, 4.0)]
+    assert uncovered_intervals([], (4.0, 2.0)) == [(2.0, 4.0)]
+
+
+@pytest.mark.parametrize("status", list(Status))
+def test_a_curve_that_is_whole_one_way_is_not_followed_back(monkeypatch, status):
+    """Closed, or retraced to its beginning: the other way leads along the same curve."""
+    asked = []
+    monkeypatch.setattr(coverage, "padded_to_common_size", lambda *branches: branches)
+    monkeypatch.setattr(coverage, "concatenate", lambda *branches: branches[0])
+    monkeypatch.setattr(coverage, "most_resolved", lambda *branches: None)
+    monkeypatch.setattr(coverage, "replace", lambda given, **changes: SimpleNamespace(**{**vars(given), **changes}))
+
+    def follow(span, start):
+        asked.append((span, start.direction))
+        return SimpleNamespace(status=status)
+
+    coverage.trace_both_directions(SimpleNamespace(direction=1.5), (4.0, 2.0), follow, None)
+    whole = status in (Status.CLOSED, Status.RETRACED)
+    assert asked == [((2.0, 4.0), 1.5), ((4.0, 2.0), -1.5)][: 1 if whole else 2]
 
 
 def test_a_curve_that_turns_back_to_its_own_end_is_completed_from_the_other():

@@ -5,6 +5,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
+from hbgear.design.fitting.fit import _Search, mean_square_limit
+from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
 
 TRUTH = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
@@ -86,8 +88,103 @@ def test_a_gap_that_alternating_amplitudes_do_not_know():
     Omega, direction, amplitude, _ = sweeps(TRUTH, "pp2")
     data = hb.design.Measurements(Omega, noisy(amplitude, 2), direction, 0.01 * amplitude)
     found = hb.design.fit(TRUTH.replace(zeta=0.06, b=1.1), data, ["zeta", "b"], harmonics=8, starts=1)
-    assert "b has no effect on the data" in found.doubts and np.isnan(found.errors["b"])
+    assert "b has no effect on the data" in found.warnings and np.isnan(found.errors["b"])
     assert found.values["zeta"] == pytest.approx(0.05, abs=4 * found.errors["zeta"])
+    with pytest.warns(DeprecationWarning, match="Fit.doubts is deprecated: use warnings"):
+        assert found.doubts == found.warnings
+
+
+@pytest.mark.parametrize("freedom", [2, 8, 50, 800])
+def test_mean_square_below_which_a_fit_is_within_the_noise(freedom):
+    """chi^2/f has the mean 1 and the standard deviation (2/f)^1/2: 4 of them above 1; 4 without given deviations."""
+    assert mean_square_limit(freedom, True) == 4.0
+    drawn = np.random.default_rng(0).chisquare(freedom, 200_000) / freedom
+    limit = mean_square_limit(freedom, False)
+    assert (limit - 1) / drawn.std() == pytest.approx(4.0, rel=0.01)
+    assert 1e-5 < np.mean(drawn > limit) < 0.01  # noise is rarely taken for another minimum
+
+
+class Residuals:
+    """A prediction that consists of its residuals, in place of a traced curve."""
+
+    def __init__(self, r, J=None):
+        self.r, self.J, self.deviation = np.atleast_1d(r), J, np.ones(np.size(r))
+        self.amplitudes = np.ones(np.size(r))
+
+    def residuals(self, deviation):
+        return self.r
+
+    def information(self, deviation):
+        return self.J
+
+
+@pytest.mark.parametrize(("assumed", "mean_square", "followed"), [
+    (True, 3.9, 1), (True, 4.1, 3), (False, 2.9, 1), (False, 3.1, 3),
+])  # fmt: skip
+def test_starts_end_with_the_first_minimum_within_the_noise(monkeypatch, assumed, mean_square, followed):
+    """8 degrees of freedom: the limit is 4 without deviations of the data, and 1 + 4 (2/8)^1/2 = 3 with them."""
+    data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10), deviation=None if assumed else 0.01)
+    search = _Search(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta", "F"), (0.4, 1.1), None)
+    reached = Residuals(np.full(10, np.sqrt(8 * mean_square / 10)))
+    minimized = []
+    monkeypatch.setattr(search, "at", lambda x: Residuals(np.full(10, 1e3)))
+    monkeypatch.setattr(search, "_minimize", lambda x, *_: minimized.append(x) or setattr(search, "best", reached))
+    low, high = np.array([0.01, 0.1]), np.array([0.2, 0.4])
+    assert search.run(np.array([0.05, 0.2]), low, high, 3, 0) == followed == len(minimized)
+    assert minimized[0].tolist() == [0.05, 0.2]
+    assert all((low < x).all() and (x < high).all() for x in minimized)
+
+
+def test_a_start_without_a_response_is_left_out(monkeypatch):
+    data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10))
+    search = _Search(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta",), (0.4, 1.1), None)
+    monkeypatch.setattr(search, "at", lambda x: None)
+    with pytest.raises(ValueError, match="the model has no response to compare with the data"):
+        search.run(np.array([0.05]), np.array([0.01]), np.array([0.2]), 3, 0)
+
+
+def profile(residual, J, x, low=-np.inf, high=np.inf, unit=1.0):
+    """Standard errors of an estimate x with residuals r(x) and their Jacobian there."""
+    best = Residuals(residual(x), J)
+    return profile_interval(
+        best, lambda at: Residuals(residual(at)), x, unit * np.linalg.inv(J.T @ J), unit, np.broadcast_to(low, len(x)),
+        np.broadcast_to(high, len(x)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.5])
+def test_profile_errors_of_a_linear_model_are_the_first_order_errors(unit):
+    """S_j is a parabola with the ends a -+ 2 s_j, s_j^2 = unit C_jj, for any correlation."""
+    random = np.random.default_rng(2)
+    J, x = random.normal(size=(9, 3)) @ np.diag([1.0, 30.0, 0.01]), random.normal(size=3)
+    rest = random.normal(size=9)
+    rest -= J @ np.linalg.lstsq(J, rest, rcond=None)[0]
+    expected = np.sqrt(unit * np.diag(np.linalg.inv(J.T @ J)))
+    np.testing.assert_allclose(profile(lambda at: rest + J @ (at - x), J, x, unit=unit), expected, rtol=1e-9)
+
+
+def test_profile_errors_are_those_of_the_side_with_the_slower_increase():
+    """r = 1 - exp(-x): S(-2) = (e^2 - 1)^2 and S(2) = (1 - e^-2)^2 in place of 4, with s = 1."""
+    J, x = np.array([[1.0]]), np.zeros(1)
+    error = profile(lambda at: 1 - np.exp(-at), J, x)
+    assert error[0] == pytest.approx(2 / (1 - np.exp(-2.0)), rel=1e-12)
+    # next to a bound at 1.5 the parabola through this point; a bound nearer than 0.1 s leaves the other side
+    assert profile(lambda at: 1 - np.exp(-at), J, x, high=1.5)[0] == pytest.approx(1.5 / (1 - np.exp(-1.5)), rel=1e-12)
+    assert profile(lambda at: 1 - np.exp(-at), J, x, high=0.09)[0] == pytest.approx(2 / (np.exp(2.0) - 1), rel=1e-12)
+    # a sum of squares that does not increase: three times the error of the linear model, and no more
+    assert profile(lambda at: 0 * at, J, x)[0] == pytest.approx(3.0, rel=1e-12)
+
+
+def test_profile_errors_minimize_over_the_other_parameters():
+    """r = (x, y - x^2) is 4 at x = -+2 with the best y, and 20 with y = 0; along y it is linear: both errors are 1."""
+    errors = profile(lambda at: np.array([at[0], at[1] - at[0] ** 2]), np.eye(2), np.zeros(2))
+    np.testing.assert_allclose(errors, 1.0, rtol=1e-12)
+
+
+def test_a_profile_without_any_curve_is_unknown():
+    best = Residuals(np.zeros(1), np.array([[1.0]]))
+    errors = profile_interval(best, lambda at: None, np.zeros(1), np.eye(1), 1.0, -np.ones(1), np.ones(1))
+    assert np.isnan(errors).all()
 
 
 def test_parameters_that_cannot_be_told_apart(largest):
@@ -96,7 +193,7 @@ def test_parameters_that_cannot_be_told_apart(largest):
     found = hb.design.fit(
         TRUTH.replace(e_scale=1.1), data, {"e_scale": (0.5, 2), "e[0]": (0.02, 0.1)}, harmonics=8, starts=1
     )
-    assert any("e_scale, e[0] cannot be distinguished with these data" in doubt for doubt in found.doubts)
+    assert any("e_scale, e[0] cannot be distinguished with these data" in warning for warning in found.warnings)
 
 
 def test_jumps_alone():
@@ -116,7 +213,7 @@ def test_a_jump_that_the_model_does_not_have(largest):
         Omega[few], amplitude[few], direction[few], 0.01 * amplitude[few], [(1.2, 1)], measure="max"
     )
     found = hb.design.fit(TRUTH.replace(zeta=0.2), data, {"zeta": (0.15, 0.25)}, harmonics=8, starts=1)
-    assert any("the model has no jump like the one measured at 1.2" in doubt for doubt in found.doubts)
+    assert any("the model has no jump like the one measured at 1.2" in warning for warning in found.warnings)
 
 
 def test_data_in_the_wrong_unit(largest):
@@ -146,7 +243,7 @@ def test_what_cannot_be_fitted(largest):
         hb.design.fit(TRUTH, data, ["Omega"])
     with pytest.raises(ValueError, match="name at least one parameter"):
         hb.design.fit(TRUTH, data, [])
-    with pytest.raises(ValueError, match=r"bounds of zeta = \(0.2, 0.1\) must rise"):
+    with pytest.raises(ValueError, match=r"bounds of zeta = \(0.2, 0.1\) must ascend"):
         hb.design.fit(TRUTH, data, {"zeta": (0.2, 0.1)})
     with pytest.raises(ValueError, match="W is 0 in the model, so give its bounds"):
         hb.design.fit(hb.gears.DoubleHelicalPair(), data, ["W"], harmonics=4)
@@ -157,11 +254,11 @@ def test_what_cannot_be_fitted(largest):
 
 
 def test_measurements_that_are_none():
-    with pytest.raises(ValueError, match="there is neither an amplitude nor a jump"):
+    with pytest.raises(ValueError, match="no amplitudes and no jumps are given"):
         hb.design.Measurements([], [])
     with pytest.raises(ValueError, match="2 frequencies and 1 amplitudes"):
         hb.design.Measurements([0.9, 1.0], [0.5])
-    with pytest.raises(ValueError, match="amplitude must be positive, finite numbers"):
+    with pytest.raises(ValueError, match="amplitude must be a list of positive, finite numbers"):
         hb.design.Measurements([0.9], [-0.5])
     with pytest.raises(ValueError, match=r"direction must be \+1"):
         hb.design.Measurements([0.9], [0.5], 2)

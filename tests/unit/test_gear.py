@@ -4,11 +4,19 @@ from math import acos, atan, cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.gears.drawing.backlash import convert_backlash
-from hbgear.gears.drawing.geometry import inverse_involute, involute
+from hbgear.gears.drawing.geometry import (
+    base_helix_angle,
+    base_radius,
+    inverse_involute,
+    involute,
+    shaft_stiffness,
+    transverse_pressure_angle,
+)
 from hbgear.gears.drawing.tooth import Tooth
 
 
@@ -31,6 +39,29 @@ def test_inverse_involute_of_nothing():
     assert inverse_involute(0.0) == 0.0
     with pytest.raises(ValueError, match="not be negative"):
         inverse_involute(-1e-3)
+
+
+@pytest.mark.parametrize(("alpha", "beta"), [(20, 0), (20, 14), (25, -30)])
+def test_base_cylinder_by_the_base_pitches(alpha, beta):
+    """tan(beta_b) = tan(beta) cos(alpha_t); z p_bt = 2 pi r_b with p_bt cos(beta_b) = p_bn = pi m_n cos(alpha_n)."""
+    alpha, beta = radians(alpha), radians(beta)
+    helix = atan(tan(beta) * cos(transverse_pressure_angle(alpha, beta)))
+    assert base_helix_angle(alpha, beta) == pytest.approx(helix, rel=1e-12)
+    pitch = pi * 3e-3 * cos(alpha) / cos(helix)
+    assert base_radius(23, 3e-3, alpha, beta) == pytest.approx(23 * pitch / (2 * pi), rel=1e-12)
+
+
+@pytest.mark.parametrize("inner", [0.0, 0.031])
+def test_shaft_section_by_its_strain_energy(inner):
+    """Unit loads on a section that keeps the directions of its ends: M = l/2 - x, N = 1 and T = 1, over its rings."""
+    E, nu, outer, length = 2.1e11, 0.29, 0.047, 0.38
+    rings = [quad(lambda r, n=n: 2 * pi * r**n, inner / 2, outer / 2)[0] for n in (1, 3)]  # A and J
+    energies = (
+        quad(lambda x: (length / 2 - x) ** 2 / (E * rings[1] / 2), 0, length)[0],
+        quad(lambda x: 1 / (E * rings[0]), 0, length)[0],
+        quad(lambda x: 2 * (1 + nu) / (E * rings[1]), 0, length)[0],
+    )
+    np.testing.assert_allclose(shaft_stiffness(E, nu, outer, inner, length), 1 / np.array(energies), rtol=1e-12)
 
 
 def test_published_contact_ratios():

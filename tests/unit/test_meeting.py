@@ -1,12 +1,15 @@
 """Pairs of multipliers that pass the unit circle both ways between two rows."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.events.even_crossings import find_even_crossings
+from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
 from hbgear.continuation.tracing import even_crossing_search
 from hbgear.harmonic.multipliers.multiplier_collisions import (
+    collisions,
     exchanges,
     extrapolated_crossings,
     leaps,
@@ -31,6 +34,18 @@ def test_the_same_pair_stays_outside():
     assert exchanges(mu) == []
     assert exchanges(mu[:, :0]) == []
     assert exchanges(np.array([pairs(-0.01 + 1.4j), pairs(0.01 + 1.4j)])) == []  # their number tells
+
+
+def test_where_their_number_changes_both_crossings_must_be_certain():
+    """One surely leaves; of the two that are outside then, both come from as near outside as inside, or a little on."""
+    before, left = pairs(0.01 + 1.0j, -0.02 + 2.0j, -0.02 + 2.5j), -0.01 + 1.01j
+    uncertain = np.array([before, pairs(left, 0.02 + 1.5j, 0.02 + 1.4j)])
+    assert exchanges(uncertain) == [] and exchanges(uncertain[::-1]) == []
+    certain = np.array([before, pairs(left, 0.02 + 2.05j, 0.02 + 2.55j)])
+    ((segment, s),) = exchanges(certain)
+    assert segment == 0 and s == pytest.approx(0.5)  # from .01 to -.01 and from -.02 to .02
+    ((segment, s),) = exchanges(certain[::-1])
+    assert segment == 0 and s == pytest.approx(0.5)
 
 
 def test_one_that_moves_far_leaves_because_another_surely_returned():
@@ -93,6 +108,15 @@ def test_a_pair_that_speeds_up_passes_plainly():
             assert plainly((np.diff(x), np.array(mu))) is (width == 0)
 
 
+def test_a_pair_that_bends_on_one_side_alone_is_not_plain():
+    """Another pair may have taken its place there: a parabola through the four angles bends on both sides."""
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    for outer, plain in (((1, 1), True), ((1.05, 1), True), ((1.1, 1), False), ((1, 0.95), True), ((1, 0.8), False)):
+        detuning = 0.1 * x * np.array([outer[0], 1.0, 1.0, outer[1]])
+        mu = [near_minus_one(-0.1, d) for d in detuning]
+        assert plainly((np.diff(x), np.array(mu))) is plain
+
+
 def test_pairs_far_within_the_circle_are_plain():
     mu = np.array([near_minus_one(-0.6, d) for d in (-0.3, 0.5, 0.1, 0.4)])
     assert plainly((np.ones(3), mu)) and not plainly((np.ones(3), mu * np.exp(0.3)))
@@ -147,3 +171,91 @@ def test_multipliers_that_leap_cannot_be_followed():
     mu[3, 0] = np.nan
     assert leaps(mu) == []  # nothing is known there
     assert leaps(mu[:, :0]) == []
+
+
+def test_a_collision_on_the_first_segment():
+    """Exponents sigma + i (phi -+ q^1/2), q a cubic that is negative between the points 0 and 1: there the moduli part.
+    Multipliers move by less than their distance from point to point."""
+    sigma, unit = -0.005, 0.05
+    cubic = np.polyfit([0.0, 1.0, 2.0, 3.0], [1.0, 1.0, 6.0, 8.0], 3)
+
+    def multipliers(x):
+        parted = unit * np.emath.sqrt(np.polyval(cubic, x))
+        return pairs(sigma + 1j * (1.3 + parted), sigma + 1j * (1.3 - parted))
+
+    mu = np.array([multipliers(x) for x in range(4)])
+    assert (np.abs(mu) < 1).all()
+    outside = [np.count_nonzero(np.abs(multipliers(s)) > 1) for s in np.arange(1, 8) / 8]
+    assert max(outside) == 2
+    assert collisions(mu, np.ones(3)) == [(0, (1 + int(np.argmax(outside))) / 8)]
+    assert collisions(mu * np.exp(-2 * unit), np.ones(3)) == []  # too far within the circle
+
+
+# ---- even numbers of crossings between points of a curve
+
+
+def event(kind, two_sided=False):
+    return SimpleNamespace(kind=kind, needs_two_sides=two_sided)
+
+
+def located(kind, s=0.5, two_sided=False, finder=None):
+    return SimpleNamespace(event=event(kind, two_sided), s=s, finder=finder, row=SimpleNamespace(u=s))
+
+
+@pytest.mark.parametrize("made_up", [False, True])
+def test_of_points_that_change_a_sign_an_even_number_is_kept(made_up):
+    """One that another point may make up for is kept beside it, as are those that another event found."""
+    twice, once, pair_ = [located("PD"), located("PD")], located("LP"), located("NS", two_sided=True)
+    by_another = located("BP", finder=event("LP"))
+    kept = drop_odd_counts([*twice, once, pair_, by_another], made_up=made_up)
+    assert kept == [*twice, *([pair_] if made_up else []), by_another]
+    assert drop_odd_counts([*twice, located("PD")]) == []
+
+
+class Watch:
+    """Test functions that are known by their changes of sign: on the points of a curve, and on a path through them."""
+
+    def __init__(self, one, points, changes, on_path):
+        self.searched, self.points, self.known, self.on_path = [one], points, np.array(changes), np.array(on_path)
+
+    def changes(self, one, points):
+        return self.known if points is self.points else self.on_path
+
+
+@pytest.mark.parametrize(("changes", "unseen"), [([0, 0], {}), ([1, 0], {}), ([2, 0], {0: [0]}), ([1, 1], {1: [1]})])
+def test_changes_of_sign_beside_a_known_point(changes, unseen):
+    """On a section of the path that holds a point one change is known; a second one, or one elsewhere, is not."""
+    pair_, points = event("NS", two_sided=True), ["a", "b", "c"]
+    path = SampledCurve(["a", "b", "c "], [(0, 0.0), (1, 0.0), (2, 0.0)], ["", "", ""], {0: "NS"})
+    found = path.unseen(Watch(pair_, points, [1, 0], changes), points)
+    assert found == {segment: [(k, pair_) for k in sections] for segment, sections in unseen.items()}
+
+
+@pytest.mark.parametrize(("two_sided", "kind", "searched"), [
+    (True, "PD", True), (True, "LP", True), (True, "peak", False), (False, "PD", False),
+])  # fmt: skip
+def test_a_known_change_of_number_belongs_to_a_point_of_another_kind(two_sided, kind, searched):
+    """A pair that leaves next to a doubling: the number of multipliers outside changes between the points by both. The
+    change is known without a point on the path, and is that of the doubling only for events that need both sides."""
+    one, points = event("NS" if two_sided else "own", two_sided), ["a", "b"]
+    path = SampledCurve(["a", "q", "b"], [(0, 0.0), (0, 0.5), (1, 0.0)], ["", kind, ""], {})
+    found = path.unseen(Watch(one, points, [1], [1, 0]), points)
+    assert found == ({0: [(0, one)]} if searched else {})
+
+
+@pytest.mark.parametrize(("s", "ends", "kept"), [
+    (0.06, ("PD", ""), True), (0.04, ("PD", ""), False), (0.04, ("NS", ""), True), (0.94, ("", "PD"), True),
+    (0.96, ("", "PD"), False), (0.7, ("", "PD"), True), (1e-7, ("", ""), False), (1 - 1e-7, ("", ""), False),
+    (1e-5, ("", ""), True),
+])  # fmt: skip
+def test_a_point_found_next_to_one_of_its_kind_is_this_one(s, ends, kept):
+    """Within a twentieth of the section from an end that is such a point, and at the ends themselves."""
+    point, calls = located("PD", s), []
+    watch = SimpleNamespace(
+        sign_changes=lambda rows: calls.append(rows) or ([] if len(calls) == 1 else [0]),
+        find=lambda part: [point], changes=lambda one, rows: np.zeros(1),
+    )  # fmt: skip
+    segment = SimpleNamespace(part=lambda a, b: (a, b))
+    path = SimpleNamespace(rows=["a", "b"], kinds=list(ends))
+    found = find_even_crossings(watch, segment, [(point.event, 0.5)], lambda *_: None, path, 0)
+    assert found == ([(("a", "b"), point)] if kept else [])

@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.least_change import _least_change, _Slack
+from hbgear.design.least_change import _Cusp, _least_change, _Search, _Slack, _Spread, _traced_shortfall
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
@@ -88,6 +88,24 @@ def test_a_cusp_farther_away():
     assert not near.jumps() and far.jumps()
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
         hb.design.redesign(PAIR, hb.design.no_jumps(0.2, "zetta"), ["zeta"])
+
+
+@pytest.mark.parametrize(("name", "side"), [("zeta", 1.0), ("F", -1.0)])
+def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
+    """The jump is below the cusp of the damping and above that of the force; a design 10 % beyond either of them has a
+    margin of a tenth, and none of 15 %."""
+    span, short = (1.6, 0.8), 0.04
+    cusp = hb.analysis.critical_parameter(hb.HarmonicBalance(hb.Duffing(), 1), name, frequencies=span)
+    assert cusp.jump_below is (side > 0)
+    own = cusp.value / (1 - 0.1 * side)
+    problem = hb.HarmonicBalance(hb.Duffing(**{name: own}), 1)
+    spread = _Spread({}, 2.0, (), 1.0)
+    for margin, expected in ((0.05, 0.0), (0.09, 0.0), (0.11, short), (0.15, short)):
+        search = _Search(problem, hb.design.no_jumps(margin), (name,), np.array([own]), span, spread, None)
+        search.cusp = _Cusp(name, side, cusp.point, np.zeros(1))
+        search.slack = _Slack(np.array([margin - short]), np.ones((1, 1)), margin)
+        curve, missed = _traced_shortfall(search, np.zeros(1), {})
+        assert missed == pytest.approx(expected, rel=1e-12) and not curve.jumps()
 
 
 def test_a_goal_for_every_machine_of_a_sample():

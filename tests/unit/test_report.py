@@ -171,7 +171,7 @@ def test_a_study_in_a_folder_is_shown_by_the_command(pair, scatter, tmp_path, ca
                 str(tmp_path / "b.html"),
             ]
         )
-    assert "is no table of a study" in capsys.readouterr().err and not (tmp_path / "b.html").exists()
+    assert "is not a table of a study" in capsys.readouterr().err and not (tmp_path / "b.html").exists()
 
 
 @pytest.mark.parametrize(

@@ -337,7 +337,7 @@ def test_scatter_of_jumps_beside_monte_carlo(spur):
     wide = hb.design.jump_tolerance(spur, {"zeta": 0.02, "e[0]": 0.03}, draws=100)
     assert any(one.lost for one in wide)
     lossy = next(one for one in wide if one.lost)
-    assert repr(lossy).startswith(f"<JumpScatter of {lossy.label} at") and f"{lossy.lost} lost>" in repr(lossy)
+    assert repr(lossy).startswith(f"<JumpTolerance of {lossy.label} at") and f"{lossy.lost} lost>" in repr(lossy)
     with pytest.raises(ValueError, match="name at least one parameter"):
         hb.design.jump_tolerance(spur, {})
     with pytest.raises(KeyError, match="no parameter 'zetta'"):

@@ -75,9 +75,9 @@ def test_blocks_with_a_case_that_failed_are_left_out(found):
 
 
 def test_of_what_there_are_no_indices(found):
-    with pytest.raises(KeyError, match="there is no number 'peek'; did you mean 'peak'"):
+    with pytest.raises(KeyError, match="there is no column 'peek'; did you mean 'peak'"):
         hb.design.sobol_indices(found, "peek")
-    with pytest.raises(ValueError, match="take those of vary=saltelli"):
+    with pytest.raises(ValueError, match="compute them with vary=saltelli"):
         hb.design.sobol_indices(computed(hb.design.monte_carlo(8, 1, **SCATTER)))
     flat = {**found.table, "peak": np.ones(len(found))}
     with pytest.raises(ValueError, match="peak does not vary"):
@@ -99,7 +99,7 @@ def test_study_file(tmp_path, capsys, monkeypatch):
             app.main(["study", "study.toml", "--processes", "1"])
         said = capsys.readouterr()
         assert end.value.code == code, said.err
-    assert "30 cases are no blocks of 4, for 2 parameters" in said.err
+    assert "30 cases cannot be divided into blocks of 4 (for 2 parameters)" in said.err
 
 
 def test_without_salib(monkeypatch):

@@ -207,7 +207,7 @@ def fit(
             print_table(["", "correlation"], pairs)
         if not math.isnan(found.mean_square):
             print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
-        for warning in found.doubts:
+        for warning in found.warnings:
             print(f"warning: {warning}")
     finish(found)
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
@@ -66,11 +67,12 @@ CANDIDATES_PER_START = 6
 """Number of random candidates that are evaluated for each further start."""
 
 
+@renamed_attributes(doubts="warnings")
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """Estimated parameters and their uncertainty.
 
-    Parameters
+    Attributes
     ----------
     model : Model
         Model with the estimated values.
@@ -97,7 +99,7 @@ class Fit:
         Sum of the squared residuals in deviations over the degrees of freedom.
     starts, evaluations : int
         Number of minimizations and number of traced curves.
-    doubts : tuple of str
+    warnings : tuple of str
         Warnings about the data and the estimates.
     status, message : Status and str
         Reason for the end of the search.
@@ -128,7 +130,7 @@ class Fit:
     mean_square: float
     starts: int
     evaluations: int
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     status: Status
     message: str
 
@@ -468,7 +470,7 @@ class _Estimate:
     mean_square: float
     unit: float
     profile_errors: Array
-    doubts: list[str]
+    warnings: list[str]
 
 
 def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> _Estimate:
@@ -477,10 +479,10 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
     freedom = len(data) + len(data.jumps) - len(names)
     mean_square = _cost(best) / freedom if freedom > 0 else math.nan
     size = np.where(x, np.abs(x), high - low)
-    covariance, doubts = _covariance(best.information(best.deviation) * size, names)
+    covariance, messages = _covariance(best.information(best.deviation) * size, names)
     unit = mean_square if data.assumed and freedom > 0 else 1.0
     covariance = unit * covariance * np.outer(size, size)
-    return _Estimate(x, covariance, mean_square, unit, np.full(len(names), math.nan), doubts)
+    return _Estimate(x, covariance, mean_square, unit, np.full(len(names), math.nan), messages)
 
 
 def _result(
@@ -492,14 +494,14 @@ def _result(
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(first, first)
     errors = np.fmax(first, estimate.profile_errors)
-    doubts = [*estimate.doubts, *_correlated(names, correlation), *_data_warnings(best, estimate.mean_square)]
-    doubts += [*_one_sided(names, first, errors), *_at_bounds(names, x, low, high)]
+    messages = [*estimate.warnings, *_correlated(names, correlation), *_data_warnings(best, estimate.mean_square)]
+    messages += [*_one_sided(names, first, errors), *_at_bounds(names, x, low, high)]
     count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
         problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
         correlation, data, best.curve, best.amplitudes, best.residuals(best.deviation)[:count],
         tuple(reference.kind for reference in best.references), best.jump_frequencies, estimate.mean_square, followed,
-        search.evaluations, tuple(doubts), ending.status, ending.message_with_advice,
+        search.evaluations, tuple(messages), ending.status, ending.message_with_advice,
     )  # fmt: skip
 
 
@@ -512,24 +514,24 @@ def _one_sided(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[
 
 def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
     """Return (J^T J)^-1, nan where the data determine nothing, and warnings."""
-    doubts = []
+    messages = []
     size = np.linalg.norm(J, axis=0)
     without_effect = size <= MIN_EFFECT
     out = np.full((len(names), len(names)), math.nan)
-    doubts += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
+    messages += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
     effective = np.flatnonzero(~without_effect)
     if not effective.size:
-        return out, doubts
+        return out, messages
     s, vt = np.linalg.svd(J[:, effective] / size[effective], full_matrices=False)[1:]
     undetermined = s <= 1e-7 * s[0]
     if undetermined.any():
         combined = effective[np.abs(vt[undetermined]).max(axis=0) > 0.1]
-        doubts.append(f"{', '.join(names[i] for i in combined)} cannot be distinguished with these data")
+        messages.append(f"{', '.join(names[i] for i in combined)} cannot be distinguished with these data")
     inverse = (vt[~undetermined].T / s[~undetermined] ** 2) @ vt[~undetermined]
     lost = np.abs(vt[undetermined]).max(axis=0, initial=0.0) > 0.1
     inverse[lost, :] = inverse[:, lost] = math.nan
     out[np.ix_(effective, effective)] = inverse / np.outer(size[effective], size[effective])
-    return out, doubts
+    return out, messages
 
 
 def _correlated(names: tuple[str, ...], correlation: Array) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Tables of slow sweeps: frequency, amplitude, direction and deviation, each in the unit that its heading states."""
+"""Tables of slow sweeps: columns of frequency, amplitude, direction and deviation, with units in the column names."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, split
 from hbgear.io.tables.table_units import FREQUENCY, factor_of
 
-_WORDS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
+_DIRECTIONS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
 _SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")
-_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
+_COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
 
 
 def _is_length(unit: str) -> bool:
@@ -52,31 +52,36 @@ ROLES = tuple(kind.role for kind in KINDS)
 def read_measurements(
     path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, **settings: Any
 ) -> Measurements:
-    """Measurements from a table whose line of names states the units: ``n [r/min], dte [um], direction``.
+    """Read measurements from a table whose column names state the units: ``n [r/min], dte [um], direction``.
 
-    Frequencies in r/min are speeds of the pinion, in Hz those of the mesh, and Omega without a unit. Amplitudes
-    without a unit are in that of the model. A row without an amplitude is the frequency of a jump. Directions are
-    written as up or down, rising or falling, +1 or -1; without such a column every sweep is one upwards. Columns are
-    separated by commas, semicolons, tabs or spaces; lines that begin with # are left out. A table of two columns needs
-    no line of names.
+    Frequencies in r/min are speeds of the pinion, frequencies in Hz are mesh frequencies, and frequencies without a
+    unit are values of Omega. Amplitudes without a unit are in the unit of the model. A line without an amplitude
+    states the frequency of a jump. Directions are up or down, rising or falling, +1 or -1. Without a column of
+    directions, every sweep has a rising frequency. Columns are separated by commas, semicolons, tabs or spaces. Lines
+    that begin with # are ignored. A table of two columns needs no line of names.
 
     Parameters
     ----------
     path : path-like
-        Of the file.
+        Path of the file.
     columns : mapping of str to str or None, optional
-        What its columns are called: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``; other
-        columns are left out then. By default they have these names, or usual ones such as ``n`` and ``dte``.
-    settings : object
-        Unit, length, measure, element and, without a column, direction of `Measurements`. ``unit`` and ``scaled_norm``
-        hold for columns whose headings state no unit.
+        Names of the columns: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``. Other
+        columns are ignored. Default: these names, or common ones such as ``n`` and ``dte``.
+    **settings : object
+        Arguments ``unit``, ``length``, ``measure``, ``element`` and, without a column, ``direction`` of
+        `Measurements`. ``unit`` and ``length`` apply to columns whose names state no unit.
+
+    Returns
+    -------
+    Measurements
+        The measurements.
 
     Raises
     ------
     ValueError
-        If the file is no such table, or a name or unit is not known; the message names the line or the column.
+        If the file is not such a table, or a name or unit is unknown; the message states the line or the column.
     KeyError
-        If a column is not there.
+        If a column is missing.
 
     Examples
     --------
@@ -89,7 +94,7 @@ def read_measurements(
 def measurements_of(
     content: bytes, name: str, columns: Mapping[str, str] | None = None, **settings: Any
 ) -> Measurements:
-    r"""Measurements from the bytes of a table; see `read_measurements`.
+    r"""Return the measurements in the bytes of a table; see `read_measurements`.
 
     Examples
     --------
@@ -104,7 +109,7 @@ def measurements_of(
     unit, length = settings.pop("unit", None), settings.pop("length", "")
     if unit is not None and unit not in FREQUENCIES:
         raise ValueError(f"Measurements: unit = {quoted(unit)}{did_you_mean(str(unit), FREQUENCIES)}")
-    assumed = {"amplitude": str(length)} | ({} if unit is None else {"frequency": _UNITS[unit]})
+    assumed = {"amplitude": str(length)} | ({} if unit is None else {"frequency": _COLUMN_UNITS[unit]})
     default = ("frequency", "amplitude", "direction")
     table = data_table(content, name, KINDS, default)
     found = table.columns(KINDS, columns, assumed)
@@ -113,11 +118,11 @@ def measurements_of(
                          "such as 'n [r/min]', 'frequency [Hz]' or 'Omega'")  # fmt: skip
     own, factor = _frequency(found["frequency"], unit)
     measure = _measure(found.get("amplitude"), settings)
-    return _filled(found, own, factor, settings | measure)
+    return _measurements(found, own, factor, settings | measure)
 
 
 def _frequency(column: Column, wanted: str | None) -> tuple[str, float]:
-    """What frequencies are given in, and the factor to it."""
+    """Return the unit of `Measurements` for a column of frequencies, and the factor to this unit."""
     is_speed = normal(split(column.heading)[0]) in _SPEEDS
     what = f"'{column.file}': the column {quoted(column.heading)}"
     if is_speed and column.unit in ("Hz", "kHz", "mHz", "MHz"):
@@ -131,42 +136,47 @@ def _frequency(column: Column, wanted: str | None) -> tuple[str, float]:
         own, factor = MESH, FREQUENCY[column.unit]
     if wanted not in (None, own):
         raise ValueError(
-            f"{what} is {own}, and unit = {quoted(wanted)} was given; leave it out, or correct the heading"
+            f"{what} is {own}, and unit = {quoted(wanted)} was given; leave this argument out, or correct the "
+            "name of the column"
         )
     return own, factor
 
 
 def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, str]:
-    """The measure that the heading of the amplitudes names, if it names one."""
+    """Return the measure that is the name of the column of amplitudes, if it is one."""
     name = None if column is None else normal(split(column.heading)[0])
     if column is None or name not in BUILT_IN_MEASURES:
         return {}
     if settings.get("measure", name) != name:
         raise ValueError(f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "
-                         f"{quoted(settings['measure'])} was given; need the same")  # fmt: skip
+                         f"{quoted(settings['measure'])} was given; give the same measure")  # fmt: skip
     return {"measure": name}
 
 
-def _filled(found: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
-    """Measurements of the rows of the columns."""
+def _measurements(found: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
+    """Return the measurements of the lines of the columns."""
     points: list[list[float]] = []
     jumps: list[list[float]] = []
     amplitude, deviation, direction = (found.get(role) for role in ("amplitude", "deviation", "direction"))
     for i in range(len(found["frequency"].cells)):
         frequency = _positive(found["frequency"], i) * factor
-        heading = settings.get("direction", 1) if direction is None else _direction(direction, i)
+        direction_i = settings.get("direction", 1) if direction is None else _direction(direction, i)
         if amplitude is not None and amplitude.cells[i]:
             size = _positive(amplitude, i)
             more = [_deviation(deviation, i, size, amplitude)] if deviation is not None and deviation.cells[i] else []
-            points.append([frequency, size, heading, *more])
+            points.append([frequency, size, direction_i, *more])
         else:
-            more = [_spread(deviation, i, frequency, factor)] if deviation is not None and deviation.cells[i] else []
-            jumps.append([frequency, heading, *more])
+            more = (
+                [_jump_deviation(deviation, i, frequency, factor)]
+                if deviation is not None and deviation.cells[i]
+                else []
+            )
+            jumps.append([frequency, direction_i, *more])
     given = {key: value for key, value in settings.items() if key != "direction"}
     given |= {"unit": unit, "length": "" if amplitude is None else amplitude.unit}
     if len({len(point) for point in points}) > 1:
         raise ValueError(f"'{found['frequency'].file}': some amplitudes have a deviation and some have none; give one "
-                         "for each or for none")  # fmt: skip
+                         "for each of them or for none")  # fmt: skip
     if not points:
         return Measurements([], [], jumps=jumps, **given)
     columns = np.array(points, dtype=float).T
@@ -182,13 +192,13 @@ def _positive(column: Column, i: int) -> float:
 
 def _direction(column: Column, i: int) -> int:
     word = column.cells[i].casefold()
-    if word not in _WORDS:
+    if word not in _DIRECTIONS:
         raise column.wrong(i, "must be up or down, rising or falling, +1 or -1")
-    return _WORDS[word]
+    return _DIRECTIONS[word]
 
 
 def _deviation(column: Column, i: int, size: float, amplitude: Column) -> float:
-    """The deviation of an amplitude, in its unit."""
+    """Return the deviation of an amplitude, in the unit of the amplitude."""
     value = _positive(column, i)
     if column.unit in ("", amplitude.unit):
         return value
@@ -200,8 +210,8 @@ def _deviation(column: Column, i: int, size: float, amplitude: Column) -> float:
     return value * own[0] / other[0]
 
 
-def _spread(column: Column, i: int, frequency: float, factor: float) -> float:
-    """The deviation of the frequency of a jump, in its unit."""
+def _jump_deviation(column: Column, i: int, frequency: float, factor: float) -> float:
+    """Return the deviation of the frequency of a jump, in the unit of the frequency."""
     if column.unit not in ("", "%"):
         raise column.wrong(
             i, f"is the deviation of the frequency of a jump, which has no unit {column.unit}; give it in %"

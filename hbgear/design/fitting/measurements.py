@@ -1,6 +1,6 @@
 """Measured response curves: amplitudes over frequency of slow sweeps, and the frequencies at which they jump.
 
-point i:  frequency_i, amplitude_i +- deviation_i, of a sweep with the frequency rising (+1) or falling (-1)
+point i:  frequency_i, amplitude_i +- deviation_i, of a sweep with rising (+1) or falling (-1) frequency
 jump j:   frequency_j +- deviation_j, with the same directions
 """
 
@@ -21,44 +21,47 @@ from hbgear.harmonic.equations.layout import check_displacement
 from hbgear.harmonic.frequency_units import MESH, PINION
 
 FREQUENCIES = ("Omega", MESH, PINION)
-"""What frequencies are given in: dimensionless, of the mesh in Hz, or of the pinion in r/min."""
+"""Units of frequencies: Omega of the model, mesh frequency in Hz, and speed of the pinion in r/min."""
 
-USUAL = 0.01
-"""Deviation of an amplitude, relative, that is taken where none is given; of a frequency a tenth of it."""
+DEFAULT_DEVIATION = 0.01
+"""Relative standard deviation of an amplitude if none is given; a tenth of it is used for a jump frequency."""
 
 
 @dataclass(frozen=True, eq=False)
-class Measurements:
+class Measurements:  # numpydoc ignore=PR02
     """Measured amplitudes of slow sweeps and measured jump frequencies.
 
     Parameters
     ----------
     frequency : array_like, shape (N,)
-        In ``unit``.
+        Frequencies in ``unit``.
     amplitude : array_like, shape (N,)
-        Of an element, by ``measure``; in the model's unit of length, or in ``scaled_norm`` if that is.
-    given.
-    direction : array_like, shape (N,), default 1
-        Or one number: +1 while the frequency rises, -1 while it falls.
-    deviation : array_like, shape (N,), optional
-        Or one number, standard deviations of the amplitudes; by default 1 % of each.
-    jumps : sequence of Any, optional
-        Frequencies at which the sweeps jumped, as ``(frequency, direction)`` or with its standard deviation, by default
-        .1 %.
-    unit : str, default "Omega"
-        One of "Omega", "mesh Hz", "pinion r/min".
+        Amplitudes by ``measure`` of an element, in the unit ``length``. If ``length`` is given they are stored in
+        metres.
+    direction : array_like, shape (N,), or int, default 1
+        Direction of the sweep: +1 for a rising frequency, -1 for a falling one.
+    deviation : array_like, shape (N,), or float, optional
+        Standard deviations of the amplitudes. Default: 1 % of each amplitude.
+    jumps : sequence of tuple, optional
+        Jump frequencies as ``(frequency, direction)`` or ``(frequency, direction, standard deviation)``. The default
+        standard deviation is 0.1 % of the frequency.
+    unit : {"Omega", "mesh Hz", "pinion r/min"}, optional
+        Unit of the frequencies.
     length : str, default ""
-        Unit of the amplitudes, such as "um"; "" for that of the model.
-    measure, element : str, optional
-        As of `Branch.amplitude`.
-    assumed : bool, optional
-        Whether no deviations were given.
+        Unit of the amplitudes, such as "um"; "" for the unit of the model.
+    measure, element : str and int or str, optional
+        Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
+
+    Attributes
+    ----------
+    assumed : bool
+        True if no deviations were given.
 
     Raises
     ------
     ValueError
-        If lengths differ, a number is not finite, a frequency or amplitude not positive, a measure or unit
-        unknown, or there is nothing.
+        If lengths differ, a number is not finite, a frequency or amplitude is not positive, a measure or unit is
+        unknown, or there are no data.
 
     Examples
     --------
@@ -88,14 +91,17 @@ class Measurements:
         frequency, amplitude = self._numbers("frequency"), self._numbers("amplitude")
         if len(frequency) != len(amplitude):
             raise ValueError(
-                f"Measurements: {len(frequency)} frequencies and {len(amplitude)} amplitudes; give as many"
+                f"Measurements: {len(frequency)} frequencies and {len(amplitude)} amplitudes; give one "
+                "amplitude for each frequency"
             )
-        deviation = USUAL * amplitude if self.deviation is None else self._numbers("deviation", len(frequency))
+        deviation = (
+            DEFAULT_DEVIATION * amplitude if self.deviation is None else self._numbers("deviation", len(frequency))
+        )
         direction = np.asarray(self.direction)
         fits = direction.dtype.kind in "iuf" and direction.shape in ((), (len(frequency),))
         if not fits or not np.isin(direction, (-1, 1)).all():
             raise ValueError(
-                "Measurements: direction must be +1 (the frequency rises) or -1, one or one for each point"
+                "Measurements: direction must be +1 (the frequency rises) or -1, one number or one for each point"
             )
         set_(self, "assumed", self.deviation is None)
         set_(self, "frequency", frequency)
@@ -104,7 +110,7 @@ class Measurements:
         set_(self, "direction", np.broadcast_to(direction.astype(int), len(frequency)))
         set_(self, "jumps", tuple(_jump(jump) for jump in self.jumps))
         if not len(frequency) and not self.jumps:
-            raise ValueError("Measurements: there is neither an amplitude nor a jump; give at least one")
+            raise ValueError("Measurements: no amplitudes and no jumps are given; give at least one of them")
         if self.length:
             set_(self, "amplitude", amplitude * self.metres)
             set_(self, "deviation", deviation * self.metres)
@@ -114,40 +120,40 @@ class Measurements:
 
     @property
     def directions(self) -> Array:
-        """(N,) +1 or -1."""
+        """Directions (N,) of the sweeps, +1 or -1."""
         return np.asarray(self.direction)
 
     @property
     def metres(self) -> float:
-        """The unit of length of the amplitudes as they were given."""
+        """Unit of length of the given amplitudes [m]; 1 without a unit."""
         return to_si("Measurements", "length", f"1 {self.length}", "m") if self.length else 1.0
 
     def frequency_unit(self, known: Mapping[str, float]) -> float:
-        """The unit of the frequencies at Omega = 1.
+        """Return the frequency at Omega = 1 in the unit of the data.
 
         Parameters
         ----------
         known : mapping of str to float
-            Units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
+            Units of the model from `hbgear.analysis.parameter_sensitivity.units_of`.
 
         Raises
         ------
         ValueError
-            If the model does not know it.
+            If the model does not know the unit of the data.
         """
         if self.unit != "Omega" and self.unit not in known:
             raise ValueError(f"the data are in {self.unit}, and the model does not know its units; give Omega")
         return known.get(self.unit, 1.0)
 
     def in_units(self, known: Mapping[str, float], amplitude: str = "") -> tuple[Array, Array, Array]:
-        """Omega, amplitude and deviation (N,) as a model has them.
+        """Return Omega, amplitude and deviation (N,) in the units of a model.
 
         Parameters
         ----------
         known : mapping of str to float
-            Units of the model, as of `hbgear.analysis.parameter_sensitivity.units_of`.
+            Units of the model from `hbgear.analysis.parameter_sensitivity.units_of`.
         amplitude : str, default ""
-            Unit of the amplitudes of its curves, such as "um"; "1" or "" if they are over its unit of length.
+            Unit of the amplitudes of the curves of the model, such as "um"; "1" or "" for its unit of length.
 
         Raises
         ------
@@ -170,15 +176,15 @@ class Measurements:
         except (TypeError, ValueError, OverflowError):
             raise ValueError(f"Measurements: {name} = {quoted(getattr(self, name))} must be numbers") from None
         if values.ndim != 1 or not np.all(np.isfinite(values)) or not np.all(values > 0):
-            raise ValueError(f"Measurements: {name} must be positive, finite numbers in a list")
+            raise ValueError(f"Measurements: {name} must be a list of positive, finite numbers")
         return values
 
 
 def _jump(given: Any) -> tuple[float, int, float]:
-    """Frequency, direction and standard deviation of a measured jump."""
+    """Return frequency, direction and standard deviation of a measured jump."""
     try:
         frequency, direction, *rest = (float(x) for x in given)
-        deviation = rest[0] if rest else 0.1 * USUAL * frequency
+        deviation = rest[0] if rest else 0.1 * DEFAULT_DEVIATION * frequency
         good = len(rest) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
     except (TypeError, ValueError):
         good = False

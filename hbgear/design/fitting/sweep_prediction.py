@@ -162,7 +162,7 @@ class Prediction:
         if after is None:
             return jump.value, math.nan, math.nan
         near = crossings_at(self.curve, jump.value)
-        to = min(near, key=lambda place: norm(place.interpolate(self.curve.X) - self.problem.from_point(after)))
+        to = min(near, key=lambda crossing: norm(crossing.interpolate(self.curve.X) - self.problem.from_point(after)))
         return jump.value, math.nan, to.index + to.fraction
 
     def _reference(
@@ -434,11 +434,11 @@ class Prediction:
     def _slopes(self) -> dict[int, Array]:
         """Return derivatives of the amplitudes in the unit of the model, by index of the measured point."""
         scale, moved_scale = self._unit(self.data.unit)
-        place: dict[tuple[float, float], int] = {}
+        first_index: dict[tuple[float, float], int] = {}
         for i, (motion, reference) in enumerate(zip(self.motions, self.references, strict=True)):
             if motion is not None and reference.kind != END:
-                place.setdefault((float(self.Omega[i]), reference.position), i)
-        some = list(place.values())
+                first_index.setdefault((float(self.Omega[i]), reference.position), i)
+        some = list(first_index.values())
         if not some:
             return {}
         X, Omega = np.array([self.motions[i][0] for i in some]), self.Omega[some]  # type: ignore[index]
@@ -450,7 +450,8 @@ class Prediction:
                 X_a -= np.outer(Omega[i] * moved_scale / scale, t)
         found = dict(zip((some[i] for i in known), self._measured_along(X[known], along), strict=True))
         each = {
-            i: place.get((float(self.Omega[i]), reference.position), -1) for i, reference in enumerate(self.references)
+            i: first_index.get((float(self.Omega[i]), reference.position), -1)
+            for i, reference in enumerate(self.references)
         }
         return {i: found[first] for i, first in each.items() if first in found}
 

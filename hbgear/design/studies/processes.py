@@ -1,4 +1,4 @@
-"""Processes that cases run in, and others: started fresh, deaf to Ctrl-C, and ended with the one that started them."""
+"""Worker processes of studies: spawned, without a reaction to Ctrl-C, and ended together with the parent process."""
 
 from __future__ import annotations
 
@@ -18,14 +18,30 @@ from typing import Any
 
 @contextmanager
 def executor_of(given: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
-    """The executor that was given, else processes, one for each core but not more than there is work; ended after.
+    """Yield the given executor, or a pool of processes that is shut down afterwards.
 
-    An error, Ctrl-C too, does not wait for the processes.
+    The pool has one process for each core, and at most one for each case. After an error or Ctrl-C the processes are
+    terminated.
+
+    Parameters
+    ----------
+    given : Executor or None
+        Executor of the caller; it is not shut down.
+    processes : int or None
+        Number of processes. Default None: the number of cores.
+    count : int
+        Number of cases.
+
+    Yields
+    ------
+    Executor
+        Executor of the cases.
 
     Raises
     ------
     RuntimeError
-        If processes are to be started by a script that does not keep them from starting it again.
+        If a script would start processes outside of ``if __name__ == "__main__":``, so that each of them would run the
+        script again.
     """
     if given is not None:
         yield given
@@ -33,9 +49,9 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
     _check_guard()
     workers = min(processes or os.cpu_count() or 1, count)
     others = set(active_children())
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_initialize_worker) as pool:
         try:
-            with _holding_ctrl_c():
+            with _delayed_ctrl_c():
                 for _ in range(workers):  # each starts a process
                     pool.submit(os.getpid)
             yield pool
@@ -48,35 +64,35 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
 
 
 def _check_guard() -> None:
-    """Refuse a script that calls at its top level: every process imports it first, and would call again."""
+    """Raise an error for a call at the top level of a script: every process imports the script and would call again."""
     main: Any = sys.modules["__main__"]
     frame = inspect.currentframe()
     while frame is not None and not (frame.f_code.co_name == "<module>" and frame.f_globals is vars(main)):
         frame = frame.f_back
-    run_as_package = str(getattr(main.__spec__, "name", "")).endswith("__main__")  # such a file is not imported
+    run_as_package = str(getattr(main.__spec__, "name", "")).endswith("__main__")  # processes do not import such a file
     if frame is None or run_as_package:
         return
     try:
         tree = ast.parse(Path(main.__file__).read_bytes())
-    except (AttributeError, OSError, SyntaxError, ValueError):  # typed in, or not in a file of its own
+    except (AttributeError, OSError, SyntaxError, ValueError):  # interactive, or not a file
         return
     for statement in tree.body:
         if statement.lineno <= frame.f_lineno <= (statement.end_lineno or 0):
             if isinstance(statement, ast.If) or "__name__" in ast.unparse(statement):
                 return
             raise RuntimeError(
-                f"the processes import {main.__file__} and would start it again: put the line "
-                f'if __name__ == "__main__": before line {statement.lineno}, and indent what follows it'
+                f"the processes import {main.__file__} and would start it again: write the line "
+                f'if __name__ == "__main__": before line {statement.lineno}, and indent the lines after it'
             )
 
 
 @contextmanager
-def _holding_ctrl_c() -> Iterator[None]:
-    """Ctrl-C waits until this is over; processes started in here never hear it, not even while they start."""
+def _delayed_ctrl_c() -> Iterator[None]:
+    """Delay Ctrl-C until the end of the block; processes that start in the block never receive it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    resource_tracker.ensure_running()  # else the first process starts it, which lets Ctrl-C through
+    resource_tracker.ensure_running()  # otherwise the first process starts it and unblocks Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -84,8 +100,8 @@ def _holding_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _prepare() -> None:
-    """A process leaves Ctrl-C to the one that started it, on Windows too, and ends when that one is killed."""
+def _initialize_worker() -> None:
+    """Ignore Ctrl-C in a worker process, and end the process when its parent process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,4 +1,4 @@
-"""What a study has found, as its table file holds it: read without the model, and without computing anything."""
+"""Results of a study, read from its table file without the model."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.io.branches.archive import Damaged, archive_of
 
-_TABLES = {"jump_table": 5, "curve_table": 4}  # arrays beside the columns, and their widths
+_TABLE_WIDTHS = {"jump_table": 5, "curve_table": 4}
+"""Numbers of columns of the two-dimensional arrays of a table file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Table, jumps and curves of a study, as `Cases` has them.
+    """Table, jumps and curves of a study, in the form of `Cases`.
 
-    Parameters
+    Attributes
     ----------
-    table : dict of str to Any
-        Columns by name, one row for each case done.
+    table : dict of str to ndarray
+        Columns by name, with one entry for each computed case.
     jumps : ndarray, shape (J, 5)
-        Case, Omega, direction, amplitude before and after.
-    curves : dict of int to ndarray
-        By case, (3, P) Omega, amplitude and stability.
+        Case, Omega, direction, amplitude before and amplitude after each jump.
+    curves : dict of int to ndarray, shape (3, P)
+        Omega, amplitude and stability (1 or 0) by case.
     """
 
     table: dict[str, Any]
@@ -35,12 +36,24 @@ class Results:
 
 
 def read_results(path: str | os.PathLike[str]) -> Results:
-    """The results in a table as `Cases.export` writes it (.npz), or in the folder of ``hbgear study``.
+    """Read the results of a study.
+
+    Parameters
+    ----------
+    path : path-like
+        Table written by `Cases.export` (.npz), or folder of ``hbgear study``.
+
+    Returns
+    -------
+    Results
+        The results.
 
     Raises
     ------
-    FileNotFoundError, ValueError
-        If there is no such file, or it is no table of a study.
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file is not a table of a study.
     """
     file = Path(path) / "table.npz" if Path(path).is_dir() else Path(path)
     need = "give the folder of hbgear study, or a table that Cases.export has written as .npz"
@@ -51,17 +64,19 @@ def read_results(path: str | os.PathLike[str]) -> Results:
         raise FileNotFoundError(f"there is no file '{file}'; {need}") from None
     except (OSError, Damaged) as error:
         raise ValueError(f"'{file}' cannot be read as the table of a study: {error}; {need}") from None
-    for name, width in _TABLES.items():
+    for name, width in _TABLE_WIDTHS.items():
         if (
             name not in arrays
             or arrays[name].ndim != 2
             or arrays[name].shape[1] != width
             or arrays[name].dtype != float
         ):
-            raise ValueError(f"'{file}' is no table of a study, which has an array {name} (n, {width}); {need}")
-    jumps, curves = (arrays.pop(name) for name in _TABLES)
+            raise ValueError(f"'{file}' is not a table of a study: it has no array {name} (n, {width}); {need}")
+    jumps, curves = (arrays.pop(name) for name in _TABLE_WIDTHS)
     cases = arrays.get("case", np.empty(0))
     if cases.dtype.kind != "i" or any(column.shape != (len(cases),) for column in arrays.values()):
-        raise ValueError(f"'{file}' is no table of a study, which has columns of one length, one of them case; {need}")
+        raise ValueError(
+            f"'{file}' is not a table of a study: it needs columns of one length, one of them case; {need}"
+        )
     parts = {int(case): curves[curves[:, 0] == case, 1:].T for case in np.unique(curves[:, 0])}
     return Results(arrays, jumps, parts)

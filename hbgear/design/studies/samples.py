@@ -1,9 +1,10 @@
-"""Which cases a design study has: every combination of given values, or a random sample of distributions.
+"""Cases of a design study: every combination of given values, or a random sample of distributions.
 
-    Latin hypercube   u_ij = (pi_j(i) + r) / n: one case in each n-th of every parameter   value = F_j^-1(u_ij)
+    value of parameter j in case i = F_j^-1(u_ij)
+
+    Latin hypercube   u_ij = (pi_j(i) + r) / n: one case in each of n intervals of equal probability of every parameter
     Monte Carlo       u_ij independent and uniform in (0, 1)
-
-    Saltelli          blocks of rows a, b and, for each j, a with u_j of b: see `hbgear.design.uncertainty.sobol`
+    Saltelli          blocks of cases a, b and, for each j, a with u_j of b: see `hbgear.design.uncertainty.sobol`
 
 F_j is the cumulative distribution of parameter j. A longer Monte Carlo sample starts with the cases of a shorter one.
 
@@ -30,7 +31,7 @@ from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean, quoted, shortened
 
 METHODS = ("latin-hypercube", "monte-carlo", "saltelli")
-
+"""Methods of random samples."""
 
 DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "uniform": (("low", "high"), lambda s, a, b: s.uniform(a, b - a)),
@@ -40,35 +41,41 @@ DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "lognormal": (("median", "sigma"), lambda s, median, sigma: s.lognorm(sigma, scale=median)),
     "triangular": (("low", "mode", "high"), lambda s, a, c, b: s.triang((c - a) / (b - a), a, b - a)),
 }  # fmt: skip
-"""Names, what their numbers mean, and how scipy.stats calls them; sigma is the deviation of the logarithm."""
+"""Distributions by name: names of their numbers, and distribution of scipy.stats.
 
-_LEAST = 2.0**-53  # chance between neighbouring random numbers
+sigma is the standard deviation of the logarithm."""
+
+_MIN_PROBABILITY = 2.0**-53
+"""Distance of neighbouring random numbers; probabilities are kept this far from 0 and 1."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Every combination of values, ``values[name]`` for each parameter; the last one changes fastest."""
+    """Every combination of the values ``values[name]`` of the parameters; the last parameter changes fastest."""
 
     values: Mapping[str, Sequence[Any]]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters that vary."""
+        """Names of the parameters that vary."""
         return tuple(self.values)
 
     @property
     def size(self) -> int:
-        """Number of cases, known without listing them."""
+        """Number of cases."""
         return math.prod(len(values) for values in self.values.values())
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The values of each case by name."""
+        """Yield the values of each case by name."""
         return (dict(zip(self.values, row, strict=True)) for row in product(*self.values.values()))
 
 
 @dataclass(frozen=True)
 class Sample:
-    """``size`` random cases; method: one of `METHODS`; distributions: ``(name of DISTRIBUTIONS, number, ...)``."""
+    """Random sample of ``size`` cases.
+
+    ``method`` is one of `METHODS`; each distribution is ``(name of DISTRIBUTIONS, number, ...)``.
+    """
 
     method: str
     size: int
@@ -77,11 +84,11 @@ class Sample:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters that vary."""
+        """Names of the parameters that vary."""
         return tuple(self.distributions)
 
     def uniform(self) -> Array:
-        """(size, parameters) in (0, 1)."""
+        """Return probabilities in (0, 1), shape (size, parameters)."""
         if self.method == "monte-carlo":
             return np.random.default_rng(self.seed).random((self.size, len(self.names)))
         if self.method == "saltelli":
@@ -91,33 +98,43 @@ class Sample:
         return np.asarray(qmc.LatinHypercube(len(self.names), seed=self.seed).random(self.size))
 
     def _blocks(self) -> Array:
-        """Rows of SALib's sequence, in blocks of parameters + 2."""
+        """Return the cases of the sequence of SALib, in blocks of parameters + 2."""
         width = len(self.names) + 2
         blocks = self.size // width
         if self.size % width or blocks & (blocks - 1):
             raise ValueError(
-                f"{self.size} cases are no blocks of {width}, for {len(self.names)} parameters, as many as a power of "
-                f"2: take {width * 2 ** max(1, round(math.log2(self.size / width)))}"
+                f"{self.size} cases cannot be divided into blocks of {width} (for {len(self.names)} parameters) whose "
+                f"number is a power of 2: use {width * 2 ** max(1, round(math.log2(self.size / width)))}"
             )
         sobol = needed("SALib.sample.sobol", "sobol", "a sample by Saltelli")
-        asked = {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0.0, 1.0]] * len(self.names)}
-        u = sobol.sample(asked, blocks, calc_second_order=False, seed=self.seed)
-        return np.asarray(u).clip(_LEAST, 1 - _LEAST)
+        settings = {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0.0, 1.0]] * len(self.names)}
+        u = sobol.sample(settings, blocks, calc_second_order=False, seed=self.seed)
+        return np.asarray(u).clip(_MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The values of each case by name."""
+        """Yield the values of each case by name."""
         u = self.uniform()
         columns = [distribution(x).ppf(u[:, j]) for j, x in enumerate(self.distributions.values())]
         return (dict(zip(self.names, map(float, row), strict=True)) for row in zip(*columns, strict=True))
 
 
 def grid(**values: Sequence[Any]) -> Grid:
-    """Every combination of these values of the fields of a model.
+    """Return every combination of values of the fields of a model.
+
+    Parameters
+    ----------
+    **values : sequence
+        Values of each field.
+
+    Returns
+    -------
+    Grid
+        The cases; the last field changes fastest.
 
     Raises
     ------
     ValueError
-        If there is no parameter, or one has no value or the same value twice.
+        If there is no field, or a field has no value or one value twice.
 
     Examples
     --------
@@ -127,7 +144,7 @@ def grid(**values: Sequence[Any]) -> Grid:
     ([0.1, 0.2, 0.3, 0.1, 0.2, 0.3], ('zeta', 'F_m'))
     """
     if not values:
-        raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
+        raise ValueError("a grid needs at least one parameter, such as grid(zeta=[0.04, 0.05])")
     for name, each in values.items():
         listed = isinstance(each, Collection) and not isinstance(each, str) and getattr(each, "ndim", 1) == 1
         if not listed or not len(each):
@@ -138,12 +155,29 @@ def grid(**values: Sequence[Any]) -> Grid:
 
 
 def latin_hypercube(count: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
-    """Cases spread evenly over each parameter: ``latin_hypercube(100, 1, zeta=("uniform", 0.04, 0.08))``.
+    """Return a random sample with one case in each of ``count`` intervals of equal probability of every parameter.
+
+    Parameters
+    ----------
+    count : int
+        Number of cases.
+    seed : int, default 0
+        Seed of the random numbers.
+    **distributions : sequence
+        Distribution of each parameter, such as ``zeta=("uniform", 0.04, 0.08)``; `DISTRIBUTIONS` lists the names and
+        numbers.
+
+    Returns
+    -------
+    Sample
+        The cases.
 
     Raises
     ------
-    ValueError, KeyError
-        If the count is below 1, there is no such distribution, or its numbers do not fit.
+    ValueError
+        If the count is below 1, or the numbers of a distribution are not valid.
+    KeyError
+        If there is no such distribution.
 
     Examples
     --------
@@ -156,7 +190,9 @@ def latin_hypercube(count: int, seed: int = 0, /, **distributions: Sequence[Any]
 
 
 def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
-    """Independent random cases, such as manufacturing tolerances; arguments and errors as of `latin_hypercube`.
+    """Return independent random cases, for example of manufacturing tolerances.
+
+    The arguments and errors are the ones of `latin_hypercube`.
 
     Examples
     --------
@@ -170,14 +206,30 @@ def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) ->
 
 
 def saltelli(blocks: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
-    """Cases of which `sobol_indices` are computed: ``blocks`` times as many as there are parameters and 2 more.
+    """Return the cases for `sobol_indices`: ``blocks`` blocks of as many cases as parameters and two more.
 
-    Needs SALib, ``pip install 'hbgear[sobol]'``. Arguments otherwise as of `latin_hypercube`.
+    It needs SALib, ``pip install 'hbgear[sobol]'``.
+
+    Parameters
+    ----------
+    blocks : int
+        Number of blocks, a power of 2.
+    seed : int, default 0
+        Seed of the random numbers.
+    **distributions : sequence
+        Distribution of each parameter, as in `latin_hypercube`.
+
+    Returns
+    -------
+    Sample
+        The cases.
 
     Raises
     ------
-    ValueError, KeyError
-        If the blocks are no power of 2, there is no such distribution, or its numbers do not fit.
+    ValueError
+        If the number of blocks is not a power of 2, or the numbers of a distribution are not valid.
+    KeyError
+        If there is no such distribution.
 
     Examples
     --------
@@ -196,25 +248,38 @@ def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequ
     counted("count", count, 10_000_000)
     counted("seed", seed, least=0)
     if not distributions:
-        raise ValueError(f"a sample of {count} cases in no parameter: name one, as in zeta=('uniform', 0.04, 0.06)")
+        raise ValueError(
+            f"a sample of {count} cases needs at least one parameter, such as zeta=('uniform', 0.04, 0.06)"
+        )
     for each in distributions.values():
         distribution(each)
     return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})
 
 
 def distribution(given: Sequence[Any]) -> Any:
-    """The frozen distribution of scipy.stats for ``("uniform", 0.04, 0.08)`` and the like.
+    """Return the frozen distribution of scipy.stats for a definition such as ``("uniform", 0.04, 0.08)``.
+
+    Parameters
+    ----------
+    given : sequence
+        Name of `DISTRIBUTIONS` and its numbers.
+
+    Returns
+    -------
+    scipy.stats.rv_frozen
+        The distribution.
 
     Raises
     ------
-    ValueError, KeyError
-        If there is none of that name, its numbers are too few, too many, not finite or not in order, or its values are
-        beyond all numbers.
+    ValueError
+        If the number of its numbers is wrong, they are not finite or not in order, or its values overflow.
+    KeyError
+        If there is no distribution of this name.
     """
     from scipy import stats
 
     if not isinstance(given, list | tuple):
-        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {quoted(given)}")
+        raise ValueError(f"the distribution {quoted(given)} must have a form such as ('uniform', low, high)")
     if not given or not isinstance(given[0], str) or given[0] not in DISTRIBUTIONS:
         name = shortened(str(given[0])) if given else ""
         raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")
@@ -225,13 +290,13 @@ def distribution(given: Sequence[Any]) -> Any:
         isinstance(x, int | float) and abs(x) <= sys.float_info.max for x in numbers
     ):
         raise ValueError(f"{name} of {quoted(numbers)}: {need}, {len(meaning)} finite numbers")
-    bounds = [x for x, what in zip(numbers, meaning, strict=True) if what in ("low", "mode", "high")]
-    positive = [x for x, what in zip(numbers, meaning, strict=True) if what in ("deviation", "sigma", "median")]
+    bounds = [x for x, role in zip(numbers, meaning, strict=True) if role in ("low", "mode", "high")]
+    positive = [x for x, role in zip(numbers, meaning, strict=True) if role in ("deviation", "sigma", "median")]
     if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):
         raise ValueError(f"{name} of {numbers}: {need}, in ascending order and not all equal, deviations positive")
     with np.errstate(all="ignore"):
         made = make(stats, *map(float, numbers))
-        ends = made.ppf([_LEAST, 0.5, 1 - _LEAST])
+        ends = made.ppf([_MIN_PROBABILITY, 0.5, 1 - _MIN_PROBABILITY])
     if not np.all(np.isfinite(ends)):
-        raise ValueError(f"{name} of {numbers}: its values reach beyond all numbers; {need} that give smaller ones")
+        raise ValueError(f"{name} of {numbers}: its values overflow; {need} that give smaller values")
     return made

@@ -1,10 +1,10 @@
-"""Many cases of a model: each a response curve, of which some numbers are kept.
+"""Studies of many cases of a model: numbers of one response curve for each case.
 
-    case i:  the model with the values of row i of a `Grid` or `Sample`  ->  peak, jumps, curve, critical values
+    case i:  the model with the values of case i of a `Grid` or `Sample`  ->  peak, jumps, curve, critical values
 
-Cases run in any `concurrent.futures.Executor`, by default in processes of one BLAS thread each. Each is stored as soon
-as it is done; a study started again goes on where it stopped. A case that fails is a row with its reason. If the
-executor itself fails, or the disk, the study ends early and says why.
+Cases run in a `concurrent.futures.Executor`, by default in processes with one BLAS thread each. Each case is stored
+when it is finished. A study that is started again computes the missing cases. A case that fails is listed with the
+reason. If the executor or the disk fails, the study ends early with a message.
 """
 
 from __future__ import annotations
@@ -52,23 +52,23 @@ from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
 MANY = 1_000_000
-"""More cases than this are refused unless asked for."""
-
+"""Default limit of the number of cases."""
 
 KINDS = ("peak", "jumps", "curve", "branch")
+"""Results of a case that `Work.compute` may list."""
 
+_MAX_PENDING_GROUPS = 256
+"""Largest number of groups that are submitted to the executor and not finished; also the largest size of a group."""
 
-_AHEAD = 256  # groups of cases handed to the executor before the first of them is done
+_GROUP_SECONDS = 0.2
+"""Computing time of a group of cases [s]. The transfer of a group to a process and back takes about a millisecond."""
 
-
-_TOGETHER = 0.2  # seconds of cases that are handed over as one, for each way there and back takes a millisecond
-
-
-_LONG = 1.0  # seconds after which a group of cases that take longer than those before is handed back, done or not
+_MAX_GROUP_SECONDS = 1.0
+"""Computing time [s] after which a group returns its finished cases; the others are submitted again."""
 
 
 class Outcome(StrEnum):
-    """Why a study ended."""
+    """Reason for the end of a study."""
 
     FINISHED = "finished"
     INTERRUPTED = "interrupted"
@@ -77,18 +77,27 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Work:
-    """What is computed of each case.
+class Work:  # numpydoc ignore=PR02
+    """Results to compute for each case.
 
     Parameters
     ----------
-    compute : tuple of str, optional
-        Some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega), "branch"
-        (all there is to know of the curve, for `Cases.branch`; some hundred kB for each case).
-    critical : tuple of str, optional
-        Parameters whose critical values are sought.
-    harmonics, span, measure, element : int, optional
-        As of `HarmonicBalance`, `trace` and `Branch.amplitude`.
+    compute : tuple of str, default ("peak", "jumps")
+        Kinds of results: "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega)
+        and "branch" (complete curve for `Cases.branch`, a few hundred kB for each case).
+    critical : tuple of str, default ()
+        Parameters whose critical values are computed.
+    harmonics : int, default 16
+        Harmonic truncation order.
+    span : tuple[float, float], default (0.5, 1.5)
+        Span of Omega.
+    measure, element : str and int or str, optional
+        Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
+
+    Raises
+    ------
+    ValueError
+        If a kind is unknown or there is nothing to compute.
     """
 
     compute: tuple[str, ...] = ("peak", "jumps")
@@ -103,31 +112,36 @@ class Work:
             if kind not in KINDS:
                 raise ValueError(f"cannot compute '{kind}'{did_you_mean(kind, KINDS)}")
         if not (self.compute or self.critical):
-            raise ValueError(f"nothing to compute; choose of {', '.join(KINDS)} or name a critical parameter")
+            raise ValueError(f"nothing to compute; give some of {', '.join(KINDS)}, or a critical parameter")
 
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """The results of a study.
+    """Results of a study.
 
-    Parameters
+    Attributes
     ----------
-    model, work : Model
-        What was varied from, and what was computed.
+    model : Model
+        Model with the values that do not vary.
+    work : Work
+        Computed results.
     names : tuple of str
-        Parameters that vary.
-    table : dict of str to Any
-        Columns by name, one row for each case done: case, the parameters, the numbers, reason, seconds.
+        Names of the parameters that vary.
+    table : dict of str to ndarray
+        Columns by name, with one entry for each computed case: case, parameters, numbers, reason of a failure, and
+        computing time in seconds.
     jumps : ndarray, shape (J, 5)
-        Case, Omega, direction (+1 while Omega rises), amplitude before, amplitude after (nan if none).
-    curves : dict of int to ndarray
-        By case, (3, P) Omega, amplitude and stability (1 or 0); with "curve" only.
-    total, outcome, message : int
-        Cases there are, and why the study ended.
-    values : mapping of int, Mapping[str to Any]
-        By case, the values that vary, as the model takes them.
+        Case, Omega, direction (+1 for rising Omega), amplitude before and amplitude after (nan if unknown).
+    curves : dict of int to ndarray, shape (3, P)
+        Omega, amplitude and stability (1 or 0) by case; only with "curve".
+    total : int
+        Number of cases of the study.
+    outcome, message : Outcome and str
+        Reason for the end of the study.
+    values : mapping of int to mapping of str to Any
+        Values of the varying parameters by case, in the types of the model.
     packed : callable
-        Of a case, the bytes of its branch; see `branch`.
+        Function that returns the bytes of the branch of a case; see `branch`.
 
     Examples
     --------
@@ -162,12 +176,12 @@ class Cases:
 
     @property
     def failed(self) -> dict[int, str]:
-        """Reason of each case that failed."""
+        """Reason of failure by case."""
         pairs = zip(self.table["case"], self.table["reason"], strict=True)
         return {int(case): str(reason) for case, reason in pairs if reason}
 
     def model_of(self, case: int) -> Model:
-        """The model of a case.
+        """Return the model of a case.
 
         Raises
         ------
@@ -175,23 +189,25 @@ class Cases:
             If the case was not computed.
         """
         if case not in self.values:
-            raise KeyError(f"case {case} was not computed; {len(self)} of {self.total} are there, see table['case']")
+            raise KeyError(
+                f"case {case} was not computed; table['case'] lists the {len(self)} of {self.total} computed cases"
+            )
         return self.model.replace(**self.values[case])
 
     def branch(self, case: int) -> Branch:
-        """The response curve of a case as `trace` gave it; with "branch" only.
+        """Return the response curve of a case; only with "branch".
 
         Raises
         ------
         KeyError
-            If the case was not computed or failed, or branches were not asked for.
+            If the case was not computed or failed, or "branch" was not computed.
         ValueError
-            If its file was damaged since.
+            If the file of the case is damaged.
         """
         if case in self.failed:
             raise KeyError(f"case {case} failed: {self.failed[case]}")
         if "branch" not in self.work.compute:
-            raise KeyError('no branches were kept; ask for them: compute=("branch",)')
+            raise KeyError('no branches were stored; compute them: compute=("branch",)')
         problem = HarmonicBalance(self.model_of(case), self.work.harmonics)
         try:
             return unpacked(self.packed(case), problem)
@@ -199,7 +215,7 @@ class Cases:
             raise ValueError(f"the branch of case {case} cannot be read ({error}); run the study again") from error
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the table (.csv), or the table, jumps and curves as arrays (.npz); whole or not at all."""
+        """Write the table (.csv), or the table, jumps and curves as arrays (.npz), atomically."""
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
             with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
@@ -215,7 +231,7 @@ class Cases:
             raise ValueError(f"'{path}' must end in .csv or .npz")
 
 
-@checked_arguments(vary="what varies, such as grid(zeta=[0.05, 0.06])")
+@checked_arguments(vary="cases, such as grid(zeta=[0.05, 0.06])")
 def cases(
     model: Model,
     vary: Grid | Sample,
@@ -235,39 +251,55 @@ def cases(
 ) -> Cases:
     """Compute every case of a grid or sample.
 
-    In a script, call it under ``if __name__ == "__main__":``; the processes import the script.
+    A script must call this function under ``if __name__ == "__main__":``, because the processes import the script.
 
     Parameters
     ----------
     model : Model
-        Gives the values that do not vary.
+        Model with the values that do not vary.
     vary : Grid or Sample
-        `grid`, `latin_hypercube`, `monte_carlo` or `saltelli`.
-    compute, critical, harmonics, span, measure, element : tuple of str, optional
-        See `Work`; the span is the model's by default.
+        Cases from `grid`, `latin_hypercube`, `monte_carlo` or `saltelli`.
+    compute : tuple of str, default ("peak", "jumps")
+        Kinds of results: some of "peak", "jumps", "curve" and "branch"; see `Work`.
+    critical : tuple of str, default ()
+        Parameters whose critical values are computed.
+    harmonics : int, default 16
+        Harmonic truncation order.
+    span : tuple[float, float] or None, optional
+        Span of Omega. Default: the span of the model.
+    measure, element : str and int or str, optional
+        Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
     store : path-like or None, optional
-        Folder for finished cases; without one nothing is kept when the study is killed.
+        Folder for finished cases. Default None: finished cases are lost if the study is killed.
     executor : Executor or None, optional
-        Where the cases run (it is not shut down); by default ``processes`` processes, one for each core.
+        Executor of the cases, which is not shut down. Default None: processes.
+    processes : int or None, optional
+        Number of processes. Default None: the number of cores.
     retry : bool, default False
-        Compute stored cases that failed once more.
-    most : int, optional
+        True to compute stored cases that failed again.
+    most : int, default 1000000
         Largest number of cases.
     progress : ProgressCallback or None, optional
-        Called with a `Progress`, such as ``print``.
+        Function that is called with a `Progress`, such as ``print``.
+
+    Returns
+    -------
+    Cases
+        Results of the finished cases.
 
     Raises
     ------
     KeyError, ValueError
-        If the model has no such field, a setting is wrong, there are too many cases, or the store is of another study.
+        If the model has no such field, a setting is not valid, there are too many cases, or the store belongs to
+        another study.
     OSError
-        If there is something to compute and the store cannot be written.
+        If there are cases to compute and the store cannot be written.
     RuntimeError
-        If a script calls it without the line named above.
+        If a script calls this function without the line stated above.
 
     Notes
     -----
-    Stored cases that cannot be read are computed anew, with a warning.
+    Stored cases that cannot be read are computed again, with a warning.
 
     Examples
     --------
@@ -301,22 +333,34 @@ def cases(
         try:
             with executor_of(executor, processes, len(waiting)) as pool:
                 outcome, message = run.compute(pool, reference_of(type(model)), waiting, work)
-        except KeyboardInterrupt:  # once more, while the last cases were waited for, or before the first
+        except KeyboardInterrupt:  # a second one, while running cases were finishing, or one before the first case
             outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept}"
     branch_of = partial(_packed_of, folder, run.done, keys)
     return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, branch_of)
 
 
 def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Result:
-    """One case, in whatever process: its numbers, or the reason why there are none.
+    """Compute one case, in any process; return its numbers, or the reason of the failure.
 
-    cls : the class of the model, or the name of a file and it, as of `reference_of`.
+    Parameters
+    ----------
+    cls : type or str
+        Class of the model, or its reference from `reference_of`.
+    fields : mapping of str to Any
+        Values of the fields of the model.
+    work : Work
+        Results to compute.
+
+    Returns
+    -------
+    Result
+        Result with computing time.
     """
     started = time.perf_counter()
     try:
-        result = _computed(made(find_model_class(cls) if isinstance(cls, str) else cls, _as_fields(fields)), work)
+        result = _result_of(made(find_model_class(cls) if isinstance(cls, str) else cls, _as_fields(fields)), work)
         return replace(result, seconds=time.perf_counter() - started)
-    except Exception as error:  # whatever is wrong with one case must not end the others
+    except Exception as error:  # an error in one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
         known = isinstance(error, ValueError | KeyError)
         reason = str(text) if known else f"{type(error).__name__}: {text}"
@@ -324,26 +368,24 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
 
 
 def _run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
-    """The first cases of a group, all of them but where they take long, each on one thread."""
+    """Compute the cases of a group with one thread; return the finished ones if the others would take too long."""
     started, results = time.perf_counter(), list[Result]()
     with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", ImplausibleInputWarning
-        )  # what is to be said of the model was said before the first case
+        warnings.simplefilter("ignore", ImplausibleInputWarning)  # was given before the first case
         for fields in group:
             results.append(run_case(cls, fields, work))
-            if time.perf_counter() - started > _LONG:
+            if time.perf_counter() - started > _MAX_GROUP_SECONDS:
                 break
     return results
 
 
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> ThreadpoolController:
-    """The libraries with threads of their own that are loaded now; there are others only if there are other modules."""
+    """Return the controller of the loaded threaded libraries; the number of modules changes if others are loaded."""
     return ThreadpoolController()
 
 
-def _computed(model: Model, work: Work) -> Result:
+def _result_of(model: Model, work: Work) -> Result:
     numbers: dict[str, float] = {}
     arrays: dict[str, Array] = {}
     packed_branch = b""
@@ -355,7 +397,7 @@ def _computed(model: Model, work: Work) -> Result:
         )
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
-        for kind, take in _OF_CURVE.items():
+        for kind, take in _CURVE_RESULTS.items():
             if kind in work.compute:
                 take(branch, work, numbers, arrays)
         if "branch" in work.compute:
@@ -372,7 +414,7 @@ def _computed(model: Model, work: Work) -> Result:
 
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    """The largest peak, located on the curve, or its end if the curve is largest there."""
+    """Store the largest amplitude and its frequency: a located peak, or an end of the curve."""
     rows = [found.row for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
     A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
     largest = int(np.argmax(A))
@@ -381,15 +423,15 @@ def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[st
 
 
 def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
-    """Of motions with the unknowns of a branch; a measure of several takes hardly longer than of one."""
+    """Return the amplitudes of motions of a branch, computed together."""
     layout = layout_of(branch)
-    assert layout is not None  # of a harmonic balance
+    assert layout is not None  # a branch of a harmonic balance has a layout
     A: list[float] = layout.measure(work.measure, np.array(X), work.element).tolist()
     return A
 
 
 def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    """All jumps, and of each direction the frequency of the one with the greatest change of amplitude."""
+    """Store all jumps, and the frequency of the largest jump in each direction."""
     jumps = branch.jumps()
     ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
     known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
@@ -407,17 +449,17 @@ def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[s
     arrays["curve"] = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
 
 
-_OF_CURVE = {"peak": _peak, "jumps": _jumps, "curve": _curve}
+_CURVE_RESULTS = {"peak": _peak, "jumps": _jumps, "curve": _curve}
 
 
 def _packed_of(folder: Store | None, done: Mapping[str, Result], keys: list[str], case: int) -> bytes:
-    """The packed branch of a case: from its file, or from memory if there is no store."""
+    """Return the packed branch of a case from its file, or from memory without a store."""
     key = keys[case]
     return folder.branch(key) if folder else done[key].branch
 
 
 def _stored(folder: Store, keys: Iterable[str], work: Work) -> dict[str, Result]:
-    """The cases that are in the store; of those that cannot be read a warning is given, to be computed anew."""
+    """Return the stored cases by key; warn about cases that cannot be read."""
     found, lost = {}, []
     for key in keys:
         try:
@@ -428,13 +470,13 @@ def _stored(folder: Store, keys: Iterable[str], work: Work) -> dict[str, Result]
         except (OSError, ValueError) as error:
             lost.append(f"'{folder.path(key)}': {error}")
     if lost:
-        text = f"{len(lost)} stored case{'s' if len(lost) > 1 else ''} cannot be read and will be computed anew"
+        text = f"{len(lost)} stored case{'s' if len(lost) > 1 else ''} cannot be read and will be computed again"
         warnings.warn(f"{text} ({lost[0]}{', ...' if lost[1:] else ''})", stacklevel=3)
     return found
 
 
 def _check_result(result: Result, work: Work) -> None:
-    """Refuse a result that is not one of this work."""
+    """Raise an error for a result that does not contain the required numbers and arrays."""
     if result.reason:
         return
     made_of = {"jumps": (-1, 4), "curve": (3, -1)}
@@ -452,30 +494,30 @@ def _check_result(result: Result, work: Work) -> None:
 
 
 class _NotStored(Exception):
-    """A finished case could not be written."""
+    """A finished case cannot be written."""
 
     def __init__(self, reason: OSError) -> None:
         full = reason.errno in (errno.ENOSPC, errno.EDQUOT)
-        advice = "free some space" if full else "see to the folder"
+        advice = "free space on the disk" if full else "check the folder"
         super().__init__(f"a case could not be stored ({reason}); {advice}")
 
 
-class _Lost(Exception):
-    """The executor did not bring back a case: a process, a worker or the scheduler is gone."""
+class _ExecutorFailed(Exception):
+    """The executor did not return a case: a process, a worker or the scheduler has ended."""
 
     def __init__(self, reason: Exception) -> None:
         kind = type(reason).__name__
         if isinstance(reason, BrokenExecutor):
             text = f"a process died, killed or out of memory ({reason})"
         elif isinstance(reason, CancelledError):
-            text = "the executor dropped a case; its scheduler may be gone"
+            text = "the executor cancelled a case; its scheduler may have ended"
         else:
-            text = f"the executor gave a case up ({kind}: {' '.join(str(reason).split())})"
+            text = f"the executor failed ({kind}: {' '.join(str(reason).split())})"
         super().__init__(text)
 
 
 class _Run:
-    """State of one study while it runs: results by key, and where they are stored."""
+    """State of a running study: results by key and their store."""
 
     def __init__(
         self, study: Mapping[str, Any], folder: Store | None, total: int, progress: ProgressCallback | None
@@ -485,22 +527,26 @@ class _Run:
         self.failed: set[str] = set()
 
     def add(self, key: str, result: Result) -> None:
-        """Count a case as done."""
+        """Add a finished case."""
         self.done[key] = result
         if result.reason:
             self.failed.add(key)
 
     @property
     def kept(self) -> str:
-        """Where what is done can be found."""
-        return "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
+        """Text that states where the finished cases are."""
+        return (
+            "the finished cases are stored; run the study again to compute the others"
+            if self.folder
+            else "the result contains the finished cases"
+        )
 
     def compute(
         self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
-        """Run what is waiting, values by key, and store each case as it finishes; how that ended.
+        """Compute the waiting cases, store each finished one, and return the reason for the end.
 
-        Ctrl-C waits for the cases at work; once more, and it is raised.
+        Ctrl-C waits for the running cases; a second one raises KeyboardInterrupt.
         """
         running: dict[Future[list[Result]], list[str]] = {}
         try:
@@ -509,48 +555,52 @@ class _Run:
             except KeyboardInterrupt:
                 self._finish(running, waiting)
                 return Outcome.INTERRUPTED, f"interrupted; {self.kept}"
-            except _Lost as failure:
+            except _ExecutorFailed as failure:
                 self._finish(running, waiting, patience=0.0)
                 return Outcome.WORKERS_LOST, f"{failure}; {self.kept}"
             return Outcome.FINISHED, "every case was computed"
         except _NotStored as failure:
             for future in running:
                 future.cancel()
-            return Outcome.CANNOT_STORE, f"{failure}; what was stored before is kept; run it again to go on"
+            return (
+                Outcome.CANNOT_STORE,
+                f"{failure}; earlier cases are stored; run the study again to compute the others",
+            )
 
     def _compute(
         self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work,
         running: dict[Future[list[Result]], list[str]],
     ) -> None:  # fmt: skip
-        """Every case, some hundred groups handed out ahead; ``running`` holds those that are not done yet."""
-        queue, done, together = deque(waiting), SimpleQueue[Future[list[Result]]](), 1
+        """Submit groups of cases and store their results; ``running`` contains the groups that are not finished."""
+        queue, done, group_size = deque(waiting), SimpleQueue[Future[list[Result]]](), 1
         self._show()
         while True:
-            while len(running) < _AHEAD and queue:
-                keys = [queue.popleft() for _ in range(min(together, len(queue)))]
+            while len(running) < _MAX_PENDING_GROUPS and queue:
+                keys = [queue.popleft() for _ in range(min(group_size, len(queue)))]
                 future = _submitted(pool, cls, [_inputs(self.study, waiting[key])["fields"] for key in keys], work)
                 running[future] = keys
-                future.add_done_callback(done.put)  # `wait` for the first of hundreds takes a while for each
+                future.add_done_callback(done.put)  # faster than `wait` for the first of hundreds
             if not running:
                 return
             future = done.get()
             results = _result(future)
             self._keep(running[future], waiting, results)
             queue.extend(running.pop(future)[len(results) :])
-            together = min(max(int(_TOGETHER / max(1e-6, *(result.seconds for result in results))), 1), _AHEAD)
+            slowest = max(1e-6, *(result.seconds for result in results))
+            group_size = min(max(int(_GROUP_SECONDS / slowest), 1), _MAX_PENDING_GROUPS)
 
     def _finish(
         self, running: Mapping[Future[list[Result]], list[str]], waiting: Mapping[str, dict[str, Any]],
         patience: float | None = None,
     ) -> None:  # fmt: skip
-        """Keep the cases that could not be cancelled any more, those done within ``patience`` seconds."""
+        """Keep running cases that cannot be cancelled and finish within ``patience`` seconds."""
         left = [future for future in running if not future.cancel()]
         for future in wait(left, timeout=patience).done:
             if not future.cancelled() and future.exception() is None:
                 self._keep(running[future], waiting, future.result())
 
     def _keep(self, keys: Sequence[str], waiting: Mapping[str, dict[str, Any]], results: Sequence[Result]) -> None:
-        """Keep the cases of a group that were done, its first ones."""
+        """Add and store the finished cases of a group, which are its first ones."""
         for key, result in zip(keys, results, strict=False):
             self.add(key, result)
             if self.folder:
@@ -558,7 +608,7 @@ class _Run:
                     self.folder.write(key, _inputs(self.study, waiting[key]), result)
                 except OSError as error:
                     raise _NotStored(error) from error
-                self.add(key, replace(result, branch=b""))  # a branch is large, and in the file
+                self.add(key, replace(result, branch=b""))  # a branch is large and stored in the file
             self._show()
 
     def _show(self) -> None:
@@ -575,21 +625,21 @@ def _submitted(
     try:
         return pool.submit(_run_cases, cls, group, work)
     except Exception as error:
-        raise _Lost(error) from error
+        raise _ExecutorFailed(error) from error
 
 
 def _result(future: Future[list[Result]]) -> list[Result]:
-    """What a group gave. `run_case` raises nothing, so what is raised here comes from the executor."""
+    """Return the results of a group. `run_case` raises nothing, so an error here comes from the executor."""
     try:
         return future.result()
     except Exception as error:
-        raise _Lost(error) from error
+        raise _ExecutorFailed(error) from error
 
 
 def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
-    """Refuse before the work what cannot work."""
+    """Raise an error for settings that are not valid, before the computation."""
     if vary.size > most:
-        raise ValueError(f"{vary.size:,} cases, more than {most:,}; make the grid coarser, or ask for it with most=")
+        raise ValueError(f"{vary.size:,} cases, more than {most:,}; make the grid coarser, or allow them with most=")
     fields = describe(model)["fields"]
     known = [*model.entries, *(model.parameters if isinstance(vary, Sample) else fields)]
     for name in vary.names:
@@ -599,11 +649,19 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
 
 
 def check_work(model: Model, work: Work) -> None:
-    """Refuse what cannot be computed for any design: a span, a measure, an element or a critical parameter.
+    """Raise an error if the span, measure, element or critical parameters are not valid for a model.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the study.
+    work : Work
+        Results to compute.
 
     Raises
     ------
     ValueError, KeyError
+        If a setting is not valid.
     """
     problem = HarmonicBalance(model, work.harmonics)
     problem.check_trace("Omega", min(work.span), max(work.span), {})
@@ -617,7 +675,7 @@ def _inputs(study: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data as a model takes it: lists, of which JSON and TOML are made, as tuples."""
+    """Return values of fields with tuples in place of the lists of JSON and TOML."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
@@ -625,7 +683,7 @@ def _collect(
     model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
     done: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
 ) -> Cases:  # fmt: skip
-    """The table of what is done, in the order of the plan."""
+    """Return the results of the finished cases, in the order of the plan."""
     rows = [(i, plan[i], done[key]) for i, key in enumerate(keys) if key in done]
     table: dict[str, Any] = {"case": np.array([i for i, *_ in rows], dtype=int)}
     table |= {name: np.array([_cell(values[name]) for _, values, _ in rows]) for name in names}

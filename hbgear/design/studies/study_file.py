@@ -1,4 +1,4 @@
-"""The file of a study (TOML), checked before anything is computed: every error at once, each with its line."""
+"""Study files (TOML): reading and checking; one message lists every error with its line."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from hbgear.mechanics.models import Model
 
 
 class StudyFileError(TomlFileError):
-    """What is wrong with a study file, one text for each error."""
+    """Errors of a study file, one text for each error."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What a study file asks for."""
+    """Content of a study file: model, cases and results to compute."""
 
     model: Model
     vary: Grid | Sample
@@ -34,7 +34,7 @@ class Study:
 
 
 def is_study(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is to be a study: it names a model. False of what cannot be read."""
+    """Return whether a file is a study file, which names a model; False if it cannot be read."""
     try:
         return isinstance(parsed(path, "a study", StudyFileError)[1].get("model"), str)
     except StudyFileError:
@@ -47,27 +47,32 @@ def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
     Parameters
     ----------
     path : path-like
-        Of the file.
+        Path of the file.
     allow_code : bool, default False
-        Whether the file may name a model of its own, FILE.py:NAME or MODULE:NAME, whose code is then run.
+        True to allow a model FILE.py:NAME or MODULE:NAME, whose code is run.
+
+    Returns
+    -------
+    Study
+        The study.
 
     Raises
     ------
     StudyFileError
-        If it cannot be read, a key, type or value is wrong, or it names code that is not allowed.
+        If the file cannot be read, a key, type or value is not valid, or it names code that is not allowed.
     """
     text, data = parsed(path, "a study", StudyFileError)
     problems, checked = _checked(data, allow_code)
     if not problems:
         try:
             return _study(checked)
-        except _Wrong as wrong:
+        except _InconsistentTable as wrong:
             problems = [(wrong.place, str(wrong))]
     raise StudyFileError(located(path, text, problems))
 
 
-class _Wrong(Exception):
-    """Values that are right one by one and wrong together; in which table."""
+class _InconsistentTable(Exception):
+    """Values that are valid separately but not together, with the name of their table."""
 
     def __init__(self, table: str, reason: Exception) -> None:
         super().__init__(reason.args[0])
@@ -75,15 +80,15 @@ class _Wrong(Exception):
 
 
 @contextmanager
-def _within(table: str) -> Iterator[None]:
+def _errors_of_table(table: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, KeyError) as error:
-        raise _Wrong(table, error) from None
+        raise _InconsistentTable(table, error) from None
 
 
 def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, str]], Any]:
-    """Errors by place, and the data as checked."""
+    """Return errors with their locations, and the checked data."""
     with defer_signals():
         import pydantic
 
@@ -91,8 +96,8 @@ def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, 
     problems: list[tuple[Place, str]] = []
     cls = None
     if isinstance(name, str) and ":" in name and not allow_code:
-        text = (f"model = {quoted(name)} would run that code, and a file does so only if that is allowed: look at the "
-                "code, then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
+        text = (f"model = {quoted(name)} would run that code, which is not allowed by default: read it, "
+                "then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
         return [(("model",), text)], None
     if isinstance(name, str):
         try:
@@ -109,7 +114,7 @@ def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, 
         need = "need [grid] or [sample], and not both"
         problems.append((("sample",), need))
     if data.get("grid") == {}:
-        problems.append((("grid",), "[grid] names no parameter; need one at least, as in zeta = [0.04, 0.05]"))
+        problems.append((("grid",), "[grid] names no parameter; give at least one, such as zeta = [0.04, 0.05]"))
     checked = None
     try:
         checked = schema.model_validate(data)
@@ -118,9 +123,9 @@ def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, 
     return problems, checked
 
 
-@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+@defer_signals()  # pydantic fails if Ctrl-C interrupts the creation of a model
 def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
-    """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
+    """Return the schema of the file as a model of pydantic; its tables have the fields of the model."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
     strict = exactly()
@@ -155,7 +160,7 @@ def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
 
 
 def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:
-    """Names such as ``eps[0]``: of tuples in [base] or the defaults that do not vary as a whole."""
+    """Return names such as ``eps[0]`` for the tuples of [base] or the defaults that do not vary as a whole."""
     base, varied = (table if isinstance(table := data.get(key), dict) else {} for key in ("base", "grid"))
     return entries_among(cls, {n: v for n, v in {**defaults_of(cls), **base}.items() if n not in varied})
 
@@ -170,25 +175,27 @@ def _distribution(given: list[Any]) -> list[Any]:
 
 def _study(checked: Any) -> Study:
     data = checked.model_dump(exclude_unset=True)
-    with _within("base"):
+    with _errors_of_table("base"):
         base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
         model = made(model_class(data["model"]), base)
     if "grid" in data:
-        with _within("grid"):
+        with _errors_of_table("grid"):
             vary: Grid | Sample = grid(**data["grid"])
     else:
         given = data["sample"]
-        with _within("sample"):
+        with _errors_of_table("sample"):
             if not given["parameters"]:
-                raise ValueError("[sample.parameters] names no parameter")
+                raise ValueError("[sample.parameters] names no parameter; give at least one")
             vary = Sample(given.get("method", METHODS[0]), given["count"], given.get("seed", 0), given["parameters"])
-    asked = checked.compute
-    span = tuple(asked.span or model.default_span)
-    with _within("compute"):
+    compute = checked.compute
+    span = tuple(compute.span or model.default_span)
+    with _errors_of_table("compute"):
         if span[0] == span[1]:
             raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
-        work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)
+        work = Work(
+            tuple(compute.what), tuple(compute.critical), compute.harmonics, span, compute.measure, compute.element
+        )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # said when the study is computed
+            warnings.simplefilter("ignore")  # are given when the study is computed
             check_work(model, work)
     return Study(model, vary, work)

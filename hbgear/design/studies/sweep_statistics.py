@@ -43,7 +43,7 @@ class SweepResponses:
 class SweepStatistics:
     """Statistics of slow sweeps of many cases at given values of Omega.
 
-    Parameters
+    Attributes
     ----------
     Omega : ndarray, shape (P,)
         Ascending frequencies.

@@ -1,10 +1,11 @@
-"""Which scatter matters: shares of the variance of a number of a study that parameters are to blame for.
+"""Sobol indices: contributions of the parameters to the variance of a result of a study.
 
-    first   S_j = Var(E(Y | a_j)) / Var(Y)        a_j alone
-    total   T_j = 1 - Var(E(Y | a_~j)) / Var(Y)   a_j with all others: what is left if all others are known
+    first order   S_j = Var(E(Y | a_j)) / Var(Y)         effect of a_j alone
+    total         T_j = 1 - Var(E(Y | a_~j)) / Var(Y)    effect of a_j with its interactions
 
-Estimated from blocks of cases in which parameters are exchanged one by one between two random rows
-(`hbgear.design.studies.samples.saltelli`), by SALib. No linear approximation; the price is many cases.
+a_~j are all parameters except a_j. SALib estimates the indices from blocks of cases in which parameters are exchanged
+one by one between two random cases (`hbgear.design.studies.samples.saltelli`). The indices do not assume a linear
+model, but they need many cases.
 
 References
 ----------
@@ -25,22 +26,23 @@ from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
 from hbgear.design.studies.study import Cases
 
-_NORMAL = 1.959964  # half of a 95 % interval in standard deviations
+_INTERVAL_SIGMAS = 1.959964
+"""Half width of a 95 % confidence interval in standard deviations."""
 
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Shares of the variance of a number.
+    """Sobol indices of a result.
 
-    Parameters
+    Attributes
     ----------
     quantity : str
-        Which one, a column of the table.
-    first, total : dict of str, tuple[float to float]
-        By parameter, the index and its standard error.
+        Name of the result, a column of the table.
+    first, total : dict of str to tuple[float, float]
+        First-order and total index with standard error, by parameter.
     blocks, lost : int
-        How many blocks of cases there are, and in how many of them the number is not known: they are left out. If they
-        are not few, the indices are those of the rest only.
+        Number of blocks of cases, and number of blocks that are ignored because the result is unknown in a case. If
+        many blocks are lost, the indices describe the remaining blocks only.
 
     Examples
     --------
@@ -58,24 +60,29 @@ class SobolIndices:
 
 @checked_arguments(found="cases of saltelli(...)")
 def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> SobolIndices:
-    """Sobol indices of a number of a study. Needs SALib: ``pip install 'hbgear[sobol]'``.
+    """Compute Sobol indices of a result of a study. They need SALib: ``pip install 'hbgear[sobol]'``.
 
     Parameters
     ----------
     found : Cases
-        Of `cases` with `saltelli`.
+        Results of `cases` for a sample from `saltelli`.
     quantity : str, default "peak"
-        A column of ``found.table``, such as "peak", "peak_Omega", "jump_rising".
+        Column of ``found.table``, such as "peak", "peak_Omega" or "jump_rising".
     seed : int, default 0
-        Of the resampling that the standard errors are from: the same seed, the same errors.
+        Seed of the resampling that estimates the standard errors.
+
+    Returns
+    -------
+    SobolIndices
+        Indices with standard errors.
 
     Raises
     ------
     KeyError
         If there is no such column.
     ValueError
-        If the cases are of another sample, the number is not known in most of the blocks or does not vary, or SALib is
-        not installed.
+        If the cases are another sample, the result is unknown in most of the blocks or does not vary, or SALib is not
+        installed.
 
     Examples
     --------
@@ -86,7 +93,7 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
     """
     counted("sobol_indices: seed", seed, least=0)
     if quantity not in found.table or quantity in ("case", "reason"):
-        raise KeyError(f"there is no number '{quantity}'{did_you_mean(quantity, found.table)}")
+        raise KeyError(f"there is no column '{quantity}'{did_you_mean(quantity, found.table)}")
     width = len(found.names) + 2
     Y = _blocks(found, quantity, width)
     known = np.isfinite(Y).all(axis=1)
@@ -94,28 +101,31 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
     if 2 * some < count or some < 2:
         raise ValueError(f"{quantity} is known in {some} of {count} blocks of cases; too few for indices")
     if np.ptp(Y[known]) <= 1e-12 * np.abs(Y[known]).max():
-        raise ValueError(f"{quantity} does not vary, so nothing is to blame for it")
+        raise ValueError(f"{quantity} does not vary, so its indices are not defined")
     analyze = needed("SALib.analyze.sobol", "sobol", "Sobol indices").analyze
-    asked = {"num_vars": len(found.names), "names": list(found.names), "bounds": [[0.0, 1.0]] * len(found.names)}
-    told = analyze(asked, Y[known].ravel(), calc_second_order=False, seed=seed + 1)  # SALib takes 0 for no seed at all
+    settings = {"num_vars": len(found.names), "names": list(found.names), "bounds": [[0.0, 1.0]] * len(found.names)}
+    indices = analyze(settings, Y[known].ravel(), calc_second_order=False, seed=seed + 1)  # for SALib 0 means no seed
     first, total = (
-        {name: (float(told[key][j]), float(told[f"{key}_conf"][j]) / _NORMAL) for j, name in enumerate(found.names)}
+        {
+            name: (float(indices[key][j]), float(indices[f"{key}_conf"][j]) / _INTERVAL_SIGMAS)
+            for j, name in enumerate(found.names)
+        }
         for key in ("S1", "ST")
     )
     return SobolIndices(quantity, first, total, count, count - some)
 
 
 def _blocks(found: Cases, quantity: str, width: int) -> Array:
-    """The number in each block of cases (B, parameters + 2), nan where it is not known."""
+    """Return the result in each block of cases (B, parameters + 2), nan if it is unknown."""
     values = np.full((found.total, len(found.names) + 1), np.nan)
     columns = [np.asarray(found.table[name], dtype=float) for name in (*found.names, quantity)]
     values[np.asarray(found.table["case"], dtype=int)] = np.column_stack(columns)
     if found.total % width:
-        raise ValueError("the cases are no blocks of Saltelli's; take those of vary=saltelli(...)")
+        raise ValueError("the cases are not a sample from saltelli; compute them with vary=saltelli(...)")
     blocks = values.reshape(-1, width, len(found.names) + 1)
     a = blocks[:, :1, :-1]
     with np.errstate(invalid="ignore"):
         same = (blocks[:, 1:-1, :-1] == a) | np.isnan(blocks[:, 1:-1, :-1] + a)
     if not (same | np.eye(len(found.names), dtype=bool)).all():
-        raise ValueError("the cases are no blocks of Saltelli's; take those of vary=saltelli(...)")
+        raise ValueError("the cases are not a sample from saltelli; compute them with vary=saltelli(...)")
     return np.asarray(blocks[..., -1])

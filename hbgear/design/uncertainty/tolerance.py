@@ -1,10 +1,10 @@
-"""Scatter of jump frequencies for small deviations of parameters: to first order, and by Monte Carlo beside it.
+"""Scatter of jump frequencies for small deviations of parameters: to first order and by Monte Carlo sampling.
 
     first order   s^2 = sum_a (dOmega/da s_a)^2
-    Monte Carlo   Omega(a + s xi),  xi independent and normal: the equations of the jump solved for each draw
+    Monte Carlo   Omega(a + s xi),  xi independent and normal: the equations of the jump are solved for each draw
 
-The difference of the two says how good the first order is. Draws for which the equations have no solution near are
-those in which the jump has vanished, or nearly so.
+The difference of the two results measures the error of the first order. If the equations have no solution near the
+jump, the draw is lost: the jump has vanished, or almost.
 """
 
 from __future__ import annotations
@@ -28,18 +28,22 @@ from hbgear.continuation.solvers.newton import NoConvergence
 class JumpTolerance:
     """Scatter of the frequency of one jump.
 
-    Parameters
+    Attributes
     ----------
-    label, direction, value : str
-        Of the jump.
+    label : str
+        Label of the jump.
+    direction : int
+        Direction of the sweep: +1 for rising Omega, -1 for falling Omega.
+    value : float
+        Frequency of the jump.
     effects : dict of str to float
-        By parameter, the change of the frequency for one standard deviation, to first order.
+        First-order change of the frequency for one standard deviation of each parameter.
     first : float
-        Standard deviation to first order.
+        First-order standard deviation of the frequency.
     draws : ndarray, shape (D,)
-        Frequencies of the draws.
+        Frequencies of the jump in the draws.
     lost : int
-        Number of draws in which there is no such jump.
+        Number of draws without this jump.
 
     Examples
     --------
@@ -60,16 +64,16 @@ class JumpTolerance:
 
     def __repr__(self) -> str:
         drawn = f"{self.sampled:.3g} of {len(self.draws)} draws, {self.lost} lost"
-        return f"<JumpScatter of {self.label} at {self.value:.6g}: +- {self.first:.3g} to first order, {drawn}>"
+        return f"<JumpTolerance of {self.label} at {self.value:.6g}: +- {self.first:.3g} to first order, {drawn}>"
 
     @property
     def sampled(self) -> float:
-        """Standard deviation of the draws; nan without any."""
+        """Standard deviation of the draws; nan if there are fewer than two."""
         return float(np.std(self.draws, ddof=1)) if len(self.draws) > 1 else math.nan
 
     @property
     def error(self) -> float:
-        """Relative error of the first order, as far as the draws tell it."""
+        """Relative error of the first-order standard deviation, estimated from the draws."""
         return self.first / self.sampled - 1.0 if self.sampled else math.nan
 
 
@@ -78,25 +82,32 @@ def jump_tolerance(
     branch: Branch, spread: Mapping[str, float], *, draws: int = 300, seed: int = 0,
     progress: ProgressCallback | None = None,
 ) -> tuple[JumpTolerance, ...]:  # fmt: skip
-    """How jump frequencies scatter if parameters do, independently and normally.
+    """Compute the scatter of jump frequencies for independent, normally distributed parameters.
 
     Parameters
     ----------
     branch : Branch
-        A response curve that knows its problem.
+        Response curve with its problem.
     spread : mapping of str to float
-        Standard deviations of parameters, entries of tuples as ``e[0]``.
-    draws, seed : int, optional
-        Of the Monte Carlo sample.
+        Standard deviations of parameters, also entries of tuples such as ``e[0]``.
+    draws : int, default 300
+        Number of draws of the Monte Carlo sample.
+    seed : int, default 0
+        Seed of the Monte Carlo sample.
     progress : ProgressCallback or None, optional
-        Called with a `Progress` as work goes on, such as ``print``.
+        Function that is called with a `Progress`, such as ``print``.
+
+    Returns
+    -------
+    tuple of JumpTolerance
+        Scatter of each jump of the curve.
 
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
-        If a deviation is negative, or the curve has no jumps or has lost its problem.
+        If a deviation is negative, or the curve has no jumps or no problem.
 
     Examples
     --------
@@ -115,14 +126,14 @@ def jump_tolerance(
     for name, deviation in spread.items():
         checked("jump_tolerance", name, deviation, NOT_NEGATIVE)
     if not branch.jumps():
-        raise ValueError("the curve has no jumps that could scatter; trace it with stability, where it has folds")
+        raise ValueError("the curve has no jumps; trace it with stability over a span with folds")
     names, s = tuple(spread), np.array([float(x) for x in spread.values()])
     xi = np.random.default_rng(seed).normal(size=(draws, len(names)))
     found = []
     for number, jump in enumerate(branch.jumps()):
         slopes = sensitivity(jump.before, names).slopes[0]
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
-        places: list[float] = []
+        frequencies: list[float] = []
         lost = 0
         again = RelocatedPoint(jump.before, names)
         for i, row in enumerate(xi):
@@ -130,11 +141,12 @@ def jump_tolerance(
                 done = (number + i / draws) / len(branch.jumps())
                 progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
             try:
-                with np.errstate(all="ignore"):  # of draws in which there is no such point
-                    places.append(again.at(s * row))
+                with np.errstate(all="ignore"):  # in draws without such a point
+                    frequencies.append(again.at(s * row))
             except (NoConvergence, ValueError, np.linalg.LinAlgError):
                 lost += 1
         found.append(JumpTolerance(
-            jump.label, jump.direction, jump.value, effects, float(np.linalg.norm(slopes * s)), np.array(places), lost,
+            jump.label, jump.direction, jump.value, effects, float(np.linalg.norm(slopes * s)), np.array(frequencies),
+            lost,
         ))  # fmt: skip
     return tuple(found)

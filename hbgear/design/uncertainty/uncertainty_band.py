@@ -43,7 +43,7 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 class ResponseBand:
     """Response curve and the standard deviation of its displacement.
 
-    Parameters
+    Attributes
     ----------
     branch, measure, element : Branch, str and int or str
         Curve, and measure and element of its amplitude.

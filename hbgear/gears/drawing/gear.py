@@ -25,7 +25,7 @@ TOLERATED_UNDERCUT = 0.02
 
 
 @dataclass(frozen=True)
-class Gear:
+class Gear:  # numpydoc ignore=PR02
     """Involute gear; the module docstring states the equations.
 
     Parameters

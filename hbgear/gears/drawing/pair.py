@@ -30,7 +30,7 @@ from hbgear.gears.drawing.geometry import inverse_involute, involute
 
 
 @dataclass(frozen=True)
-class GearPair:
+class GearPair:  # numpydoc ignore=PR02
     """Pair of involute gears on parallel axes; the module docstring states the equations.
 
     Parameters

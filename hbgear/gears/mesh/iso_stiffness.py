@@ -6,7 +6,7 @@
 
 Stiffnesses act in the transverse plane along the line of action, per face width. C_M = 0.8, C_R = 1 (solid discs), and
 C_B follows from the basic racks. Below a load of 100 N/mm, c' is proportional to the fourth root of the load. A ring
-gear is treated as a rack_factor: 1/z_n2 = 0.
+gear is treated as a rack: 1/z_n2 = 0.
 
 References
 ----------
@@ -21,7 +21,7 @@ from typing import NamedTuple
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
 
-STEEL_MODULUS = 206e9  # [Pa], Young's modulus_ratio of the gears of the regression
+STEEL_MODULUS = 206e9  # [Pa], Young's modulus of the gears of the regression
 THEORY_CORRECTION = 0.8  # C_M, ratio of measured to theoretical stiffness
 LOW_LOAD = 1e5  # [N/m] (100 N/mm); the stiffness decreases below this load
 NEWTON_PER_MM_UM = 1e9  # 1 N/(mm um) in N/m^2
@@ -63,5 +63,5 @@ def iso_stiffness(pair: GearPair, torque: float | None = None) -> IsoStiffness:
 
 
 def _rack_factor(gear: Gear) -> float:
-    """Return the basic rack_factor factor C_B of one gear."""
+    """Return the basic rack factor C_B of one gear."""
     return (1 + 0.5 * (1.2 - gear.dedendum)) * (1 - 0.02 * (20 - degrees(gear.pressure_angle)))

@@ -36,7 +36,7 @@ jump.
 
 
 @dataclass(frozen=True, eq=False)
-class MeshTable:
+class MeshTable:  # numpydoc ignore=PR02
     """Piecewise linear function over a mesh cycle.
 
     Parameters
@@ -145,7 +145,7 @@ def _fit(
 
 
 @dataclass(frozen=True, eq=False)
-class MeshCycle:
+class MeshCycle:  # numpydoc ignore=PR02
     """Mesh stiffness and transmission error over a mesh cycle, along the line of action in the transverse plane.
 
     Parameters

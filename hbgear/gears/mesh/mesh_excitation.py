@@ -132,7 +132,7 @@ def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> 
     Raises
     ------
     ValueError
-        If the number of lags is neither zero nor the number of amplitudes.
+        If the number of lags differs from zero and from the number of amplitudes.
     """
     out = amplitudes(owner, f"{name}_lag", lag)
     if out and len(out) != len(values):
@@ -187,7 +187,7 @@ def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
     Raises
     ------
     ValueError
-        If it is neither () nor four positive numbers.
+        If it is not empty and does not have four positive numbers.
     """
     if not reference:
         return None

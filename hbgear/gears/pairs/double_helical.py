@@ -72,7 +72,7 @@ _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_
 
 
 @dataclass(frozen=True)
-class DoubleHelicalPair(MeshExcitation):
+class DoubleHelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     """Marine double-helical gear pair of Dong et al. (2022); the module docstring states the equations.
 
     Element displacements and Omega are in units of b_c and omega_n. The defaults are Tables 1 and 2 of the paper.

@@ -42,7 +42,7 @@ _NOT_NEGATIVE = ("zeta", "zeta_p", "zeta_g", "b", "k_p", "k_g", "k_pz", "k_gz", 
 
 
 @dataclass(frozen=True)
-class HelicalPair(MeshExcitation):
+class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     """Helical or spur gear pair on flexible shafts and bearings in space; the module docstring states the equations.
 
     Element displacements and Omega are in units of b_c and omega_n. `GearPair.model` builds it from a drawing. The

@@ -24,7 +24,7 @@ _NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
 
 
 @dataclass(frozen=True)
-class GearRotorBearing(MeshExcitation):
+class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
     """Spur gear pair whose gears also move along the line of action, on bearings with radial clearance.
 
         y_1'' + 2 zeta_1 y_1' + kappa_1 f_1(y_1) + mu_1 [2 zeta p' + k(tau) f(p)] = -F_1

@@ -19,7 +19,7 @@ from hbgear.mechanics.series.periodic import Phased
 
 
 @dataclass(frozen=True)
-class SpurPair(MeshExcitation):
+class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
     """Spur gear pair reduced to its gap x along the line of action, all quantities dimensionless.
 
         x'' + 2 zeta x' + k(tau) f(x) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)

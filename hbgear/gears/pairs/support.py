@@ -17,7 +17,7 @@ AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 
 
 @dataclass(frozen=True)
-class Support:
+class Support:  # numpydoc ignore=PR02
     """Shaft and bearings of one gear, reduced to the gear.
 
     Parameters

@@ -34,7 +34,7 @@ BENDING_PLANES = (((0, 1.0), (4, 1.0)), ((1, 1.0), (3, -1.0)))
 
 
 @dataclass(frozen=True)
-class Beam:
+class Beam:  # numpydoc ignore=PR02
     """Round shaft with distributed mass between two wheels that move in space, made of Timoshenko elements.
 
     Parameters

@@ -24,7 +24,7 @@ SEAT_DIRECTIONS = AXES[:3]
 
 
 @dataclass(frozen=True, eq=False)
-class Housing:
+class Housing:  # numpydoc ignore=PR02
     """Housing, foundation or test rig, from a finite element program or by hand, in SI units.
 
     Parameters

@@ -64,7 +64,7 @@ _NOT_NEGATIVE = ("k_s", "k_r", "k_c", "zeta", "zeta_b", "b_sp", "b_rp", "torque"
 class PlanetMode:
     """Natural mode of a planetary set with all teeth in contact.
 
-    Parameters
+    Attributes
     ----------
     frequency : float
         Natural frequency [Hz].
@@ -87,7 +87,7 @@ class PlanetMode:
 
 
 @dataclass(frozen=True)
-class PlanetarySet(Model):
+class PlanetarySet(Model):  # numpydoc ignore=PR02
     """Planetary gear set with backlash in all meshes; the module docstring states the equations.
 
     The defaults are the machine of Lin and Parker (1999) with four planets. Backlash, excitation and damping are not

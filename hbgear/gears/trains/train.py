@@ -44,7 +44,7 @@ DEFAULT_LENGTH = 1e-6  # [m], unit of length of a train without backlash
 
 
 @dataclass(frozen=True)
-class Train(Model):
+class Train(Model):  # numpydoc ignore=PR02
     """Gears on shafts and bearings; the module docstring states the equations.
 
     Parameters

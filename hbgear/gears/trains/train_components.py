@@ -45,7 +45,7 @@ def check_ends(owner: str, first: Any, second: Any) -> None:
 
 
 @dataclass(frozen=True)
-class Wheel:
+class Wheel:  # numpydoc ignore=PR02
     """Gear or other turning body of a train: a rotor, a flange, a machine.
 
     Parameters
@@ -142,7 +142,7 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Shaft:
+class Shaft:  # numpydoc ignore=PR02
     """Massless connection of two wheels on one axis: springs between their coordinates, each with a damper.
 
     Parameters
@@ -219,7 +219,7 @@ class _Section:
 
 
 @dataclass(frozen=True)
-class Bearing:
+class Bearing:  # numpydoc ignore=PR02
     """Springs and dampers between a wheel and the ground or the housing.
 
     Parameters
@@ -303,7 +303,7 @@ class Bearing:
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh:  # numpydoc ignore=PR02
     """Pair of meshing gears; the first one drives the second.
 
         k(tau) = k_mean [1 - sum_l eps[l-1] cos(l tau - eps_lag[l-1])],   e(tau) = sum_l e[l-1] cos(l tau - e_lag[l-1])
