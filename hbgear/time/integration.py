@@ -22,7 +22,7 @@ from hbgear.common.text.messages import did_you_mean
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator
-from hbgear.time.exponential.segments import FINE
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP
 from hbgear.time.runge_kutta import METHODS, Flow
 
 
@@ -172,13 +172,13 @@ def _exponential(
     if np.mod(phase + np.pi, 2 * np.pi) != np.pi:
         raise ValueError(f"the exponential method starts at whole periods, phase = {phase} is none; use DOP853")
     stepper = ExponentialIntegrator(model, Omega, steps)
-    need = samples // int(np.gcd(samples, FINE))
+    need = samples // int(np.gcd(samples, SAMPLES_PER_STEP))
     if stepper.N % need:
         stepper = ExponentialIntegrator(model, Omega, -(-stepper.N // need) * need)
     flight = stepper.start(state)
     fine = stepper.advance(flight, periods, record=True)
     assert fine is not None
-    d, v = (x[..., :: stepper.N * FINE // samples] for x in fine)
+    d, v = (x[..., :: stepper.N * SAMPLES_PER_STEP // samples] for x in fine)
     end = stepper.states(flight)
     if not np.isfinite(end).all():
         raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")

@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
-from hbgear.time.exponential.segments import FINE, Integers, Pieces, first_exit, stiffness_of
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of scipy."""
@@ -64,7 +64,7 @@ class Flow:
         system = system.at_speed(Omega)
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
-        self.pieces = Pieces.of(self.laws)
+        self.pieces = LawSegments.of(self.laws)
         self.columns = 1 + 2 * self.n if variational else 1
         self.c = np.array([e.damping for e in system.elements])
         self._curved = np.flatnonzero(~self.pieces.line)
@@ -286,7 +286,7 @@ class Flow:
         if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
         dense = solver.dense_output()
-        t = np.linspace(solver.t_old, solver.t, FINE + 1)
+        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
         d, v = self.gaps_over(t, dense(t))
 
         def value(rows: Integers, at: Array) -> Array:

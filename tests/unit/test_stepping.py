@@ -229,7 +229,7 @@ def test_laws_without_a_table_are_asked():
             return d**4, 4 * d**3, 0 * d
 
     for law in (Opaque(Cubic(1.0)), Quartic(1.0), Parallel((Backlash(), Quartic(1.0)))):
-        assert LawTable.of([law, Backlash()]).asked.tolist() == [True, False]
+        assert LawTable.of([law, Backlash()]).in_python.tolist() == [True, False]
 
 
 # ---- threads

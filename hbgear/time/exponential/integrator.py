@@ -36,7 +36,7 @@ from hbgear.mechanics.reference_stiffness import references
 from hbgear.mechanics.series.fourier import Series, to_complex
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
-from hbgear.time.exponential.segments import FINE, Integers, piece_at
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment_at
 from hbgear.time.exponential.step_tables import Steps, dense, packed
 
 _WEAK = 0.01  # share of the structure's stiffness by which smooth laws are closed: p - kr d is what steps approximate
@@ -252,7 +252,7 @@ class ExponentialIntegrator:
 
     def _plan(self) -> Any:
         """The machines, the way of all motions, and the corners of the excitation."""
-        from hbgear.time.exponential.kernels import Method, Plan, Stops
+        from hbgear.time.exponential.kernels import Breakpoints, Method, Plan
 
         R, q, m, table = self.rows, self.q, self.m, self.table
         poles, output, input = (np.zeros(shape, dtype=complex) for shape in ((R, q), (R, 2 * m, q), (R, q, m)))
@@ -266,12 +266,12 @@ class ExponentialIntegrator:
         laws = (table.stiffness, table.slope, table.offset, table.low, table.high, table.cubic)
         each = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss_nodes(self.s)
-        straight = not (table.asked.any() or table.cubic[..., 1].any())
-        method = Method(table.element, table.asked, straight, np.append(x, 1.0), lagrange, *dense(self.s))
+        straight = not (table.in_python.any() or table.cubic[..., 1].any())
+        method = Method(table.element, table.in_python, straight, np.append(x, 1.0), lagrange, *dense(self.s))
         corners = None
         if self.excitation.any:
             pieces = self.excitation.at[self.of], self.excitation.rows[self.of]
-            corners = Stops(*packed((*pieces, *self.excitation.stops(self.N, self.of, self.Omega), kr, c)))
+            corners = Breakpoints(*packed((*pieces, *self.excitation.stops(self.N, self.of, self.Omega), kr, c)))
         return Plan(*packed(each)), Method(*packed(method)), corners
 
     def select(self, motions: Integers) -> ExponentialIntegrator:
@@ -310,7 +310,7 @@ class ExponentialIntegrator:
         zeta = z - self.z
         y = (self.reading @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._moved()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
-        return StateBatch(zeta, d, v, piece_at(self.plan.high, d, v))
+        return StateBatch(zeta, d, v, segment_at(self.plan.high, d, v))
 
     def _moved(self) -> Array:
         """e and e' (rows, 2 m) at tau = 0 of the elements whose e has corners."""
@@ -361,7 +361,7 @@ class ExponentialIntegrator:
         With ``record``, d and v (B, m, periods N 16) at equal instants from the start; else None.
         """
         B = len(flight.d)
-        fine = np.empty((2, B, self.m, periods * self.N * FINE) if record else (2, 1, 0, 0))
+        fine = np.empty((2, B, self.m, periods * self.N * SAMPLES_PER_STEP) if record else (2, 1, 0, 0))
         self._march(flight, periods, np.empty((0, B, 2 * self.q)), fine)
         return (fine[0], fine[1]) if record else None
 
@@ -371,10 +371,17 @@ class ExponentialIntegrator:
 
     def _march(self, flight: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Carry motions on, many over threads."""
-        from hbgear.time.exponential.kernels import integrate_segments, tables_for, work_for
+        from hbgear.time.exponential.kernels import allocate_tables, allocate_workspace, integrate_segments
 
-        s, m, q, cells, asks, B = self.s, self.m, self.q, periods * self.N, bool(self.table.asked.any()), len(flight.d)
-        S, recorded = len(self.method.element), 200 * FINE * m if fine.size else 0
+        s, m, q, cells, asks, B = (
+            self.s,
+            self.m,
+            self.q,
+            periods * self.N,
+            bool(self.table.in_python.any()),
+            len(flight.d),
+        )
+        S, recorded = len(self.method.element), 200 * SAMPLES_PER_STEP * m if fine.size else 0
         cost = max(self.steps.cost, _LEAST) + recorded  # of a step
         few = asks or cost * cells * B < _SHORT
         together = min(B if few else -(-B // (4 * processors())), _AT_ONCE)
@@ -388,7 +395,7 @@ class ExponentialIntegrator:
                 cut, work = self._idle.pop()
             except IndexError:  # none is in store
                 G = last - first if asks else 1
-                cut, work = tables_for(G, 1, s, m, q, S), work_for(G, s, m, q)
+                cut, work = allocate_tables(G, 1, s, m, q, S), allocate_workspace(G, s, m, q)
             for begin in range(0, cells, block):
                 if stop.is_set():
                     return
@@ -415,7 +422,7 @@ class ExponentialIntegrator:
         of = self.of[first + waiting] if self.rows > 1 else np.broadcast_to(self.of, len(waiting))
         for i, laws in enumerate(self.laws):
             here = np.flatnonzero(of == i)
-            for j in np.flatnonzero(self.table.asked) if here.size else ():
+            for j in np.flatnonzero(self.table.in_python) if here.size else ():
                 found = laws[j].force(y[here, :, 0, j], y[here, :, 1, j], tau[here])
                 for which in range(3):
                     work.given[waiting[here], which, :, j] = found[which]
