@@ -160,16 +160,16 @@ def basins(
     system = model.system()
     which = _element(model, system, element, plane)
     check_model(model, system)
-    stepper = ExponentialIntegrator(model, Omega)
-    check_frequency(stepper.structures[0], float(Omega))
-    origin, directions = _plane(stepper, system, Omega, which, start, plane)
+    integrator = ExponentialIntegrator(model, Omega)
+    check_frequency(integrator.structures[0], float(Omega))
+    origin, directions = _plane(integrator, system, Omega, which, start, plane)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    flight = stepper.start(origin + multiples @ directions)
-    found = _Found(stepper, settling, which, stepper.modal(np.vstack([origin, directions])))
+    motions = integrator.start(origin + multiples @ directions)
+    found = _Found(integrator, settling, which, integrator.modal(np.vstack([origin, directions])))
     label, ending = np.full(count, -1), Termination(message="all starts were followed")
     try:
-        _follow(found, flight, label, progress)
+        _follow(found, motions, label, progress)
     except (Exception, KeyboardInterrupt) as error:
         done = np.count_nonzero(label >= 0)
         if not done:
@@ -206,7 +206,7 @@ def _element(model: Model, system: System, element: int | str | None, plane: Arr
 
 
 def _plane(
-    stepper: ExponentialIntegrator, system: System, Omega: float, which: int | None, start: Any, plane: Any
+    integrator: ExponentialIntegrator, system: System, Omega: float, which: int | None, start: Any, plane: Any
 ) -> tuple[Array, Array]:
     """A state (2n,) and directions (2, 2n): starts are the state and multiples of these."""
     n = system.n
@@ -217,11 +217,11 @@ def _plane(
         directions = real_numbers("basins: plane", plane, "two directions of state space")
         if directions.shape != (2, 2 * n) or not np.all(np.isfinite(directions)):
             raise ValueError(f"plane of shape {directions.shape}: need two directions (2, {2 * n}) of finite numbers")
-        if np.linalg.matrix_rank(stepper.modal(directions)) < 2:
+        if np.linalg.matrix_rank(integrator.modal(directions)) < 2:
             raise ValueError("the directions of the plane must differ, and not be those of a free motion")
         return through, directions
     element, w = system.elements[which], system.W[:, which]
-    e, a = element.displacement, np.linalg.solve(stepper.structures[0].M, w)
+    e, a = element.displacement, np.linalg.solve(integrator.structures[0].M, w)
     a /= w @ a
     here = w @ through[:n] - float(e(0.0)), w @ through[n:] - Omega * float(e(0.0, 1))
     directions = np.zeros((2, 2 * n))
@@ -237,7 +237,7 @@ class _Found:
     states : of each attractor, modal states (k, 2 q) once a period, scaled to sizes.
     """
 
-    stepper: ExponentialIntegrator
+    integrator: ExponentialIntegrator
     settling: SteadyStateSettings
     which: int | None
     plane: Array
@@ -246,7 +246,7 @@ class _Found:
 
     def __post_init__(self) -> None:
         tolerance = self.settling.tolerance
-        self.weights = self.stepper.weights()
+        self.weights = self.integrator.weights()
         self.catch = max(tolerance, min(_CATCH * tolerance, _FARTHEST))
 
     def caught(self, now: Array, before: Array) -> np.ndarray:
@@ -264,9 +264,9 @@ class _Found:
         apart: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
         return apart / (size or 1.0)
 
-    def numbers(self, flight: StateBatch, period: np.ndarray) -> np.ndarray:
+    def numbers(self, motions: StateBatch, period: np.ndarray) -> np.ndarray:
         """Number of the attractor each motion has reached; new ones are added."""
-        z, number = self.stepper.land(flight), np.full(len(period), -1)
+        z, number = self.integrator.to_modal(motions), np.full(len(period), -1)
         stays = np.asarray(np.isfinite(z).all(axis=1))
         same = max(2 * self.catch, 10 * self.settling.tolerance)
         known = 0
@@ -282,17 +282,17 @@ class _Found:
             if not left.size:
                 return number
             if stays[left[0]]:
-                self._add(flight.select(left[:1]), int(period[left[0]]))
+                self._add(motions.select(left[:1]), int(period[left[0]]))
             else:
                 self.states.append(np.empty((0, z.shape[1])))
                 self.attractors.append(Attractor(0, np.empty((0, 2)), np.inf, 0.0))
 
-    def _add(self, flight: StateBatch, period: int) -> None:
+    def _add(self, motions: StateBatch, period: int) -> None:
         """An attractor that a motion has reached."""
-        seen = np.empty((period or OBSERVED, *flight.zeta.shape))
-        self.stepper.strobe(flight.select(np.array([0])), seen)
-        z = self.stepper.land(StateBatch(seen[:, 0], flight.d, flight.v, flight.piece))
-        watched = observe(self.stepper, flight, period or OBSERVED)
+        seen = np.empty((period or OBSERVED, *motions.zeta.shape))
+        self.integrator.stroboscopic_map(motions.select(np.array([0])), seen)
+        z = self.integrator.to_modal(StateBatch(seen[:, 0], motions.d, motions.v, motions.segment))
+        watched = observe(self.integrator, motions, period or OBSERVED)
         if self.which is None:
             way = (self.weights * self.plane[1:]).T
             points = np.linalg.lstsq(way, (self.weights * (z - self.plane[0])).T, rcond=None)[0].T
@@ -315,13 +315,13 @@ class _Found:
         )
 
 
-def _follow(found: _Found, flight: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
+def _follow(found: _Found, motions: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
     """Label the starts, batch after batch."""
     count, settling = len(label), found.settling
     batches = max(min(_BATCHES, count // 64), -(-count // _LARGEST), 1)
     for first in range(batches):
         batch = np.arange(first, count, batches)
-        before, here, how = int(np.count_nonzero(label >= 0)), flight.select(batch), unsettled(len(batch), settling)
+        before, here, how = int(np.count_nonzero(label >= 0)), motions.select(batch), unsettled(len(batch), settling)
 
         def report(periods: int, settled: int, before: int = before) -> None:
             if progress:
@@ -330,7 +330,7 @@ def _follow(found: _Found, flight: StateBatch, label: np.ndarray, progress: Prog
 
         done = np.arange(0)
         try:
-            settle_into(how, found.stepper, here, settling, report, found.caught if found.states else None)
+            settle_into(how, found.integrator, here, settling, report, found.caught if found.states else None)
             done = np.arange(len(batch))
         except (Exception, KeyboardInterrupt):
             done = np.flatnonzero(how.period)

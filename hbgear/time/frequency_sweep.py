@@ -71,13 +71,13 @@ class Observation:
     points: Array
 
 
-def observe(stepper: ExponentialIntegrator, flight: StateBatch, periods: int) -> Observation:
-    """One motion over so many excitation periods; the flight moves on."""
-    fine = stepper.advance(flight, periods, record=True)
+def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Observation:
+    """One motion over so many excitation periods; the motions moves on."""
+    fine = integrator.advance(motions, periods, record=True)
     assert fine is not None
     d, v = fine[0][0], fine[1][0]
     per_period = d.shape[1] // periods
-    h = 2 * np.pi / (stepper.Omega[0] * per_period)
+    h = 2 * np.pi / (integrator.Omega[0] * per_period)
     low, high = _extremum(d, v, h, -1), _extremum(d, v, h, 1)
     c = np.fft.rfft(d, axis=1)[:, : HARMONICS * periods + 1 : periods] / d.shape[1]
     c[:, 1:] *= 2
@@ -350,27 +350,27 @@ class _Sweeper:
 
     def _settle(self, value: float, state: Array) -> Array:
         """Settle at a value from a state, note what is found, and return the state then."""
-        stepper = self._stepper(value)
-        flight = self._disturbed(stepper, stepper.start(state))
-        how, exponent = self._wait(value, stepper, flight)
+        integrator = self._stepper(value)
+        motions = self._disturbed(integrator, integrator.start(state))
+        how, exponent = self._wait(value, integrator, motions)
         period = int(how.period[0])
-        seen = observe(stepper, flight, period or OBSERVED)
+        seen = observe(integrator, motions, period or OBSERVED)
         self.found.append((float(value), seen, how, exponent))
-        states: Array = stepper.states(flight)[0]
+        states: Array = integrator.states(motions)[0]
         return states
 
-    def _disturbed(self, stepper: ExponentialIntegrator, flight: StateBatch) -> StateBatch:
+    def _disturbed(self, integrator: ExponentialIntegrator, motions: StateBatch) -> StateBatch:
         """The motion a little beside; the same little in every run."""
         if not self.found:  # a start at rest has no size yet
-            stepper.advance(flight, WINDOW)
-        return disturbed(stepper, flight, self.disturbance, self.random)
+            integrator.advance(motions, WINDOW)
+        return disturbed(integrator, motions, self.disturbance, self.random)
 
-    def _wait(self, value: float, stepper: ExponentialIntegrator, flight: StateBatch) -> tuple[Settled, float]:
+    def _wait(self, value: float, integrator: ExponentialIntegrator, motions: StateBatch) -> tuple[Settled, float]:
         """Settle; a motion that has not and whose neighbours run away from it is chaotic and not waited for."""
 
         def settled(longest: int) -> Settled:
-            how = settle(stepper, flight, replace(self.settling, longest=longest))
-            if not np.isfinite(flight.zeta).all():
+            how = settle(integrator, motions, replace(self.settling, longest=longest))
+            if not np.isfinite(motions.zeta).all():
                 raise _RunsAway(
                     f"the motion runs away at {self.parameter} = {value:.6g}: begin at a value where one stays, "
                     "or with a start near it"
@@ -384,12 +384,12 @@ class _Sweeper:
         how = settled(first)
         if how.period[0]:
             return how, np.nan
-        exponent = lyapunov(stepper, flight)
-        if first == longest or exponent * 2 * np.pi / stepper.Omega[0] > _CHAOTIC:
+        exponent = lyapunov(integrator, motions)
+        if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > _CHAOTIC:
             return how, exponent
         how = settled(longest - first)
         how = replace(how, taken=how.taken + first)
-        return how, np.nan if how.period[0] else lyapunov(stepper, flight)
+        return how, np.nan if how.period[0] else lyapunov(integrator, motions)
 
     def _look_for_jump(self, i: int, before: Array, state: Array) -> None:
         """Note a jump between the last two values if the change stands out and turning back does not undo it."""
@@ -401,10 +401,10 @@ class _Sweeper:
         least = _JUMP if all(f[2].period[0] for f in self.found[-2:]) else _JUMP_IN_CHAOS
         if change[-1] < max(3 * usual, least * rms.max()):
             return
-        stepper = self._stepper(self.values[i - 1])
-        flight = stepper.start(state)
-        how = settle(stepper, flight, self.settling)
-        back = observe(stepper, flight, int(how.period[0]) or OBSERVED)
+        integrator = self._stepper(self.values[i - 1])
+        motions = integrator.start(state)
+        how = settle(integrator, motions, self.settling)
+        back = observe(integrator, motions, int(how.period[0]) or OBSERVED)
         if not np.abs(back.rms - rms[-2]).max() <= 0.2 * change[-1]:  # it does not if it runs away
             interval = (float(self.values[i - 1]), float(self.values[i]))
             self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))

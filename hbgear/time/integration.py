@@ -4,7 +4,7 @@
 
 Two independent ways, both stopping at every instant where an element reaches a corner of its law: the Runge-Kutta
 methods of scipy ("DOP853", the reference; "RK45"; "Radau" for stiff models), see `flow`; and "exponential", exact in
-the linear part and for many motions at once, see `stepper`.
+the linear part and for many motions at once, see `integrator`.
 """
 
 from __future__ import annotations
@@ -171,18 +171,18 @@ def _exponential(
     """`integrate` by the exponential method; the steps are made so many that samples fall on the grid inside them."""
     if np.mod(phase + np.pi, 2 * np.pi) != np.pi:
         raise ValueError(f"the exponential method starts at whole periods, phase = {phase} is none; use DOP853")
-    stepper = ExponentialIntegrator(model, Omega, steps)
+    integrator = ExponentialIntegrator(model, Omega, steps)
     need = samples // int(np.gcd(samples, SAMPLES_PER_STEP))
-    if stepper.N % need:
-        stepper = ExponentialIntegrator(model, Omega, -(-stepper.N // need) * need)
-    flight = stepper.start(state)
-    fine = stepper.advance(flight, periods, record=True)
+    if integrator.N % need:
+        integrator = ExponentialIntegrator(model, Omega, -(-integrator.N // need) * need)
+    motions = integrator.start(state)
+    fine = integrator.advance(motions, periods, record=True)
     assert fine is not None
-    d, v = (x[..., :: stepper.N * SAMPLES_PER_STEP // samples] for x in fine)
-    end = stepper.states(flight)
+    d, v = (x[..., :: integrator.N * SAMPLES_PER_STEP // samples] for x in fine)
+    end = integrator.states(motions)
     if not np.isfinite(end).all():
         raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")
     if state.ndim == 1 and len(end) == 1:
         d, v, end = d[0], v[0], end[0]
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
-    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), periods * stepper.N)
+    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), periods * integrator.N)

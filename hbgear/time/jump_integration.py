@@ -132,23 +132,23 @@ def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyS
     each = [{**left.parameters, jump.parameter: value} for value in values.tolist()]
     Omega = np.array([here["Omega"] for here in each])
     models = [problem.model.replace(**{k: x for k, x in here.items() if k != "Omega"}) for here in each]
-    stepper = (
+    integrator = (
         ExponentialIntegrator(models[0], Omega) if jump.parameter == "Omega" else ExponentialIntegrator(models, Omega)
     )
     own = problem.at_resolution_of(left)
     state = state_of(own, own.from_point(left), **left.parameters)
-    flight = stepper.start(np.tile(state, (_TRIES, 1)))
+    motions = integrator.start(np.tile(state, (_TRIES, 1)))
     share = _DISTURBANCE if begin == jump.value else _PUSH
-    flight = disturbed(stepper, flight, share, np.random.default_rng(1))
-    how = settle(stepper, flight, settling)
+    motions = disturbed(integrator, motions, share, np.random.default_rng(1))
+    how = settle(integrator, motions, settling)
     found = []
     for i, here in enumerate(each):
         this, period, taken = np.array([i]), int(how.period[i]), int(how.taken[i])
-        last = flight.select(this)
+        last = motions.select(this)
         if not np.isfinite(last.zeta).all():
-            found.append(JumpOutcome(values[i], 0, np.full(stepper.m, np.inf), taken, None))
+            found.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), taken, None))
             continue
-        seen = stepper.select(this).advance(last, period or OBSERVED, record=True)
+        seen = integrator.select(this).advance(last, period or OBSERVED, record=True)
         assert seen is not None
         d = seen[0][0]
         motion = _as_point(problem, d, period, here) if period else None

@@ -82,8 +82,8 @@ class Settled:
 
 
 def settle(
-    stepper: ExponentialIntegrator,
-    flight: StateBatch,
+    integrator: ExponentialIntegrator,
+    motions: StateBatch,
     settling: SteadyStateSettings = SteadyStateSettings(),
     progress: Callable[[int, int], None] | None = None,
 ) -> Settled:
@@ -91,8 +91,8 @@ def settle(
 
     ``progress(periods, settled)`` is called now and then.
     """
-    out = unsettled(len(flight.d), settling)
-    settle_into(out, stepper, flight, settling, progress)
+    out = unsettled(len(motions.d), settling)
+    settle_into(out, integrator, motions, settling, progress)
     return out
 
 
@@ -107,8 +107,8 @@ Caught = Callable[[Array, Array], np.ndarray]
 
 def settle_into(
     out: Settled,
-    stepper: ExponentialIntegrator,
-    flight: StateBatch,
+    integrator: ExponentialIntegrator,
+    motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
     caught: Caught | None = None,
@@ -118,11 +118,11 @@ def settle_into(
     ``caught(now, before)`` may give the periods of known motions that others, from their modal states now and some
     periods before, are certain to settle on, 0 for none: these need not be waited for.
     """
-    B, r = flight.zeta.shape
+    B, r = motions.zeta.shape
     together = max(_ROOM // (_kept(settling) * r), 64)
     for first in range(0, B, together):
         batch = np.arange(first, min(first + together, B))
-        _settle_batch(out, batch, stepper.select(batch), flight, settling, progress, caught)
+        _settle_batch(out, batch, integrator.select(batch), motions, settling, progress, caught)
 
 
 _ROOM = 2**19  # numbers of past states kept at once: what stays close to the processor
@@ -140,38 +140,38 @@ def _settle_batch(
     out: Settled,
     going: np.ndarray,
     part: ExponentialIntegrator,
-    flight: StateBatch,
+    motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
     caught: Caught | None,
 ) -> None:
-    """`settle_into` for the motions going (B,), whose stepper is given."""
+    """`settle_into` for the motions going (B,), whose integrator is given."""
     from hbgear.time.exponential.periodicity_kernel import is_periodic
 
-    here, weights = flight.select(going), part.weights()
+    here, weights = motions.select(going), part.weights()
     past = np.zeros((_kept(settling), *here.zeta.shape))
     past[-1] = here.zeta
-    size, p = np.linalg.norm(weights * part.land(here), axis=-1), 0
+    size, p = np.linalg.norm(weights * part.to_modal(here), axis=-1), 0
     while p < settling.longest:
         count = min(_EVERY * (1 + 2 * WINDOW // _EVERY) if p == 0 else _EVERY, settling.longest - p)
         at = p % len(past)
-        part.strobe(here, past[at : at + count])
+        part.stroboscopic_map(here, past[at : at + count])
         p += count
         if p % _EVERY or p < FEWEST:
             continue
         if p < 50:  # a start at rest says nothing of the size
-            size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
+            size = np.maximum(size, np.linalg.norm(weights * part.to_modal(here), axis=-1))
         period, left, guess = (np.empty(len(going), dtype=kind) for kind in (np.int64, float, np.int64))
         is_periodic(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, left, guess)
         if caught:
             before = past[(p - _EVERY - 1) % len(past)] - here.zeta  # the steady part is the same at both
-            period = np.where(period > 0, period, caught(part.land(here), part.land(here) + before))
+            period = np.where(period > 0, period, caught(part.to_modal(here), part.to_modal(here) + before))
         lost = ~np.isfinite(here.zeta).all(axis=-1)
         left[lost], period[lost] = np.inf, 0
         out.left[going], out.guess[going] = left, guess
         done = (period > 0) | lost
         if done.any():
-            flight.put(going[done], here.select(np.flatnonzero(done)))
+            motions.replace(going[done], here.select(np.flatnonzero(done)))
             out.taken[going[done]] = p
             out.period[going[done]] = period[done]
             keep = np.flatnonzero(~done)
@@ -183,39 +183,39 @@ def _settle_batch(
             progress(p, int(np.count_nonzero(out.period)))
         if done.all():
             return
-    flight.put(going, here)
+    motions.replace(going, here)
 
 
 def disturbed(
-    stepper: ExponentialIntegrator, flight: StateBatch, share: float, random: np.random.Generator
+    integrator: ExponentialIntegrator, motions: StateBatch, share: float, random: np.random.Generator
 ) -> StateBatch:
     """Motions a little beside: by a share of their states, all in one random direction."""
-    weights, z = stepper.weights(), stepper.land(flight)
-    one = random.standard_normal((1, 2 * stepper.structures[0].n))
-    beside = stepper.modal(np.tile(one, (len(z), 1)))
+    weights, z = integrator.weights(), integrator.to_modal(motions)
+    one = random.standard_normal((1, 2 * integrator.structures[0].n))
+    beside = integrator.modal(np.tile(one, (len(z), 1)))
     size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, beside))
-    return stepper.fly(z + share * (size / unit) * beside)
+    return integrator.from_modal(z + share * (size / unit) * beside)
 
 
-def lyapunov(stepper: ExponentialIntegrator, flight: StateBatch, periods: int = 400) -> float:
+def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: int = 400) -> float:
     """Largest Lyapunov exponent of one motion, per unit of time, from a neighbour pulled close after every period.
 
         lambda = lim (1 / t) sum_p log(|delta_p| / |delta_0|)
 
     The first quarter of the periods, in which the disturbance turns to the direction that grows fastest, is left out.
-    The flight itself is not changed.
+    The motions itself is not changed.
     """
-    weights = stepper.weights()
-    pair = flight.select(np.array([0, 0]))
-    small = 1e-8 * (float(np.linalg.norm(weights * stepper.land(flight)[0])) or 1.0)
-    delta = stepper.modal(np.ones((1, 2 * stepper.structures[0].n)))[0]
+    weights = integrator.weights()
+    pair = motions.select(np.array([0, 0]))
+    small = 1e-8 * (float(np.linalg.norm(weights * integrator.to_modal(motions)[0])) or 1.0)
+    delta = integrator.modal(np.ones((1, 2 * integrator.structures[0].n)))[0]
     logs = []
     for _ in range(periods):
         delta = delta * (small / np.linalg.norm(weights * delta))
-        z = stepper.land(pair)
+        z = integrator.to_modal(pair)
         z[1] = z[0] + delta
-        pair = stepper.fly(z)
-        stepper.advance(pair)
+        pair = integrator.from_modal(z)
+        integrator.advance(pair)
         delta = pair.zeta[1] - pair.zeta[0]
         logs.append(np.log(np.linalg.norm(weights * delta) / small))
-    return float(np.mean(logs[periods // 4 :]) * stepper.Omega[0] / (2 * np.pi))
+    return float(np.mean(logs[periods // 4 :]) * integrator.Omega[0] / (2 * np.pi))

@@ -182,11 +182,11 @@ def test_settled_means_that_little_is_left():
         stepper = ExponentialIntegrator(hb.SpurPair(zeta=zeta), 0.5)
         flight = stepper.start([[1.0, 0.5], [2.0, -0.3], [0.0, 0.0]])
         how = settle(stepper, flight, SteadyStateSettings(tolerance))
-        there = stepper.land(flight)
+        there = stepper.to_modal(flight)
         assert (how.period == 1).all()
         stepper.advance(flight, 100)
-        size = np.linalg.norm(stepper.land(flight), axis=1)
-        left = np.linalg.norm(stepper.land(flight) - there, axis=1) / size
+        size = np.linalg.norm(stepper.to_modal(flight), axis=1)
+        left = np.linalg.norm(stepper.to_modal(flight) - there, axis=1) / size
         assert np.all(left < 3 * tolerance)
         assert zeta > 0.1 or left.max() > 1e-3 * tolerance  # it has not waited for ever
     assert how.taken.max() < 40
