@@ -372,7 +372,7 @@ class _Sweeper:
             how = settle(integrator, motions, replace(self.settling, longest=longest))
             if not np.isfinite(motions.zeta).all():
                 raise _RunsAway(
-                    f"the motion runs away at {self.parameter} = {value:.6g}: begin at a value where one stays, "
+                    f"the motion diverges at {self.parameter} = {value:.6g}: begin at a value where one stays, "
                     "or with a start near it"
                 )
             return how

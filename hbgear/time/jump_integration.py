@@ -52,7 +52,7 @@ class JumpOutcome:
     """What a motion settled on.
 
     value : of the parameter. period : in excitation periods, 0 if it is not periodic. rms (m,) of the elements, inf if
-    the motion runs away. taken : excitation periods integrated. motion : as the unknowns of that period; None without.
+    the motion diverges. taken : excitation periods integrated. motion : as the unknowns of that period; None without.
     """
 
     value: float
@@ -65,7 +65,7 @@ class JumpOutcome:
     def text(self) -> str:
         """The motion in words."""
         if not np.isfinite(self.rms).all():
-            return "the motion runs away"
+            return "the motion diverges"
         size = "rms " + ", ".join(f"{x:.4g}" for x in self.rms)
         return f"{size}, period {self.period}" if self.period else f"{size}, not periodic"
 

@@ -145,7 +145,7 @@ def test_what_is_not_periodic_and_what_stays_are_told():
     away = JumpOutcome(jump.value, 0, np.array([np.inf]), 20, None)
     (there, tries), (_, others) = landed((curve,), jump, [lost, away, lost])
     assert there.after is None and there.landing == "integrate" and (tries, others) == ([lost, lost], [away])
-    assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion runs away"
+    assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion diverges"
 
 
 def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):

@@ -145,7 +145,7 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
         ("validate duffing.npz -o report.txt", ["must end in .csv"]),
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
         ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "need 20 or more"]),
-        ("sweep duffing --set k3=-1 --set F=0.5", ["the motion runs away at Omega = "]),
+        ("sweep duffing --set k3=-1 --set F=0.5", ["the motion diverges at Omega = "]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("sweep spur-pair --curve duffing.npz", ["Duffing"]),
         ("sweep duffing --in zeta=0.1:0.2", ["--at Omega"]),
