@@ -289,7 +289,7 @@ def test_progress_is_reported():
             ValueError,
             "longest = 19 periods are too few .* need 20 or more",
         ),
-        (lambda: sweep(ESCAPING, [0.9, 1.0]), ValueError, "diverges at Omega = 0.9: begin at a value where one stays"),
+        (lambda: sweep(ESCAPING, [0.9, 1.0]), ValueError, "diverges at Omega = 0.9: begin at a value with a bounded motion"),
         (
             lambda: hb.time.integrate(ESCAPING, [1.0, 1.0], 9, 0.9, method="exponential"),
             ArithmeticError,
