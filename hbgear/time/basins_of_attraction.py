@@ -302,7 +302,7 @@ class _Found:
         return period
 
     def _distance(self, states: Array, z: Array) -> Array:
-        """Return the distance of modal states (B, 2 q) from the nearest of some states, relative to the largest of them."""
+        """Return the distance of modal states (B, 2 q) from the nearest of some states, relative to the largest."""
         x, size = self.weights * z, np.linalg.norm(states, axis=1).max()
         distance: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
         return distance / (size or 1.0)

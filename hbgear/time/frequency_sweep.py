@@ -74,7 +74,7 @@ class Observation:
 
 
 def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Observation:
-    """Integrate one motion over a number of excitation periods, in position, and evaluate its amplitudes.
+    """Integrate one motion over a number of excitation periods, in place, and evaluate its amplitudes.
 
     Parameters
     ----------
@@ -420,7 +420,7 @@ class _Sweeper:
         check_model(self.model, system)
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
         if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
-            raise ValueError(f"start = {self.start}: need a state (q, q') of {2 * system.n} finite numbers")
+            raise ValueError(f"start = {self.start}: give a state (q, q') of {2 * system.n} finite numbers")
         ending = Termination(message=f"{self.parameter} = {self.values[-1]:.6g} reached")
         try:
             for i, value in enumerate(self.values):

@@ -162,12 +162,12 @@ def test_bad_input(run, saved, text, words):
 def test_basins_of_a_pair(run):
     where = "--set e=0.1 --omega 0.65 --d -2:3 --v -1.5:1.5 --shape 6 5"
     code, out, err = run(f"basins spur-pair {where} -o basins.csv --plot basins.png")
-    assert (code, err) == (0, "") and "all starts were followed" in out
+    assert (code, err) == (0, "") and "all starts were integrated" in out
     assert "0.34055" in out and "0.051407" in out
     table = np.genfromtxt("basins.csv", delimiter=",", names=True)
     assert len(table) == 30 and set(table["attractor"]) == {0, 1}
     assert os.path.getsize("basins.png") > 10_000
-    for text, words in (("--omega 0.9", "say which of 'gap L', 'gap R'"), ("--omega 0.9 --d 3", "--d 3: need a range")):
+    for text, words in (("--omega 0.9", "select one of 'gap L', 'gap R'"), ("--omega 0.9 --d 3", "--d 3: need a range")):
         code, _, err = run(f"basins double-helical {text}")
         assert code == 2 and words in err and err.count("\n") == 1
 
