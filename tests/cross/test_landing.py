@@ -173,10 +173,10 @@ def test_along_a_load():
 def test_validate_looks_at_the_jumps(fixed):
     report = hb.validate(fixed, 1)
     assert [jump.label for jump in report.jumps if not jump.ok] == ["LP4"] and not report.ok
-    assert "5 of 6 jumps land where the curve says" in report.summary
-    assert report.jumps[2].verdict == "agrees in 3 of 8 tries: indeterminate"  # of LP3
+    assert "5 of 6 jumps agree" in report.summary
+    assert report.jumps[2].status == "agrees in 3 of 8 tries: indeterminate"  # of LP3
     decided = hb.validate(integrate_jumps(fixed), ["LP4"])
-    assert [(jump.label, jump.verdict) for jump in decided.jumps] == [("LP4", "agrees")]
+    assert [(jump.label, jump.status) for jump in decided.jumps] == [("LP4", "agrees")]
     assert not hb.validate(fixed, 1, landing="nearest").jumps
     headers, rows = report.jump_table()
     assert len(headers) == len(rows[0]) and rows[3][-1] == "lands on another stable motion of the curve"

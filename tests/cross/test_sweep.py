@@ -282,14 +282,18 @@ def test_progress_is_reported():
         (lambda: sweep(hb.SpurPair(), [0.5], parameter="zetta"), KeyError, "did you mean 'zeta'"),
         (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
         (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "disturbance = -1.0 must be at least 0"),
-        (lambda: SteadyStateSettings(tolerance=1e-15), ValueError, "cannot be met"),
-        (lambda: SteadyStateSettings(longest=30, periods=31), ValueError, "periods <= longest"),
+        (lambda: SteadyStateSettings(tolerance=1e-15), ValueError, "cannot be reached"),
+        (lambda: SteadyStateSettings(longest=30, periods=31), ValueError, "exceeds longest"),
         (
             lambda: SteadyStateSettings(longest=FEWEST - 1),
             ValueError,
             "longest = 19 periods are too few .* need 20 or more",
         ),
-        (lambda: sweep(ESCAPING, [0.9, 1.0]), ValueError, "diverges at Omega = 0.9: begin at a value with a bounded motion"),
+        (
+            lambda: sweep(ESCAPING, [0.9, 1.0]),
+            ValueError,
+            "diverges at Omega = 0.9: begin at a value with a bounded motion",
+        ),
         (
             lambda: hb.time.integrate(ESCAPING, [1.0, 1.0], 9, 0.9, method="exponential"),
             ArithmeticError,

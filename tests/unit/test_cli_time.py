@@ -37,8 +37,8 @@ def test_validate_agrees_and_writes_both_files(run, saved):
     code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
     points, jumps = out.split("where jumps land by integration")
-    assert points.count("agrees") == 5 and "beside LP1" in out and "beside LP2" in out
-    assert jumps.count("agrees") == 2 and "2 of 2 jumps land where the curve says" in out
+    assert points.count("agrees") == 5 and "near LP1" in out and "near LP2" in out
+    assert jumps.count("agrees") == 2 and "2 of 2 jumps agree" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert len(table) == 5 and table["rms_error"].max() < 1e-6
     assert os.path.getsize("report.png") > 10_000
@@ -58,7 +58,7 @@ def test_jumps_that_are_integrated_say_so(run):
     assert after == pytest.approx([0.0715, 0.0828], abs=1e-4)
     assert "LP3: indeterminate: " in found[1] and "indeterminate" not in near[1]
     code, out, _ = run("validate pair.npz --points 1")
-    assert code == 1 and "5 of 6 jumps land where the curve says" in out
+    assert code == 1 and "5 of 6 jumps agree" in out
     assert run("validate pair.npz --points 1 --landing nearest")[0] == 0
     code, out, _ = run(f"trace {PAIR} --from 2.5 --to 0.3 -o decided.npz --landing integrate")
     assert code == 0 and "integrated" in out and run("validate decided.npz --points 1")[0] == 0
@@ -141,10 +141,10 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
     ("text", "words"),
     [
         ("validate missing.npz", ["no file 'missing.npz'"]),
-        ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be met"]),
+        ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be verified"]),
         ("validate duffing.npz -o report.txt", ["must end in .csv"]),
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
-        ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "need 20 or more"]),
+        ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "give 20 or more"]),
         ("sweep duffing --set k3=-1 --set F=0.5", ["the motion diverges at Omega = "]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("sweep spur-pair --curve duffing.npz", ["Duffing"]),
@@ -167,7 +167,10 @@ def test_basins_of_a_pair(run):
     table = np.genfromtxt("basins.csv", delimiter=",", names=True)
     assert len(table) == 30 and set(table["attractor"]) == {0, 1}
     assert os.path.getsize("basins.png") > 10_000
-    for text, words in (("--omega 0.9", "select one of 'gap L', 'gap R'"), ("--omega 0.9 --d 3", "--d 3: need a range")):
+    for text, words in (
+        ("--omega 0.9", "select one of 'gap L', 'gap R'"),
+        ("--omega 0.9 --d 3", "--d 3: need a range"),
+    ):
         code, _, err = run(f"basins double-helical {text}")
         assert code == 2 and words in err and err.count("\n") == 1
 
