@@ -293,7 +293,7 @@ class _Found:
         self.catch = max(tolerance, min(_CAPTURE_TOLERANCES * tolerance, _MAX_CAPTURE_DISTANCE))
 
     def caught(self, now: Array, before: Array) -> np.ndarray:
-        """Return the periods of the known attractors that motions approach and are near, 0 if there is none."""
+        """Return the periods of the known attractors that motions approach and are near, 0 without one."""
         period = np.zeros(len(now), dtype=int)
         for attractor, states in zip(self.attractors, self.states, strict=True):
             if attractor.period:

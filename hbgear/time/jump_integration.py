@@ -332,7 +332,7 @@ _UNKNOWN_MOTION = "the settled motion is not a stable solution with this harmoni
 
 
 def _solution_near(problem: Any, motion: Point, jump: Jump) -> Point:
-    """Return the solution at the jump near a motion beyond it; the solution beyond it if there is none at the jump.
+    """Return the solution at the jump near a motion beyond it, or beyond it if Newton finds no solution at the jump.
 
     The motion itself is returned if Newton's method does not converge.
     """

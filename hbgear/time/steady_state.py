@@ -169,7 +169,7 @@ def settle_into(
     progress : callable or None
         Called as ``progress(periods, settled)`` after each test.
     caught : callable, optional
-        ``caught(now, before)`` returns the period of a known motion that each motion approaches, 0 if there is none,
+        ``caught(now, before)`` returns the period of a known motion that each motion approaches, 0 without one,
         from the modal states now and some periods before. These motions are not integrated further.
     """
     B, r = motions.zeta.shape

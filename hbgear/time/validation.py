@@ -133,7 +133,7 @@ class Check:
     harmonics : int
         Harmonic truncation order H of the motion that agrees; the order of the curve if none agrees.
     refined_error : float
-        Largest difference of rms and harmonics of the motion with more harmonics; nan if there is none.
+        Largest difference of rms and harmonics of the motion with more harmonics; nan without such a motion.
     """
 
     index: int

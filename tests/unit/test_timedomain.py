@@ -264,7 +264,7 @@ def test_monodromy_is_the_derivative_of_the_map(rng):
         (lambda: integrate(VARYING, np.zeros(2), 1, -0.8), "must be positive"),
         (lambda: integrate(VARYING, np.zeros(2), 1, np.nan, method="exponential"), "must be a finite number"),
         (lambda: integrate([VARYING, VARYING], np.zeros((2, 2)), 1, 0.8), "one model"),
-        (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "starts at a multiple of 2 pi"),
+        (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "a multiple of 2 pi"),
         (lambda: ExponentialIntegrator([SpurPair(), Duffing()], 0.8), "same"),
         (lambda: ExponentialIntegrator([SpurPair(), SpurPair()], [0.8, 0.9, 1.0]), "2 models and 3 values"),
         (lambda: shoot(VARYING, 0.8, np.zeros(2), nu=0), "nu = 0"),

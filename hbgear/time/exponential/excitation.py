@@ -80,7 +80,7 @@ class Excitation:
                 return least
         return -(-least // common) * common
 
-    def stops(self, N: int, of: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
+    def step_ends(self, N: int, of: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
         """Return the positions in N cells of a period at which steps end, for rows of systems ``of`` at Omega (R,).
 
         Parameters
@@ -102,7 +102,7 @@ class Excitation:
             Jumps of the rates e'.
         """
         m = self.kinks[0].shape[1]
-        made = [self._stops(i, N) for i in range(len(self.phases))]
+        made = [self._step_ends(i, N) for i in range(len(self.phases))]
         largest = max(len(place) for _, place, _ in made)
         first = np.array([made[i][0] for i in of]).reshape(len(of), N + 1)
         place, kink = np.ones((len(of), largest)), np.zeros((len(of), largest, m))
@@ -111,8 +111,8 @@ class Excitation:
             place[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
         return first, place, kink
 
-    def _stops(self, i: int, N: int) -> tuple[Integers, Array, Array]:
-        """Return `stops` of system i at Omega = 1."""
+    def _step_ends(self, i: int, N: int) -> tuple[Integers, Array, Array]:
+        """Return `step_ends` of system i at Omega = 1."""
         x = self.phases[i] * (N / TURN)
         cell = np.ceil(x - 1e-11).astype(int) - 1
         position = x - cell

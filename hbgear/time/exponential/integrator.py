@@ -201,7 +201,7 @@ class ExponentialIntegrator:
         breakpoints = None
         if self.excitation.any:
             functions = self.excitation.at[self.of], self.excitation.rows[self.of]
-            ends = self.excitation.stops(self.N, self.of, self.Omega)
+            ends = self.excitation.step_ends(self.N, self.of, self.Omega)
             breakpoints = Breakpoints(*packed((*functions, *ends, kr, c)))
         return Plan(*packed(plan)), Method(*packed(method)), breakpoints
 

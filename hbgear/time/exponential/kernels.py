@@ -79,7 +79,7 @@ class Breakpoints(NamedTuple):
     """Breakpoints of the excitation for each row of the plan; kernels are compiled separately for None.
 
     at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with breakpoints, see `Excitation`.
-    first (R, N + 1), position, kink (R, I), (R, I, m): `Excitation.stops`. kr, c (R, m): springs and dampers of
+    first (R, N + 1), position, kink (R, I), (R, I, m): `Excitation.step_ends`. kr, c (R, m): springs and dampers of
     the elements.
     """
 
