@@ -342,14 +342,9 @@ class ExponentialIntegrator:
         is_serial = any_in_python or cost * cells * B < _MAX_SERIAL_COST
         block_motions = min(B if is_serial else -(-B // (4 * processors())), _MAX_BLOCK_MOTIONS)
         block_cells = max(1, int(_MAX_CALL_COST / (cost * max(1, block_motions))))
-        shared = (
-            self.plan,
-            self.method,
-            self.breakpoints,
-            self.steps.whole,
-            self.steps.folded,
-            self.steps.curves(not is_serial),
-        )
+        steps = self.steps
+        tables = (steps.whole, steps.folded, steps.curves(not is_serial))
+        shared = (self.plan, self.method, self.breakpoints, *tables)
 
         def integrate_block(first: int, stop: Event) -> None:
             last = min(first + block_motions, B)
