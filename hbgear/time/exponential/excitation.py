@@ -96,20 +96,20 @@ class Excitation:
         -------
         first : ndarray, shape (R, N + 1)
             Index of the first breakpoint of each cell.
-        place : ndarray, shape (R, I)
+        position : ndarray, shape (R, I)
             Positions as fractions of the cell, above 0; 1 is its end.
         kink : ndarray, shape (R, I, m)
             Jumps of the rates e'.
         """
         m = self.kinks[0].shape[1]
         made = [self._step_ends(i, N) for i in range(len(self.phases))]
-        largest = max(len(place) for _, place, _ in made)
+        largest = max(len(position) for _, position, _ in made)
         first = np.array([made[i][0] for i in of]).reshape(len(of), N + 1)
-        place, kink = np.ones((len(of), largest)), np.zeros((len(of), largest, m))
+        position, kink = np.ones((len(of), largest)), np.zeros((len(of), largest, m))
         for row, i in enumerate(of):
             count = len(made[i][1])
-            place[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
-        return first, place, kink
+            position[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
+        return first, position, kink
 
     def _step_ends(self, i: int, N: int) -> tuple[Integers, Array, Array]:
         """Return `step_ends` of system i at Omega = 1."""

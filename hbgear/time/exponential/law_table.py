@@ -64,9 +64,9 @@ class LawTable:
         stiffness = np.zeros((len(springs), 1 + max([0, *(x.stiffness.order for _, x in springs)])), dtype=complex)
         for i, (j, spring) in enumerate(springs):
             on = [bisect_right(spring.corners, x) for x in (-np.inf, *edges[j])]
-            start, changes, corners = spring.ramps
+            start, changes, breakpoints = spring.ramps
             slope[i, : len(on)] = np.array(spring.slopes)[on]
-            offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * corners)])[on]
+            offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])[on]
             if isinstance(spring.stiffness, Series):
                 row = to_complex(spring.stiffness.row())
                 stiffness[i, : len(row)] = row

@@ -54,14 +54,14 @@ class LawSegments:
         slope, offset = np.zeros((2, len(laws), count))
         low, high = np.full((2, len(laws), count), np.inf)
         for j, spring in enumerate(springs):
-            corners = np.array(edges_of[j], dtype=float)
-            edges = np.concatenate([[-np.inf], corners, np.full(count - len(corners), np.inf)])
+            breakpoints = np.array(edges_of[j], dtype=float)
+            edges = np.concatenate([[-np.inf], breakpoints, np.full(count - len(breakpoints), np.inf)])
             low[j], high[j] = edges[:-1], edges[1:]
             if spring is not None:
                 g0, changes, _ = spring.ramps
-                used = slice(0, len(corners) + 1)
+                used = slice(0, len(breakpoints) + 1)
                 slope[j, used] = spring.slopes
-                offset[j, used] = g0 - np.concatenate([[0.0], np.cumsum(changes * corners)])
+                offset[j, used] = g0 - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])
         return LawSegments(slope, offset, low, high, np.array([spring is not None for spring in springs]))
 
     def numbers(self) -> tuple[Array, Array, Array, Array]:

@@ -90,19 +90,19 @@ class Steps:
     _curves: dict[bool, Any] = field(default_factory=dict)
 
     @staticmethod
-    def of(plan: Any, method: Any, corners: Any, N: int) -> Steps:
+    def of(plan: Any, method: Any, breakpoints: Any, N: int) -> Steps:
         """Return the steps of a plan with N cells a period, and breakpoints of the excitation or None."""
         from hbgear.time.exponential.kernels import fill, fold
 
         (R, m, P), size, s = plan.low.shape, 2 * plan.poles.shape[1], len(method.lagrange)
         n, r, (whole, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
-        fill(plan, method, corners, np.ones(R), work, whole)
+        fill(plan, method, breakpoints, np.ones(R), work, whole)
         cost = size * n + 2 * r * n + r**3 + size * r
         shape = (N, P**m, size + 1, n + size)
         if R > 1 or not method.straight or size * (n + size) > cost or math.prod(shape) > _MAX_FOLDED_ENTRIES:
             return Steps(plan, method, whole, np.empty((0, 0, 0, 0)), cost)
         folded = np.empty(shape)
-        fold(plan, method, corners, whole, work, folded)
+        fold(plan, method, breakpoints, whole, work, folded)
         return Steps(plan, method, whole, folded, size * (n + size))
 
     def select(self, rows: Integers) -> Steps:
