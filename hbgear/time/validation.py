@@ -795,7 +795,7 @@ def _growth(model: Any, orbit: Orbit) -> float:
 def _status(compared: _Compared, stable: bool | None, tolerance: float, limit: float) -> str:
     """Return the quantities that disagree, or `AGREES`."""
     if compared.orbit is None:
-        return "shooting finds no periodic motion"
+        return "no periodic motion found"
     errors = compared.errors(compared.orbit).max(axis=0)
     wrong = [
         name

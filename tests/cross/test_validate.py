@@ -201,7 +201,7 @@ def test_another_model_is_refused(pair):
     ):
         with pytest.raises(ValueError, match=words):
             validate(pair, 2, problem=hb.HarmonicBalance(other, 40))
-    with pytest.raises(ValueError, match="does not contain its model"):
+    with pytest.raises(ValueError, match="does not say which model"):
         validate(replace(pair, problem=None, meta={}), 2)
     unknown = {**pair.meta, "model": {"class": "Pump", "fields": {}}}
     with pytest.raises(KeyError, match="no class 'Pump'"):

@@ -36,7 +36,7 @@ def saved(run):
 def test_validate_agrees_and_writes_both_files(run, saved):
     code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
-    points, jumps = out.split("where jumps land by integration")
+    points, jumps = out.split("landings of jumps by integration")
     assert points.count("agrees") == 5 and "near LP1" in out and "near LP2" in out
     assert jumps.count("agrees") == 2 and "2 of 2 jumps agree" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -93,7 +93,7 @@ def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is
     assert run("trace duffing --harmonics 1 --from 1.0 --to 1.2 -o coarse.npz")[0] == 0
     code, out, err = run("validate coarse.npz --points 3 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "3 of 3 points agree within 0.0001" in out
-    assert "3 of them with more harmonics: as traced off by" in out and "agrees with H = 4 to" in out
+    assert "3 of them with more harmonics: difference" in out and "agrees with H = 4 to" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert (table["harmonic_error"] > 1e-4).all() and (table["refined_error"] < 1e-4).all()
     assert (table["harmonics"] > 1).all()
