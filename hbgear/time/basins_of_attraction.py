@@ -1,11 +1,11 @@
-"""Basins of attraction: which start ends in which motion.
+"""Basins of attraction: the attractor that the motion from each start approaches.
 
-The starts lie in a plane of state space. That of an element goes through a state (q0, q0') along the direction in which
-a force of the element moves the structure,
+The starts lie in a plane of state space. The plane of an element contains a state (q0, q0') and has the direction in
+which a force of the element accelerates the structure,
 
     q = q0 + a (d - d0),   q' = q0' + a (v - v0),   a = M^-1 w / (w^T M^-1 w),   w^T a = 1
 
-so that d and v are its coordinate and rate at tau = 0.
+so that d and v are the coordinate and the rate of the element at tau = 0.
 """
 
 from __future__ import annotations
@@ -33,31 +33,37 @@ from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 from hbgear.time.frequency_sweep import index_of, observe
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, settle_into, unsettled
 
-_MOST_STARTS = 1_000_000
+_MAX_STARTS = 1_000_000
+"""Largest number of starts [-]."""
 
+_NUMBER_OF_BATCHES = 16
+"""Number of batches of starts [-], each spread over the plane; a batch uses the attractors of the batches before it."""
 
-_BATCHES = 16  # of starts, spread over the plane: what the first end in is known to the next
+_MAX_BATCH_SIZE = 4096
+"""Largest number of starts of one batch [-]."""
 
+_CAPTURE_TOLERANCES = 100
+"""Distance from a known attractor, in tolerances [-], within which an approaching motion is assigned to it."""
 
-_LARGEST = 4096  # starts in one of them
-
-
-_CATCH = 100  # tolerances from a motion that has settled at which one that comes nearer is caught by it
-
-
-_FARTHEST = 1e-3  # the same at most, relative to the state
-
-
-# ---- basins of attraction
+_MAX_CAPTURE_DISTANCE = 1e-3
+"""Upper limit of this distance, relative to the state [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attractor:
-    """Where motions end: period (0: not periodic), Poincare points (k, 2) in the plane, rms, share of the starts.
+    """Attractor of a set of starts. All diverging motions form one attractor with rms inf.
 
-    Motions that run away have period 0, no Poincare points (k = 0) and the rms inf.
-
-    The points are (d, v) of the element; in a plane of directions given, the multiples of these that come nearest.
+    Attributes
+    ----------
+    period : int
+        Period in excitation periods; 0 if the motion is not periodic or diverges.
+    points : ndarray, shape (k, 2)
+        Poincare points: (d, v) of the element, or for a plane of two given directions the least-squares multiples of
+        these. There are none if the motion diverges.
+    rms : float
+        Root mean square of the element coordinate; inf if the motion diverges.
+    share : float
+        Fraction of the starts, from 0 to 1.
     """
 
     period: int
@@ -68,12 +74,26 @@ class Attractor:
 
 @dataclass(frozen=True, eq=False)
 class Basins:
-    """Which attractor each start leads to.
+    """Attractor of each start in a plane of state space.
 
-    d, v : (X,), (Y,) displacements and rates of the element coordinate at tau = 0, or multiples of two directions.
-    label : (Y, X) number of the attractor in `attractors`; -1 where that was not yet known when Ctrl-C ended the work.
-    status, message : whether all starts were followed.
-    element : whose coordinate that is; empty for two directions.
+    Attributes
+    ----------
+    Omega : float
+        Excitation frequency.
+    d, v : ndarray, shape (X,) and (Y,)
+        Displacements and rates of the element coordinate at tau = 0, or multiples of two directions.
+    label : ndarray, shape (Y, X)
+        Index in ``attractors``; -1 if it was not determined before an interruption.
+    attractors : tuple of Attractor
+        Attractors, the most frequent first.
+    labels : dict
+        Axis labels of the parameters.
+    status : Status
+        Status at the end.
+    message : str
+        Reason for the end.
+    element : str
+        Name of the element; empty for two given directions.
     """
 
     Omega: float
@@ -87,7 +107,18 @@ class Basins:
     element: str = ""
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a table of all starts and what they lead to (.csv), whole or not at all."""
+        """Write a table of all starts and their attractors (.csv) by an atomic replacement of the file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file, which ends in .csv.
+
+        Raises
+        ------
+        ValueError
+            If the name does not end in .csv.
+        """
         if not str(path).lower().endswith(".csv"):
             raise ValueError(f"'{path}' must end in .csv")
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
@@ -112,36 +143,46 @@ def basins(
     settling: SteadyStateSettings = SteadyStateSettings(tolerance=1e-6),
     progress: ProgressCallback | None = None,
 ) -> Basins:
-    """Basins of attraction over a plane of starts.
+    """Compute the basins of attraction over a plane of starts.
 
     Parameters
     ----------
-    model : with any number of coordinates, as far as its modes can be computed.
-    Omega : excitation frequency.
-    d, v : ranges of the element coordinate and its rate at tau = 0; with ``plane``, of the multiples of its directions.
-    shape : numbers of starts along d and v.
-    element : position or name of the element whose coordinate and rate are varied; need not be given if there is one.
-    start : (2n,) state (q, q') the plane goes through; by default at rest at q = 0.
-    plane : (2, 2n) two directions of state space instead: starts are start + d plane[0] + v plane[1].
-    settling : when a motion counts as settled; those that never are form one attractor of period 0, those that run away
-        another. One that comes
-        within 100 tolerances (1e-3 of the state at most) of a motion that has settled, and nearer, is not waited for.
-    progress : called with a `Progress`, such as ``print``.
+    model : Model
+        Model with any number of coordinates for which its modes can be computed.
+    Omega : float
+        Excitation frequency, > 0.
+    d, v : tuple of float, optional
+        Ranges of the element coordinate and its rate at tau = 0; with ``plane``, of the multiples of its directions.
+        Default: (-2, 2).
+    shape : tuple of int, optional
+        Numbers of starts along d and v. Default: (60, 60).
+    element : int or str, optional
+        Index or name of the element whose coordinate and rate are varied; required if there are several elements.
+    start : array_like, shape (2n,), optional
+        State (q, q') in the plane. Default: at rest at q = 0.
+    plane : array_like, shape (2, 2n), optional
+        Two directions of state space instead of an element: starts are start + d plane[0] + v plane[1].
+    settling : SteadyStateSettings, optional
+        Conditions under which a motion is settled. Motions that do not settle form one attractor of period 0, motions
+        that diverge another one. A motion that approaches a known attractor and is within 100 tolerances of it (at most
+        1e-3 of the state) is not integrated further.
+    progress : callable, optional
+        Called with a `Progress`, such as ``print``.
 
     Returns
     -------
     Basins
-        Ctrl-C or an error ends it with the starts whose motions have settled until then.
+        Attractor of each start. After Ctrl-C or an error it contains the starts whose motions have settled.
 
     Raises
     ------
     ValueError
-        If there are several elements and none is chosen, or one and a plane; if the start or the plane do not fit, a
-        range is empty or not finite, or there are no starts or too many.
+        If there are several elements and none is selected, or an element and a plane are given; if the start or the
+        plane does not fit the model, a range is empty or not finite, or the number of starts is out of range.
     KeyError
         If there is no such element.
     KeyboardInterrupt
-        If Ctrl-C comes before any motion has settled.
+        If Ctrl-C is pressed before any motion has settled.
 
     Examples
     --------
@@ -154,22 +195,22 @@ def basins(
     for end in (*d, *v):
         checked("basins", "an end of d or v", end)
     if not (d[0] < d[1] and v[0] < v[1]):
-        raise ValueError(f"need ascending finite ranges of two numbers; got d = {d}, v = {v}")
+        raise ValueError(f"ranges must be two ascending finite numbers; given: d = {d}, v = {v}")
     count = counted("shape[0]", shape[0]) * counted("shape[1]", shape[1])
-    counted("shape[0] * shape[1]", count, _MOST_STARTS)
+    counted("shape[0] * shape[1]", count, _MAX_STARTS)
     system = model.system()
     which = _element(model, system, element, plane)
     check_model(model, system)
-    stepper = ExponentialIntegrator(model, Omega)
-    check_frequency(stepper.structures[0], float(Omega))
-    origin, directions = _plane(stepper, system, Omega, which, start, plane)
+    integrator = ExponentialIntegrator(model, Omega)
+    check_frequency(integrator.structures[0], float(Omega))
+    origin, directions = _plane(integrator, system, Omega, which, start, plane)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    flight = stepper.start(origin + multiples @ directions)
-    found = _Found(stepper, settling, which, stepper.modal(np.vstack([origin, directions])))
-    label, ending = np.full(count, -1), Termination(message="all starts were followed")
+    motions = integrator.start(origin + multiples @ directions)
+    found = _Found(integrator, settling, which, integrator.modal(np.vstack([origin, directions])))
+    label, ending = np.full(count, -1), Termination(message="all starts were integrated")
     try:
-        _follow(found, flight, label, progress)
+        _follow(found, motions, label, progress)
     except (Exception, KeyboardInterrupt) as error:
         done = np.count_nonzero(label >= 0)
         if not done:
@@ -191,37 +232,39 @@ def basins(
 
 
 def _element(model: Model, system: System, element: int | str | None, plane: ArrayLike | None) -> int | None:
-    """Which element's plane it is; None for one of given directions."""
+    """Return the index of the element of the plane; None for a plane of two given directions."""
     names = [each.name for each in system.elements]
     if plane is not None:
         if element is not None:
-            raise ValueError(f"element = {element!r} and a plane are two ways to say where the starts lie: give one")
+            raise ValueError(
+                f"element = {element!r} and plane both select the plane of the starts: give only one of them"
+            )
         return None
     if element is None and len(names) > 1:
         raise ValueError(
-            f"{type(model).__name__} has {system.n} coordinates and {len(names)} elements: say which of "
-            f"{', '.join(map(repr, names))} the starts differ in, by element=0 to {len(names) - 1} or by name"
+            f"{type(model).__name__} has {system.n} coordinates and {len(names)} elements: select one of "
+            f"{', '.join(map(repr, names))} by element=0 to {len(names) - 1} or by name"
         )
     return index_of(names, 0 if element is None else element)
 
 
 def _plane(
-    stepper: ExponentialIntegrator, system: System, Omega: float, which: int | None, start: Any, plane: Any
+    integrator: ExponentialIntegrator, system: System, Omega: float, which: int | None, start: Any, plane: Any
 ) -> tuple[Array, Array]:
-    """A state (2n,) and directions (2, 2n): starts are the state and multiples of these."""
+    """Return a state (2n,) and directions (2, 2n) of the plane of the starts."""
     n = system.n
     through = np.zeros(2 * n) if start is None else real_numbers("basins: start", start, "a state (q, q')")
     if through.shape != (2 * n,) or not np.all(np.isfinite(through)):
-        raise ValueError(f"start = {start}: need a state (q, q') of {2 * n} finite numbers")
+        raise ValueError(f"start = {start}: give a state (q, q') of {2 * n} finite numbers")
     if which is None:
         directions = real_numbers("basins: plane", plane, "two directions of state space")
         if directions.shape != (2, 2 * n) or not np.all(np.isfinite(directions)):
-            raise ValueError(f"plane of shape {directions.shape}: need two directions (2, {2 * n}) of finite numbers")
-        if np.linalg.matrix_rank(stepper.modal(directions)) < 2:
-            raise ValueError("the directions of the plane must differ, and not be those of a free motion")
+            raise ValueError(f"plane of shape {directions.shape}: give two directions (2, {2 * n}) of finite numbers")
+        if np.linalg.matrix_rank(integrator.modal(directions)) < 2:
+            raise ValueError("the directions of the plane must be linearly independent, and must not be free motions")
         return through, directions
     element, w = system.elements[which], system.W[:, which]
-    e, a = element.displacement, np.linalg.solve(stepper.structures[0].M, w)
+    e, a = element.displacement, np.linalg.solve(integrator.structures[0].M, w)
     a /= w @ a
     here = w @ through[:n] - float(e(0.0)), w @ through[n:] - Omega * float(e(0.0, 1))
     directions = np.zeros((2, 2 * n))
@@ -231,13 +274,13 @@ def _plane(
 
 @dataclass(eq=False)
 class _Found:
-    """The attractors met so far.
+    """Attractors found so far.
 
-    which : element whose plane it is. plane : (3, 2 q) modal states of its origin and directions.
-    states : of each attractor, modal states (k, 2 q) once a period, scaled to sizes.
+    which: index of the element of the plane. plane: modal states (3, 2 q) of its origin and directions.
+    states: of each attractor the modal states (k, 2 q) once per period, multiplied by the weights.
     """
 
-    stepper: ExponentialIntegrator
+    integrator: ExponentialIntegrator
     settling: SteadyStateSettings
     which: int | None
     plane: Array
@@ -246,11 +289,11 @@ class _Found:
 
     def __post_init__(self) -> None:
         tolerance = self.settling.tolerance
-        self.weights = self.stepper.weights()
-        self.catch = max(tolerance, min(_CATCH * tolerance, _FARTHEST))
+        self.weights = self.integrator.weights()
+        self.catch = max(tolerance, min(_CAPTURE_TOLERANCES * tolerance, _MAX_CAPTURE_DISTANCE))
 
     def caught(self, now: Array, before: Array) -> np.ndarray:
-        """`settle.Caught`: the periods of the motions found that others are near, and nearer than before."""
+        """Return the periods of the known attractors that motions approach and are near, 0 without one."""
         period = np.zeros(len(now), dtype=int)
         for attractor, states in zip(self.attractors, self.states, strict=True):
             if attractor.period:
@@ -259,54 +302,54 @@ class _Found:
         return period
 
     def _distance(self, states: Array, z: Array) -> Array:
-        """Of modal states (B, 2 q) from the nearest of these, relative to the largest."""
+        """Return the distance of modal states (B, 2 q) from the nearest of some states, relative to the largest."""
         x, size = self.weights * z, np.linalg.norm(states, axis=1).max()
-        apart: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
-        return apart / (size or 1.0)
+        distance: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
+        return distance / (size or 1.0)
 
-    def numbers(self, flight: StateBatch, period: np.ndarray) -> np.ndarray:
-        """Number of the attractor each motion has reached; new ones are added."""
-        z, number = self.stepper.land(flight), np.full(len(period), -1)
-        stays = np.asarray(np.isfinite(z).all(axis=1))
+    def numbers(self, motions: StateBatch, period: np.ndarray) -> np.ndarray:
+        """Return the index of the attractor of each motion; new attractors are added."""
+        z, number = self.integrator.to_modal(motions), np.full(len(period), -1)
+        bounded = np.asarray(np.isfinite(z).all(axis=1))
         same = max(2 * self.catch, 10 * self.settling.tolerance)
         known = 0
         while True:
             for i in range(known, len(self.states)):
                 k = self.attractors[i].period
-                near = stays if len(self.states[i]) else ~stays
+                near = bounded if len(self.states[i]) else ~bounded
                 if k:
-                    near = stays & (self._distance(self.states[i], z) <= same)
+                    near = bounded & (self._distance(self.states[i], z) <= same)
                 number[(number < 0) & (period == k) & near] = i
             known = len(self.states)
             left = np.flatnonzero(number < 0)
             if not left.size:
                 return number
-            if stays[left[0]]:
-                self._add(flight.select(left[:1]), int(period[left[0]]))
+            if bounded[left[0]]:
+                self._add(motions.select(left[:1]), int(period[left[0]]))
             else:
                 self.states.append(np.empty((0, z.shape[1])))
                 self.attractors.append(Attractor(0, np.empty((0, 2)), np.inf, 0.0))
 
-    def _add(self, flight: StateBatch, period: int) -> None:
-        """An attractor that a motion has reached."""
-        seen = np.empty((period or OBSERVED, *flight.zeta.shape))
-        self.stepper.strobe(flight.select(np.array([0])), seen)
-        z = self.stepper.land(StateBatch(seen[:, 0], flight.d, flight.v, flight.piece))
-        watched = observe(self.stepper, flight, period or OBSERVED)
+    def _add(self, motions: StateBatch, period: int) -> None:
+        """Add the attractor that a motion has reached."""
+        strobes = np.empty((period or OBSERVED, *motions.zeta.shape))
+        self.integrator.stroboscopic_map(motions.select(np.array([0])), strobes)
+        z = self.integrator.to_modal(StateBatch(strobes[:, 0], motions.d, motions.v, motions.segment))
+        observed = observe(self.integrator, motions, period or OBSERVED)
         if self.which is None:
             way = (self.weights * self.plane[1:]).T
             points = np.linalg.lstsq(way, (self.weights * (z - self.plane[0])).T, rcond=None)[0].T
-            rms = float(np.sqrt(np.mean(watched.rms**2)))
+            rms = float(np.sqrt(np.mean(observed.rms**2)))
         else:
-            points, rms = watched.points[:, self.which], float(watched.rms[self.which])
+            points, rms = observed.points[:, self.which], float(observed.rms[self.which])
         self.states.append(self.weights * z)
         self.attractors.append(Attractor(period, points, rms, 0.0))
 
     def ranked(self, label: np.ndarray) -> tuple[np.ndarray, tuple[Attractor, ...]]:
-        """Labels and attractors, the most frequent first; those of which no start is known are left out."""
+        """Return labels and attractors, the most frequent first; attractors without a start are left out."""
         counts = np.bincount(label[label >= 0], minlength=len(self.attractors))
         order = [i for i in np.argsort(-counts, kind="stable") if counts[i]]
-        rank = np.full(len(counts) + 1, -1)  # the last is for starts that were not followed
+        rank = np.full(len(counts) + 1, -1)  # the last is for starts without a result
         rank[order] = np.arange(len(order))
         shares = counts / max(counts.sum(), 1)
         attractors = [self.attractors[i] for i in order]
@@ -315,22 +358,22 @@ class _Found:
         )
 
 
-def _follow(found: _Found, flight: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
-    """Label the starts, batch after batch."""
+def _follow(found: _Found, motions: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
+    """Store the attractor of each start, one batch after the other."""
     count, settling = len(label), found.settling
-    batches = max(min(_BATCHES, count // 64), -(-count // _LARGEST), 1)
+    batches = max(min(_NUMBER_OF_BATCHES, count // 64), -(-count // _MAX_BATCH_SIZE), 1)
     for first in range(batches):
         batch = np.arange(first, count, batches)
-        before, here, how = int(np.count_nonzero(label >= 0)), flight.select(batch), unsettled(len(batch), settling)
+        before, here, how = int(np.count_nonzero(label >= 0)), motions.select(batch), unsettled(len(batch), settling)
 
         def report(periods: int, settled: int, before: int = before) -> None:
             if progress:
-                share = (before + settled) / count
-                progress(Progress(share, f"{before + settled} of {count} motions settled after {periods} periods"))
+                fraction = (before + settled) / count
+                progress(Progress(fraction, f"{before + settled} of {count} motions settled after {periods} periods"))
 
         done = np.arange(0)
         try:
-            settle_into(how, found.stepper, here, settling, report, found.caught if found.states else None)
+            settle_into(how, found.integrator, here, settling, report, found.caught if found.states else None)
             done = np.arange(len(batch))
         except (Exception, KeyboardInterrupt):
             done = np.flatnonzero(how.period)

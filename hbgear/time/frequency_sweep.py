@@ -1,14 +1,10 @@
-"""Slow sweeps by time integration, attractors and their basins: what experiments and most of the literature do.
+"""Slow sweeps by time integration: the procedure of experiments and of most of the literature.
 
     state at values[i + 1], tau = 0   <-   settled state at values[i], tau = 0
 
-At each value the motion is integrated (exponential method, see `timedomain`) until it is settled: with x_p the state
-after p excitation periods and D_k = |x_p - x_{p-k}|, a motion of period k that is approached like rho^p is still
-
-    D_k / (1 - rho^k)
-
-away; it is settled when that is below a tolerance, not after a fixed number of periods. The smallest such k is the
-period. A motion that never settles is called not periodic and gets its largest Lyapunov exponent.
+At each value the motion is integrated by the exponential method until it is settled, not for a fixed number of periods,
+see `steady_state`. A motion that does not settle is classified as not periodic, and its largest Lyapunov exponent is
+computed.
 """
 
 from __future__ import annotations
@@ -37,30 +33,36 @@ from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
 
 HARMONICS = 16
-"""Harmonics of the excitation that are kept of each settled motion."""
+"""Number of harmonics of the excitation that are stored for each settled motion [-]."""
+
+_PERIODS_BEFORE_LYAPUNOV = 400
+"""Number of excitation periods [-] after which a motion that has not settled is tested for chaos."""
+
+_MIN_CHAOTIC_GROWTH = 0.02
+"""Logarithmic growth of a disturbance per period [-] above which a motion is chaotic."""
+
+_MIN_JUMP = 0.02
+"""Smallest change of rms between neighbouring values, relative to the largest rms so far [-], that may be a jump."""
+
+_MIN_JUMP_APERIODIC = 0.2
+"""The same threshold [-] if a motion is not periodic, because its amplitude fluctuates."""
 
 
-_PATIENCE = 400  # periods after which a motion that has not settled is tested for chaos
-
-
-_CHAOTIC = 0.02  # growth of a disturbance per period, as a logarithm, above which a motion is called chaotic
-
-
-_JUMP_IN_CHAOS = 0.2  # the same where a motion is not periodic, its amplitude then fluctuates
-
-
-_JUMP = 0.02  # change between neighbouring values, relative to the largest amplitude so far, that may be a jump
-
-
-# ---- what is kept of a motion
+# ---- observation of a motion
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """A settled motion (or a stretch of one that is not periodic).
+    """Amplitudes of a settled motion, or of a section of a motion that is not periodic.
 
-    rms, pp2, max, mean : (m,) of each element coordinate; rows (m, 2H + 1) its harmonics of the excitation.
-    points : (k, m, 2) Poincare points (d, v) at tau = 0, one per excitation period.
+    Attributes
+    ----------
+    rms, pp2, max, mean : ndarray, shape (m,)
+        Root mean square, half peak-to-peak, largest modulus and mean of each element coordinate.
+    rows : ndarray, shape (m, 2H + 1)
+        Real Fourier coefficients of each element coordinate, in harmonics of the excitation.
+    points : ndarray, shape (k, m, 2)
+        Poincare points (d, v) at tau = 0, one per excitation period.
     """
 
     rms: Array
@@ -71,13 +73,28 @@ class Observation:
     points: Array
 
 
-def observe(stepper: ExponentialIntegrator, flight: StateBatch, periods: int) -> Observation:
-    """One motion over so many excitation periods; the flight moves on."""
-    fine = stepper.advance(flight, periods, record=True)
+def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Observation:
+    """Integrate one motion over a number of excitation periods, in place, and evaluate its amplitudes.
+
+    Parameters
+    ----------
+    integrator : ExponentialIntegrator
+        Integrator of the motion.
+    motions : StateBatch
+        The motion; replaced by its state at the end.
+    periods : int
+        Number of excitation periods.
+
+    Returns
+    -------
+    Observation
+        Amplitudes, harmonics and Poincare points.
+    """
+    fine = integrator.advance(motions, periods, record=True)
     assert fine is not None
     d, v = fine[0][0], fine[1][0]
     per_period = d.shape[1] // periods
-    h = 2 * np.pi / (stepper.Omega[0] * per_period)
+    h = 2 * np.pi / (integrator.Omega[0] * per_period)
     low, high = _extremum(d, v, h, -1), _extremum(d, v, h, 1)
     c = np.fft.rfft(d, axis=1)[:, : HARMONICS * periods + 1 : periods] / d.shape[1]
     c[:, 1:] *= 2
@@ -88,25 +105,38 @@ def observe(stepper: ExponentialIntegrator, flight: StateBatch, periods: int) ->
 
 
 def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
-    """Largest (or smallest) value of each row: the best sample, h apart, and the parabola there, d - v^2 / (2 v')."""
+    """Return the maximum (sign = 1) or minimum (-1) of each element from samples at distance h.
+
+    The extreme sample is corrected by the parabola through it, d - v^2 / (2 v').
+    """
     i = np.argmax(sign * d, axis=1)
     rows, count = np.arange(len(d)), d.shape[1]
-    bend = (v[rows, (i + 1) % count] - v[rows, (i - 1) % count]) / (2 * h)
-    gain = np.divide(-(v[rows, i] ** 2), 2 * bend, out=np.zeros(len(d)), where=sign * bend < 0)
-    met: Array = d[rows, i] + gain
-    return met
+    acceleration = (v[rows, (i + 1) % count] - v[rows, (i - 1) % count]) / (2 * h)
+    correction = np.divide(-(v[rows, i] ** 2), 2 * acceleration, out=np.zeros(len(d)), where=sign * acceleration < 0)
+    extremum: Array = d[rows, i] + correction
+    return extremum
 
 
 # ---- sweeps
 
 
-class _RunsAway(ValueError):
-    """A motion that grew beyond all numbers."""
+class _MotionDiverges(ValueError):
+    """The motion grew beyond the range of floating-point numbers."""
 
 
 @dataclass(frozen=True, eq=False)
 class SweepJump:
-    """A jump of a sweep between two neighbouring values of the grid; rms (m,) of the elements before and after."""
+    """Jump of a sweep between two neighbouring values of the grid.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the swept parameter.
+    interval : tuple of float
+        Values before and after the jump.
+    before, after : ndarray, shape (m,)
+        Root mean square of each element coordinate.
+    """
 
     parameter: str
     interval: tuple[float, float]
@@ -121,22 +151,40 @@ class SweepJump:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """What a sweep found at each of P values, in the order they were passed.
+    """Settled motions at each of P values, in the order of the sweep.
 
-    Parameters
+    Attributes
     ----------
-    parameter, values : what was swept, and the (P,) values reached.
-    elements, labels : names of the elements, axis labels.
-    rms, pp2, max, mean : (P, m) amplitudes of each element coordinate.
-    rows : (P, m, 2H + 1) its harmonics of the excitation.
-    points : P arrays (k, m, 2) of Poincare points (d, v) at tau = 0, one per excitation period.
-    period : (P,) in excitation periods, 0 where the motion is not periodic or did not settle.
-    taken : (P,) excitation periods integrated until it was settled.
-    left : (P,) estimated distance still to go, relative to the state.
-    lyapunov : (P,) largest Lyapunov exponent per unit of time where the motion did not settle, else nan.
-    jumps : brackets of the jumps.
-    direction : +1 or -1, sense in which the parameter was changed.
-    status, message : why it ended.
+    parameter : str
+        Name of the swept parameter.
+    values : ndarray, shape (P,)
+        Values of the parameter that were reached.
+    elements : tuple of str
+        Names of the elements.
+    labels : dict
+        Axis labels of the parameters.
+    rms, pp2, max, mean : ndarray, shape (P, m)
+        Root mean square, half peak-to-peak, largest modulus and mean of each element coordinate.
+    rows : ndarray, shape (P, m, 2H + 1)
+        Real Fourier coefficients of each element coordinate, in harmonics of the excitation.
+    points : tuple of ndarray, shape (k, m, 2)
+        Poincare points (d, v) at tau = 0 of each motion, one per excitation period.
+    period : ndarray, shape (P,)
+        Period in excitation periods; 0 if the motion did not settle.
+    taken : ndarray, shape (P,)
+        Number of integrated excitation periods.
+    left : ndarray, shape (P,)
+        Estimated remaining distance, relative to the state.
+    lyapunov : ndarray, shape (P,)
+        Largest Lyapunov exponent per unit of time if the motion did not settle, else nan.
+    jumps : tuple of SweepJump
+        Jumps with the values between which they lie.
+    direction : int
+        +1 for increasing, -1 for decreasing values.
+    status : Status
+        Status at the end.
+    message : str
+        Reason for the end.
     """
 
     parameter: str
@@ -167,15 +215,28 @@ class Sweep:
 
     @property
     def settled(self) -> np.ndarray:
-        """(P,) whether the motion settled."""
+        """Array (P,): True where the motion settled."""
         return self.period > 0
 
     def index(self, element: int | str) -> int:
-        """Position of an element given by position or name."""
+        """Return the index of an element, given by index or name."""
         return index_of(self.elements, element)
 
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> Array:
-        """A measure of every motion (P,), as `Branch.amplitude`; "H1", "H2", ... are harmonics of the excitation."""
+        """Return a measure of the amplitude of each motion.
+
+        Parameters
+        ----------
+        measure : str, optional
+            Measure as in `Branch.amplitude`; "H1", "H2", ... are harmonics of the excitation.
+        element : int or str, optional
+            Index or name of the element.
+
+        Returns
+        -------
+        ndarray, shape (P,)
+            Amplitude of each motion.
+        """
         j = self.index(element)
         if measure in measures.BUILT_IN_MEASURES:
             return np.asarray(getattr(self, measure)[:, j])
@@ -185,27 +246,52 @@ class Sweep:
         return measures.measure(measure, self.rows[:, j])
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a table of the values (.csv), whole or not at all."""
+        """Write a table of the values (.csv) by an atomic replacement of the file."""
         export((self,), path)
 
 
 def index_of(elements: Sequence[str], element: int | str) -> int:
-    """Position of an element, given by position or name, among those of these names.
+    """Return the index of an element, given by index or name.
+
+    Parameters
+    ----------
+    elements : sequence of str
+        Names of all elements.
+    element : int or str
+        Index or name of the element.
+
+    Returns
+    -------
+    int
+        Index of the element.
 
     Raises
     ------
     KeyError
-        If it is none of them.
+        If there is no such element.
     """
     if isinstance(element, str) and element in elements:
         return elements.index(element)
     if not isinstance(element, str) and 0 <= element < len(elements):
         return int(element)
-    raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, elements))} (or by number from 0)")
+    raise KeyError(f"no element {element!r}; choose one of {', '.join(map(repr, elements))}, or its index from 0")
 
 
 def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
-    """Write several sweeps of one model to one table (.csv), whole or not at all; direction is +1 or -1."""
+    """Write several sweeps of one model to one table (.csv) by an atomic replacement of the file.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        Sweeps of one model.
+    path : str or path-like
+        Name of the file, which ends in .csv.
+
+    Raises
+    ------
+    ValueError
+        If the name does not end in .csv.
+    """
     if not str(path).lower().endswith(".csv"):
         raise ValueError(f"'{path}' must end in .csv")
     with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
@@ -234,36 +320,49 @@ def sweep(
     steps: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> Sweep:
-    """Slow sweep over a grid of a parameter with the state carried over from value to value.
+    """Compute a slow sweep over a grid of a parameter, in which each motion starts from the last state.
 
     Parameters
     ----------
-    model : `Model`.
-    grid : values of the parameter, in any order.
-    direction : "up" or "down": the order in which they are passed.
-    parameter : "Omega" or a float field of the model.
-    at : values of parameters that stay fixed (``{"Omega": 0.9}`` when something else is swept).
-    start : (2n,) state (q, q') at tau = 0 before the first value; by default at rest at q = 0.
-    settling : when a motion counts as settled.
-    disturbance : size, relative to the state, of a random disturbance given at each value. Without one, a symmetric
-        model (two equal helices) stays on a symmetric motion even where that is unstable; it must exceed the tolerance.
-    steps : of the integration per excitation period; chosen by default.
-    progress : called with a `Progress`, such as ``print``.
-
-    A change between neighbouring values that is much larger than the one before is a jump if the sweep does not find
-    back when the parameter is turned back by one value; a steep but single curve is none.
+    model : Model
+        Model with any number of coordinates for which its modes can be computed.
+    grid : array_like
+        Values of the parameter, in any order.
+    direction : {"up", "down"}, optional
+        Order of the values. Default: "up".
+    parameter : str, optional
+        "Omega" or the name of a parameter of the model. Default: "Omega".
+    at : dict, optional
+        Values of fixed parameters, such as ``{"Omega": 0.9}`` if another parameter is swept.
+    start : array_like, shape (2n,), optional
+        State (q, q') at tau = 0 before the first value. Default: at rest at q = 0.
+    settling : SteadyStateSettings, optional
+        Conditions under which a motion is settled.
+    disturbance : float, optional
+        Size of a random disturbance at each value, relative to the state, from 0 to 1. Default: 1e-4. Without it a
+        symmetric model (two equal helices) remains on a symmetric motion even if that is unstable. It must exceed the
+        tolerance.
+    steps : int, optional
+        Number of integration steps per excitation period. By default it is selected for the model.
+    progress : callable, optional
+        Called with a `Progress`, such as ``print``.
 
     Returns
     -------
     Sweep
-        Ctrl-C ends it with the status ``interrupted`` and everything found so far.
+        Settled motions. After Ctrl-C it has the status ``interrupted`` and contains all motions so far.
 
     Raises
     ------
     ValueError, KeyError
-        If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, the
-        disturbance not from 0 to 1, or the motion at the first value runs away. One that runs away at a later value
-        ends the sweep with the status ``failed`` and everything found so far.
+        If the grid is empty or not finite, the direction or a parameter is unknown, Omega is missing or not positive,
+        the disturbance is not from 0 to 1, or the motion at the first value diverges. A motion that diverges at a later
+        value ends the sweep with the status ``failed``, with all motions so far.
+
+    Notes
+    -----
+    A change of rms between neighbouring values that is much larger than the change before it is a jump if the sweep
+    does not return to the former motion after one step back. A steep but continuous curve has no jump.
 
     Examples
     --------
@@ -299,7 +398,7 @@ class _Sweeper:
             raise ValueError(f"direction = {self.direction!r} must be 'up' or 'down'")
         values = np.unique(np.asarray(self.grid, dtype=float))
         if values.size == 0 or not np.all(np.isfinite(values)):
-            raise ValueError(f"a sweep needs at least one value, all finite; got {self.grid!r}")
+            raise ValueError(f"a sweep needs at least one value, all finite; given: {self.grid!r}")
         self.values = values if self.direction == "up" else values[::-1]
         checked("sweep", "disturbance", self.disturbance, Range(0, 1))
         self.random = np.random.default_rng(1)
@@ -313,37 +412,38 @@ class _Sweeper:
             checked("sweep: at", name, value)
         lowest = values.min() if self.parameter == "Omega" else self.at["Omega"]
         if lowest <= 0:
-            raise ValueError(f"Omega = {lowest:.6g} must be positive; leave it out of the grid")
+            raise ValueError(f"Omega = {lowest:.6g} must be positive; remove it from the grid")
         allowed = self.model.ranges.get(self.parameter, ANY)
         if values[0] not in allowed or values[-1] not in allowed:
             raise ValueError(f"grid from {values[0]:g} to {values[-1]:g}: {self.parameter} must {allowed}")
 
     def run(self) -> Sweep:
-        """Pass all values unless interrupted."""
+        """Integrate at all values unless interrupted, and return the sweep."""
         system = self.model.system()
         check_model(self.model, system)
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
         if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
-            raise ValueError(f"start = {self.start}: need a state (q, q') of {2 * system.n} finite numbers")
+            raise ValueError(f"start = {self.start}: give a state (q, q') of {2 * system.n} finite numbers")
         ending = Termination(message=f"{self.parameter} = {self.values[-1]:.6g} reached")
         try:
             for i, value in enumerate(self.values):
                 before = state
                 state = self._settle(value, state)
-                self._look_for_jump(i, before, state)
+                self._detect_jump(i, before, state)
                 if self.progress:
-                    self.progress(Progress((i + 1) / len(self.values), self._text()))
+                    self.progress(Progress((i + 1) / len(self.values), self._progress_text()))
         except (Exception, KeyboardInterrupt) as error:
             if isinstance(error, Exception) and not self.found:
                 raise
-            place = f"after {len(self.found)} of {len(self.values)} values"
-            if isinstance(error, _RunsAway):
-                ending.record_end(Status.FAILED, f"{place}, {error}")
+            position = f"after {len(self.found)} of {len(self.values)} values"
+            if isinstance(error, _MotionDiverges):
+                ending.record_end(Status.FAILED, f"{position}, {error}")
             else:
-                ending.record_error(error, place)
+                ending.record_error(error, position)
         return self._result(system, ending.status, ending.message_with_advice)
 
-    def _stepper(self, value: float) -> ExponentialIntegrator:
+    def _integrator_at(self, value: float) -> ExponentialIntegrator:
+        """Return the integrator at a value of the parameter."""
         here = {**self.at, self.parameter: float(value)}
         Omega = here.pop("Omega")
         if self.last and self.parameter == "Omega":
@@ -352,80 +452,84 @@ class _Sweeper:
         return self.last
 
     def _settle(self, value: float, state: Array) -> Array:
-        """Settle at a value from a state, note what is found, and return the state then."""
-        stepper = self._stepper(value)
-        flight = self._disturbed(stepper, stepper.start(state))
-        how, exponent = self._wait(value, stepper, flight)
+        """Integrate at a value from a state until settled, store the motion, and return its state."""
+        integrator = self._integrator_at(value)
+        motions = self._disturbed(integrator, integrator.start(state))
+        how, exponent = self._integrate_until_settled(value, integrator, motions)
         period = int(how.period[0])
-        seen = observe(stepper, flight, period or OBSERVED)
-        self.found.append((float(value), seen, how, exponent))
-        states: Array = stepper.states(flight)[0]
+        observed = observe(integrator, motions, period or OBSERVED)
+        self.found.append((float(value), observed, how, exponent))
+        states: Array = integrator.states(motions)[0]
         return states
 
-    def _disturbed(self, stepper: ExponentialIntegrator, flight: StateBatch) -> StateBatch:
-        """The motion a little beside; the same little in every run."""
-        if not self.found:  # a start at rest has no size yet
-            stepper.advance(flight, WINDOW)
-        return disturbed(stepper, flight, self.disturbance, self.random)
+    def _disturbed(self, integrator: ExponentialIntegrator, motions: StateBatch) -> StateBatch:
+        """Return the motion with a disturbance, which is equal in every run."""
+        if not self.found:  # the size of a start at rest is zero
+            integrator.advance(motions, WINDOW)
+        return disturbed(integrator, motions, self.disturbance, self.random)
 
-    def _wait(self, value: float, stepper: ExponentialIntegrator, flight: StateBatch) -> tuple[Settled, float]:
-        """Settle; a motion that has not and whose neighbours run away from it is chaotic and not waited for."""
+    def _integrate_until_settled(
+        self, value: float, integrator: ExponentialIntegrator, motions: StateBatch
+    ) -> tuple[Settled, float]:
+        """Integrate until settled; stop early if a positive Lyapunov exponent shows that the motion is chaotic."""
 
         def settled(longest: int) -> Settled:
-            how = settle(stepper, flight, replace(self.settling, longest=longest))
-            if not np.isfinite(flight.zeta).all():
-                raise _RunsAway(
-                    f"the motion runs away at {self.parameter} = {value:.6g}: begin at a value where one stays, "
-                    "or with a start near it"
+            how = settle(integrator, motions, replace(self.settling, longest=longest))
+            if not np.isfinite(motions.zeta).all():
+                raise _MotionDiverges(
+                    f"the motion diverges at {self.parameter} = {value:.6g}: begin at a value with a bounded motion, "
+                    "or give a start near it"
                 )
             return how
 
         longest, fewest = self.settling.longest, max(FEWEST, self.settling.periods)
-        first = max(_PATIENCE, fewest)
-        if longest - first < fewest:  # what is left after a test for chaos would be too short to judge the motion again
+        first = max(_PERIODS_BEFORE_LYAPUNOV, fewest)
+        if longest - first < fewest:  # after a test for chaos too few periods would remain
             first = longest
         how = settled(first)
         if how.period[0]:
             return how, np.nan
-        exponent = lyapunov(stepper, flight)
-        if first == longest or exponent * 2 * np.pi / stepper.Omega[0] > _CHAOTIC:
+        exponent = lyapunov(integrator, motions)
+        if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > _MIN_CHAOTIC_GROWTH:
             return how, exponent
         how = settled(longest - first)
         how = replace(how, taken=how.taken + first)
-        return how, np.nan if how.period[0] else lyapunov(stepper, flight)
+        return how, np.nan if how.period[0] else lyapunov(integrator, motions)
 
-    def _look_for_jump(self, i: int, before: Array, state: Array) -> None:
-        """Note a jump between the last two values if the change stands out and turning back does not undo it."""
+    def _detect_jump(self, i: int, before: Array, state: Array) -> None:
+        """Store a jump between the last two values if the change is large and one step back does not undo it."""
         if i == 0:
             return
         rms = np.array([f[1].rms for f in self.found])
         change = np.abs(np.diff(rms, axis=0)).max(axis=1)
-        usual = change[-2] if i > 1 else 0.0
-        least = _JUMP if all(f[2].period[0] for f in self.found[-2:]) else _JUMP_IN_CHAOS
-        if change[-1] < max(3 * usual, least * rms.max()):
+        previous = change[-2] if i > 1 else 0.0
+        threshold = _MIN_JUMP if all(f[2].period[0] for f in self.found[-2:]) else _MIN_JUMP_APERIODIC
+        if change[-1] < max(3 * previous, threshold * rms.max()):
             return
-        stepper = self._stepper(self.values[i - 1])
-        flight = stepper.start(state)
-        how = settle(stepper, flight, self.settling)
-        back = observe(stepper, flight, int(how.period[0]) or OBSERVED)
-        if not np.abs(back.rms - rms[-2]).max() <= 0.2 * change[-1]:  # it does not if it runs away
+        integrator = self._integrator_at(self.values[i - 1])
+        motions = integrator.start(state)
+        how = settle(integrator, motions, self.settling)
+        back = observe(integrator, motions, int(how.period[0]) or OBSERVED)
+        if not np.abs(back.rms - rms[-2]).max() <= 0.2 * change[-1]:  # also true if the motion diverges
             interval = (float(self.values[i - 1]), float(self.values[i]))
             self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))
 
-    def _text(self) -> str:
-        value, seen, how, _ = self.found[-1]
+    def _progress_text(self) -> str:
+        """Return the message of the last value."""
+        value, observed, how, _ = self.found[-1]
         period = f"period {how.period[0]}" if how.period[0] else "not periodic"
-        return f"{self.parameter} = {value:.5g}, rms {seen.rms.max():.4g}, {period} after {how.taken[0]}"
+        return f"{self.parameter} = {value:.5g}, rms {observed.rms.max():.4g}, {period} after {how.taken[0]}"
 
     def _result(self, system: Any, status: Status, message: str) -> Sweep:
-        seen = [f[1] for f in self.found]
+        """Return the sweep of all values so far."""
+        observed = [f[1] for f in self.found]
         m, how = len(system.elements), [f[2] for f in self.found]
-        lost = sum(int(h.period[0] == 0) for h in how)
-        if lost:
-            message += f"; {lost} of {len(how)} motions did not settle within {self.settling.longest} periods"
+        unsettled = sum(int(h.period[0] == 0) for h in how)
+        if unsettled:
+            message += f"; {unsettled} of {len(how)} motions did not settle within {self.settling.longest} periods"
 
         def stacked(name: str, shape: tuple[int, ...]) -> Array:
-            return np.array([getattr(s, name) for s in seen]).reshape(len(seen), *shape)
+            return np.array([getattr(s, name) for s in observed]).reshape(len(observed), *shape)
 
         return Sweep(
             parameter=self.parameter,
@@ -437,7 +541,7 @@ class _Sweeper:
             max=stacked("max", (m,)),
             mean=stacked("mean", (m,)),
             rows=stacked("rows", (m, 2 * HARMONICS + 1)),
-            points=tuple(s.points for s in seen),
+            points=tuple(s.points for s in observed),
             period=np.array([h.period[0] for h in how], dtype=int),
             taken=np.array([h.taken[0] for h in how], dtype=int),
             left=np.array([h.left[0] for h in how]),

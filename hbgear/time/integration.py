@@ -1,10 +1,10 @@
-"""Time integration of any model, to check harmonic balance against: nothing that solves uses it.
+"""Time integration of any model, the independent check of harmonic balance. No solver uses it.
 
     M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),   d_j = w_j^T q - e_j(tau)
 
-Two independent ways, both stopping at every instant where an element reaches a corner of its law: the Runge-Kutta
-methods of scipy ("DOP853", the reference; "RK45"; "Radau" for stiff models), see `flow`; and "exponential", exact in
-the linear part and for many motions at once, see `stepper`.
+Two independent integrators end a step at every instant at which an element reaches a breakpoint of its law. The
+Runge-Kutta methods of SciPy ("DOP853", the reference; "RK45"; "Radau" for stiff models) are in `runge_kutta`. The
+method "exponential", exact in the linear part and for many motions at once, is in `exponential.integrator`.
 """
 
 from __future__ import annotations
@@ -22,22 +22,28 @@ from hbgear.common.text.messages import did_you_mean
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator
-from hbgear.time.exponential.segments import FINE
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP
 from hbgear.time.runge_kutta import METHODS, Flow
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One or many integrated motions.
+    """One or several integrated motions.
 
-    Parameters
+    Attributes
     ----------
-    Omega : () or (B,) excitation frequency.
-    tau : (T,) phases of the samples, the first at the start; a whole number of them in each excitation period.
-    d, v : (..., m, T) element coordinates and their rates in time.
-    end : (..., 2n) state (q, q') at the end; without its free motions by the exponential method.
-    switches : phases at which any element passed a corner (of all motions together).
-    steps : steps taken.
+    Omega : float or ndarray, shape (B,)
+        Excitation frequency.
+    tau : ndarray, shape (T,)
+        Phases of the samples from the start on, with an integer number of samples in each excitation period.
+    d, v : ndarray, shape (..., m, T)
+        Element coordinates and their rates in time.
+    end : ndarray, shape (..., 2n)
+        State (q, q') at the end; without free motions if the method is "exponential".
+    switches : ndarray
+        Phases at which any element passed a breakpoint, of all motions together; empty if the method is "exponential".
+    steps : int
+        Number of steps.
     """
 
     Omega: Any
@@ -51,25 +57,31 @@ class Motion:
 
 @checked_arguments()
 def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) -> Array:
-    """State (q, q') at the phase theta of a motion found by harmonic balance.
+    """Return the state (q, q') of a harmonic-balance solution at the phase theta.
 
     Parameters
     ----------
-    problem : `HarmonicBalance` whose unknowns X are.
-    X : (m (2H + 1),) coefficients.
-    theta : basis phase, tau = nu theta.
-    parameters : ``Omega`` and any model parameters that differ.
+    problem : HarmonicBalance
+        Problem of the solution.
+    X : ndarray, shape (m (2H + 1),)
+        Coefficients of the solution.
+    theta : float, optional
+        Basis phase in radians, tau = nu theta.
+    **parameters : float
+        ``Omega``, and values of model parameters that differ from those of the model.
 
     Returns
     -------
-    (2n,)
+    ndarray, shape (2n,)
+        Displacements, then velocities.
     """
     q = problem.motion(X, **parameters)
     velocity = parameters["Omega"] / problem.nu * to_real(derive(to_complex(q)))
     return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0]])
 
 
-_MOST_SAMPLES = 10_000_000
+_MAX_SAMPLES = 10_000_000
+"""Largest number of samples [-] of one motion; their memory is 80 MB per element and quantity."""
 
 
 @checked_arguments(model="a model, such as SpurPair() or a System, or a list of them")
@@ -85,26 +97,40 @@ def integrate(
     steps: int | None = None,
     phase: float = 0.0,
 ) -> Motion:
-    """Motion over a number of excitation periods 2 pi / Omega.
+    """Integrate a model over a number of excitation periods 2 pi / Omega.
 
     Parameters
     ----------
-    model : `Model`; for "exponential" also a sequence of B models of one kind.
-    state : (2n,) or (B, 2n) states (q, q') at tau = phase.
-    periods : how many, at least 1.
-    Omega : excitation frequency, > 0; for "exponential" also (B,).
-    method : "DOP853", "RK45", "Radau" or "exponential".
-    tolerance : error per step of the methods of scipy, relative to the size of the motion.
-    samples : of d and v per excitation period.
-    steps : of "exponential" per excitation period; by default as many as leave an error of about 1e-9.
-    phase : tau at the start.
+    model : Model or sequence of Model
+        Model; for the method "exponential" also B models of one kind.
+    state : array_like, shape (2n,) or (B, 2n)
+        State (q, q') at tau = phase.
+    periods : int
+        Number of excitation periods, at least 1.
+    Omega : float or array_like, shape (B,)
+        Excitation frequency, > 0. Several values require the method "exponential".
+    method : {"DOP853", "RK45", "Radau", "exponential"}, optional
+        Integrator. Default: "DOP853".
+    tolerance : float, optional
+        Error per step of the methods of SciPy, relative to the size of the motion. Default: 1e-11.
+    samples : int, optional
+        Number of samples of d and v per excitation period. Default: 256.
+    steps : int, optional
+        Number of steps of the method "exponential" per excitation period. By default the error is about 1e-9.
+    phase : float, optional
+        Phase tau at the start in radians. Default: 0.
+
+    Returns
+    -------
+    Motion
+        Samples of the motion and the state at the end.
 
     Raises
     ------
     ValueError
-        If there is no such method, a number is out of its range, or the states do not fit the model.
+        If the method is unknown, a number is out of its range, or the states do not fit the model.
     ArithmeticError
-        If a motion runs away before the end, or Omega or the tolerance is too small for the method to go on.
+        If a motion diverges before the end, or Omega or the tolerance is too small for the method to continue.
 
     Examples
     --------
@@ -117,17 +143,17 @@ def integrate(
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
     counted("periods", periods)
     counted("samples", samples)
-    counted("periods * samples", periods * samples, _MOST_SAMPLES)
+    counted("periods * samples", periods * samples, _MAX_SAMPLES)
     checked("integrate", "phase", phase)
     checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
-    phase, tolerance = float(phase), float(tolerance)  # a fraction is a number too
+    phase, tolerance = float(phase), float(tolerance)  # they may be instances of Fraction
     state = np.asarray(state, dtype=float)
     if state.ndim not in (1, 2) or not np.all(np.isfinite(state)):
-        raise ValueError(f"state = {state} must be one state (2n,) or several (B, 2n), all entries finite")
+        raise ValueError(f"state = {state} must be one state (2n,) or several states (B, 2n) with finite entries")
     if method == "exponential":
         return _exponential(model, state, periods, Omega, samples, steps, phase)
     if not isinstance(model, Model) or np.ndim(Omega):
-        raise ValueError(f"{method} takes one model and one Omega; use method='exponential' for many at once")
+        raise ValueError(f"{method} takes one model and one Omega; use method='exponential' for several at once")
     checked("integrate", "Omega", Omega, POSITIVE)
     system = model.system()
     flow = Flow(system, float(Omega))
@@ -142,9 +168,11 @@ def integrate(
 def _runge_kutta(
     flow: Flow, y: Array, phase: float, periods: int, method: str, tolerance: float, samples: int
 ) -> Motion:
-    """`integrate` from one state by a method of scipy."""
+    """Return the motion from one state by a method of SciPy."""
     if np.shape(y) != (2 * flow.n,):
-        raise ValueError(f"a state of shape {np.shape(y)} does not fit {flow.n} coordinates; need ({2 * flow.n},)")
+        raise ValueError(
+            f"a state of shape {np.shape(y)} does not fit {flow.n} coordinates; give an array of shape ({2 * flow.n},)"
+        )
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
     t = tau / flow.Omega
     d, v = np.empty((2, flow.m, len(t)))
@@ -168,21 +196,25 @@ def _exponential(
     steps: int | None,
     phase: float,
 ) -> Motion:
-    """`integrate` by the exponential method; the steps are made so many that samples fall on the grid inside them."""
+    """Return the motion by the exponential method, with a number of steps for which each sample lies on their grid."""
     if np.mod(phase + np.pi, 2 * np.pi) != np.pi:
-        raise ValueError(f"the exponential method starts at whole periods, phase = {phase} is none; use DOP853")
-    stepper = ExponentialIntegrator(model, Omega, steps)
-    need = samples // int(np.gcd(samples, FINE))
-    if stepper.N % need:
-        stepper = ExponentialIntegrator(model, Omega, -(-stepper.N // need) * need)
-    flight = stepper.start(state)
-    fine = stepper.advance(flight, periods, record=True)
+        raise ValueError(
+            f"the exponential method starts at a multiple of 2 pi, not at phase = {phase}; use method='DOP853'"
+        )
+    integrator = ExponentialIntegrator(model, Omega, steps)
+    need = samples // int(np.gcd(samples, SAMPLES_PER_STEP))
+    if integrator.N % need:
+        integrator = ExponentialIntegrator(model, Omega, -(-integrator.N // need) * need)
+    motions = integrator.start(state)
+    fine = integrator.advance(motions, periods, record=True)
     assert fine is not None
-    d, v = (x[..., :: stepper.N * FINE // samples] for x in fine)
-    end = stepper.states(flight)
+    d, v = (x[..., :: integrator.N * SAMPLES_PER_STEP // samples] for x in fine)
+    end = integrator.states(motions)
     if not np.isfinite(end).all():
-        raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")
+        raise ArithmeticError(
+            f"a motion diverges within {periods} periods; start nearer to a motion that stays bounded"
+        )
     if state.ndim == 1 and len(end) == 1:
         d, v, end = d[0], v[0], end[0]
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
-    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), periods * stepper.N)
+    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), periods * integrator.N)

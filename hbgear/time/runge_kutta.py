@@ -1,8 +1,11 @@
-"""Time integration of the coordinates (q, q') by the Runge-Kutta methods of scipy, from corner to corner.
+"""Time integration of the coordinates (q, q') by the Runge-Kutta methods of SciPy, between breakpoints.
 
-Each step ends where an element reaches a corner of its law. On its piece a piecewise-linear law is a straight line,
-which a step may overshoot without harm; the step is then taken again up to the corner. Corners of the excitation are
-known beforehand: between two of them stiffness and error are polynomials, which go on beyond the corner.
+    y' = A y + f(tau) - B (p(d, d', tau) - c e'),   y = (q, q')
+
+Each step ends where an element reaches a breakpoint of its law. On its segment a piecewise-linear law is a straight
+line, which is continued beyond the breakpoint within the step; the step is then repeated up to the breakpoint.
+Breakpoints of the excitation are known in advance: between two of them stiffness and displacement are polynomials,
+which are continued beyond the breakpoints in the same way.
 
 References
 ----------
@@ -24,22 +27,28 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
-from hbgear.time.exponential.segments import FINE, Integers, Pieces, first_exit, stiffness_of
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
 
 METHODS = ("DOP853", "RK45", "Radau")
-"""Methods of scipy."""
-
+"""Methods of SciPy."""
 
 Lines = tuple[Array, Array]
-"""Slope and offset (m,) of the straight pieces the elements are on."""
+"""Slope and offset (m,) of the linear segment of each element."""
 
 
 @dataclass(frozen=True)
-class Between:
-    """The time between two corners of the excitation.
+class Interval:
+    """Interval of time between two breakpoints of the excitation.
 
-    begin, end : instants. at, rows (3 m, 4) : phase, and coefficients about it of e, e' and the stiffness of the lines
-    so far as they are made of pieces.
+    Attributes
+    ----------
+    begin, end : float
+        Ends of the interval, in units of time.
+    at : float
+        Phase in the middle, in radians.
+    rows : ndarray, shape (3 m, 4)
+        Coefficients about this phase of e, e' and the stiffness of the linear segments, for piecewise polynomials; zero
+        for Fourier series.
     """
 
     begin: float
@@ -49,13 +58,21 @@ class Between:
 
 
 class Flow:
-    """y' = A y + f(tau) - B (p(d, d', tau) - c e'), y = (q, q'): the equations of a system at one Omega.
+    """Equations of motion of a system at one Omega.
 
     Parameters
     ----------
-    system : `System`.
-    Omega : excitation frequency, > 0.
-    variational : carry the matrix of a disturbance along, Phi' = df/dy Phi; the state is then (2n, 1 + 2n), flattened.
+    system : System
+        System of equations of a model.
+    Omega : float
+        Excitation frequency, > 0.
+    variational : bool, optional
+        Integrate the variational equation Phi' = df/dy Phi as well. The state is then (2n, 1 + 2n), flattened.
+
+    Raises
+    ------
+    ValueError
+        If Omega is not positive and finite.
     """
 
     def __init__(self, system: System, Omega: float, variational: bool = False) -> None:
@@ -64,17 +81,18 @@ class Flow:
         system = system.at_speed(Omega)
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
-        self.pieces = Pieces.of(self.laws)
+        self.segments = LawSegments.of(self.laws)
         self.columns = 1 + 2 * self.n if variational else 1
         self.c = np.array([e.damping for e in system.elements])
-        self._curved = np.flatnonzero(~self.pieces.line)
+        self._curved = np.flatnonzero(~self.segments.line)
         self._matrices(system)
         self._series(system)
         phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
-        self.corners = np.unique(phases)
-        self._nowhere = Between(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
+        self.breakpoints = np.unique(phases)
+        self._no_breakpoints = Interval(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
 
     def _matrices(self, system: System) -> None:
+        """Store A, B and the function that solves with the mass matrix."""
         n, Wd = self.n, self.W * self.c
         if scipy.sparse.issparse(system.M):
             invert = scipy.sparse.linalg.splu(scipy.sparse.csc_array(system.M)).solve
@@ -89,9 +107,9 @@ class Flow:
         self.invert = invert
 
     def _series(self, system: System) -> None:
-        """Complex coefficients of e, e', the stiffness of the lines and the loads over the phase, one row each.
+        """Store the complex harmonics of e, e', the stiffness of the linear segments and the loads.
 
-        What of these is made of pieces is left out.
+        Piecewise polynomials are left out.
         """
         n, m = self.n, self.m
         self._excitation = [e.displacement for e in system.elements], [stiffness_of(law) for law in self.laws]
@@ -109,36 +127,39 @@ class Flow:
         c[3 * m :] = self.invert(c[3 * m :].real) + 1j * self.invert(c[3 * m :].imag)
         self.series, self.orders = c, np.arange(L + 1)
 
-    def between(self, t: float) -> Between:
-        """The time between the corners of the excitation that an instant lies in, or begins."""
-        if not self.corners.size:
-            return self._nowhere
+    def between(self, t: float) -> Interval:
+        """Return the interval between breakpoints of the excitation that contains t or begins at t."""
+        if not self.breakpoints.size:
+            return self._no_breakpoints
         tau = self.Omega * t
-        turns = np.floor((tau - self.corners[0]) / (2 * np.pi))
-        around = np.append(self.corners, self.corners[0] + 2 * np.pi) + 2 * np.pi * (turns + np.array([[-1], [0], [1]]))
-        corners = np.unique(around) / self.Omega
-        i = int(np.searchsorted(corners, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
-        begin, end = float(corners[i - 1]), float(corners[i])
+        turns = np.floor((tau - self.breakpoints[0]) / (2 * np.pi))
+        around = np.append(self.breakpoints, self.breakpoints[0] + 2 * np.pi) + 2 * np.pi * (
+            turns + np.array([[-1], [0], [1]])
+        )
+        breakpoints = np.unique(around) / self.Omega
+        i = int(np.searchsorted(breakpoints, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
+        begin, end = float(breakpoints[i - 1]), float(breakpoints[i])
         at, (e, k), m = 0.5 * self.Omega * (begin + end), self._excitation, self.m
         rows = np.zeros((3 * m, 4))
-        rows[:m], rows[2 * m :] = _expanded(e, at), _expanded(k, at)
+        rows[:m], rows[2 * m :] = _taylor_coefficients(e, at), _taylor_coefficients(k, at)
         rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
-        return Between(begin, end, at, rows)
+        return Interval(begin, end, at, rows)
 
-    def _at(self, t: float, between: Between) -> tuple[Array, Array, Array, Array]:
+    def _at(self, t: float, between: Interval) -> tuple[Array, Array, Array, Array]:
+        """Return e, e', the stiffness of the linear segments and the loads at t."""
         s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
-        if between is not self._nowhere:
+        if between is not self._no_breakpoints:
             s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
         return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
 
-    def gaps(self, t: float, y: Array, between: Between | None = None) -> tuple[Array, Array]:
-        """d and v (m,) of a state (its first column); at a corner of the excitation what they are after it."""
+    def gaps(self, t: float, y: Array, between: Interval | None = None) -> tuple[Array, Array]:
+        """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
         e, de, *_ = self._at(t, between or self.between(t))
         y = y.reshape(2 * self.n, -1)[:, 0]
         return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
 
     def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
-        """d and v (m, T) of states (size, T) at instants t."""
+        """Return d and v (m, T) of states (size, T) at instants t."""
         m, y = self.m, Y.reshape(2 * self.n, -1, len(t))[:, 0]
         s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
         for j, e in enumerate(self._excitation[0]):
@@ -147,8 +168,8 @@ class Flow:
                 s[m + j] += self.Omega * e(self.Omega * t, 1)
         return self.W.T @ y[: self.n] - s[:m], self.W.T @ y[self.n :] - s[m:]
 
-    def rates(self, line: Lines, between: Between, t: float, Y: Array) -> Array:
-        """y', or (y', Phi') flattened, with each element on its line."""
+    def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
+        """Return y', or (y', Phi') flattened, with each element on its linear segment."""
         n = self.n
         e, de, k, f = self._at(t, between)
         Y = Y.reshape(2 * n, -1)
@@ -161,15 +182,15 @@ class Flow:
             out[:, 1:] -= self.B @ (kd[:, None] * (self.W.T @ Y[:n, 1:]) + kv[:, None] * (self.W.T @ Y[n:, 1:]))
         return out.ravel()
 
-    def _phase(self, t: float, between: Between) -> float:
-        """tau, at the ends of the time between two corners just inside of them, for laws that are asked for a force."""
-        if between is self._nowhere:
+    def _phase(self, t: float, between: Interval) -> float:
+        """Return tau for the evaluation of laws; at the ends of the interval it is moved inside by rounding."""
+        if between is self._no_breakpoints:
             return self.Omega * t
         inside = 1e-14 * (abs(t) + 1 / self.Omega)
         return self.Omega * min(max(t, between.begin + inside), between.end - inside)
 
-    def slopes(self, line: Lines, between: Between, t: float, y: Array) -> Array:
-        """df/dy (2n, 2n), for implicit methods."""
+    def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
+        """Return df/dy (2n, 2n) for implicit methods."""
         d, v = self.gaps(t, y, between)
         _, kd, kv = self._forces(line, d, v, self._phase(t, between), self._at(t, between)[2])
         J = self.A.copy()
@@ -178,6 +199,7 @@ class Flow:
         return J
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
+        """Return p, dp/dd and dp/dv (m,)."""
         slope, offset = line
         kd = k * slope
         p, kv = kd * d + k * offset, np.zeros(self.m)
@@ -189,14 +211,36 @@ class Flow:
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None = None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
-        """The state at the end, the instants at which corners were passed, and the number of steps.
+        """Integrate from a state at t to the end.
 
-        ``visit(t0, t1, dense)`` is called with every stretch of the motion, where ``dense(t)`` gives (size, len(t)).
+        Parameters
+        ----------
+        t : float
+            Instant of the start.
+        Y : array_like
+            State at the start.
+        end : float
+            Instant of the end.
+        method : {"DOP853", "RK45", "Radau"}
+            Method of SciPy.
+        tolerance : float
+            Error per step, relative to the size of the motion.
+        visit : callable, optional
+            Called as ``visit(t0, t1, dense)`` with every step, where ``dense(t)`` returns states (size, len(t)).
+
+        Returns
+        -------
+        Y : ndarray
+            State at the end, flattened.
+        instants : list of float
+            Instants at which breakpoints were passed.
+        steps : int
+            Number of steps.
 
         Raises
         ------
         ArithmeticError
-            If the motion runs away, or steps become too short.
+            If the motion diverges, or steps become too short.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             return self._march(t, Y, end, method, tolerance, visit)
@@ -205,6 +249,7 @@ class Flow:
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
+        """Integrate from one breakpoint of the excitation to the next."""
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
         atol, nearly = tolerance * self._sizes(t, Y), 1e-14 * abs(end)
         while end - t > nearly:
@@ -216,14 +261,14 @@ class Flow:
         return Y, instants, count
 
     def _march_between(
-        self, between: Between, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
+        self, between: Interval, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
-        """`march` where the excitation has no corner before the end."""
-        piece, instants, count = self.pieces.at(*self.gaps(t, Y, between)), [], 0
+        """Integrate an interval without breakpoints of the excitation."""
+        segment, instants, count = self.segments.at(*self.gaps(t, Y, between)), [], 0
         every = np.arange(self.m)
         while end - t > 1e-14 * abs(end):
-            line = self.pieces.slope[every, piece], self.pieces.offset[every, piece]
+            line = self.segments.slope[every, segment], self.segments.offset[every, segment]
             f = partial(self.rates, line, between)
             extra = {"jac": partial(self.slopes, line, between)} if method == "Radau" and self.columns == 1 else {}
             solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
@@ -233,10 +278,10 @@ class Flow:
                 count += 1
                 if solver.status == "failed":
                     raise ArithmeticError(
-                        f"{method} could not go on at t = {solver.t:.6g}: the motion runs away, or Omega = "
+                        f"{method} could not continue at t = {solver.t:.6g}: the motion diverges, or Omega = "
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
-                at, side = self._exit(solver, before, piece, between)
+                at, side = self._exit(solver, before, segment, between)
                 stop = float(at.min())
                 if not np.isfinite(stop):
                     if visit:
@@ -246,29 +291,29 @@ class Flow:
                 t0 = solver.t_old
                 if visit:
                     visit(t0, stop, solver.dense_output())
-                Y = self._again(f, t0, before, stop, method, tolerance, atol, extra)
+                Y = self._repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
                 t = stop
-                piece += np.where(at <= stop + 1e-12 * (1 + abs(stop)), side, 0)
+                segment += np.where(at <= stop + 1e-12 * (1 + abs(stop)), side, 0)
                 instants.append(t)
                 break
         return Y, instants, count
 
     def _sizes(self, t: float, Y: Array) -> Array:
-        """What errors are measured against: the larger of the state's q and of the lengths the laws and errors set."""
+        """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
         y = Y.reshape(2 * self.n, -1)[:, 0]
-        corners = [abs(x) for law in self.laws for x in law.breakpoints]
+        breakpoints = [abs(x) for law in self.laws for x in law.breakpoints]
         moved = [e.bound for e in self._excitation[0] if e.corners]
         moved.append(float(np.abs(self.series[: self.m]).max()))
-        length = max([float(np.abs(y[: self.n]).max()), *corners, *moved]) or 1.0
+        length = max([float(np.abs(y[: self.n]).max()), *breakpoints, *moved]) or 1.0
         rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
         size = np.ones((2 * self.n, self.columns))
         size[: self.n, 0], size[self.n :, 0] = length, rate
         return size.ravel()
 
-    def _again(
+    def _repeat_step(
         self, f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
     ) -> Array:
-        """The step taken again up to a corner: its end is as accurate as any, the inside of a step is not."""
+        """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
         if end - t <= 1e-14 * (1 + abs(t)):
             return Y
         solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
@@ -277,16 +322,16 @@ class Flow:
         y: Array = solver.y
         return y
 
-    def _exit(self, solver: Any, before: Array, piece: Integers, between: Between) -> tuple[Array, Integers]:
-        """Instant in the step just made at which each element first leaves its piece (inf), and through which end."""
+    def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:
+        """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
         every = np.arange(self.m)
-        low, high = self.pieces.low[every, piece], self.pieces.high[every, piece]
+        low, high = self.segments.low[every, segment], self.segments.high[every, segment]
         (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, between), self.gaps(solver.t, solver.y, between)
         reach = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
         dense = solver.dense_output()
-        t = np.linspace(solver.t_old, solver.t, FINE + 1)
+        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
         d, v = self.gaps_over(t, dense(t))
 
         def value(rows: Integers, at: Array) -> Array:
@@ -295,8 +340,8 @@ class Flow:
         return first_exit(t, d, v, low, high, value)
 
 
-def _expanded(functions: list[Phased], tau: float) -> Array:
-    """Coefficients (m, 4) about tau of functions that have corners; zero of the others."""
+def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:
+    """Return the coefficients (m, 4) about tau of functions that have breakpoints; zero for the others."""
     out = np.zeros((len(functions), 4))
     for own, function in zip(out, functions, strict=True):
         if function.corners:

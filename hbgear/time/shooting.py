@@ -1,10 +1,11 @@
-"""Periodic motions by Newton on the time map, the reference for harmonic balance and for its multipliers.
+"""Periodic motions by shooting, the reference for solutions of harmonic balance and their multipliers.
 
     y(nu T; y0) = y0,   T = 2 pi / Omega,   (Phi - 1) delta = y0 - y(nu T),   y0 <- y0 + delta
 
-Phi = dy(nu T)/dy0 comes from the variational equation integrated along (DOP853, with the corners of the laws met
-exactly): no harmonics, no collocation. The drift of free motions (a rotation that nothing holds) is not closed: y is
-compared in the modal coordinates, which leave it out, and its multipliers +1 are left out too.
+Phi = dy(nu T)/dy0 is integrated together with the motion as the solution of the variational equation (DOP853, steps end
+at the breakpoints of the laws). There is no truncation of harmonics and no collocation.
+Free motions (a rigid-body rotation) drift, so that they are not periodic: the residual is evaluated in the modal
+coordinates, which do not contain them, and their multipliers +1 are left out.
 
 References
 ----------
@@ -30,22 +31,33 @@ from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import Motion, integrate
 from hbgear.time.runge_kutta import Flow
 
-_SAMPLES = 2048  # per excitation period, of the motion whose harmonics are asked for
+_SAMPLES_FOR_HARMONICS = 2048  # samples per excitation period [-] of the motion whose harmonics are computed
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """A periodic motion found by shooting.
+    """Periodic motion computed by shooting.
 
-    Parameters
+    Attributes
     ----------
-    model, Omega, nu : whose motion, over nu excitation periods.
-    state : (2n,) at tau = 0.
-    monodromy : (2n, 2n) dy(nu T)/dy0, free motions included.
-    reduced : (r, r) the same in the modal coordinates, free motions left out.
-    multipliers : (r,) its eigenvalues, largest first.
-    closure : how far the period fails to close, relative to the size of the state.
-    iterations : Newton steps taken.
+    model : Model
+        Model of the motion.
+    Omega : float
+        Excitation frequency.
+    nu : int
+        Period of the motion in excitation periods.
+    state : ndarray, shape (2n,)
+        State (q, q') at tau = 0.
+    monodromy : ndarray, shape (2n, 2n)
+        Monodromy matrix dy(nu T)/dy0, with free motions.
+    reduced : ndarray, shape (r, r)
+        Monodromy matrix in modal coordinates, without free motions.
+    multipliers : ndarray, shape (r,)
+        Eigenvalues of the reduced monodromy matrix, largest modulus first.
+    closure : float
+        Distance of the states at the start and the end of the period, relative to the size of the state.
+    iterations : int
+        Number of Newton iterations.
     """
 
     model: Model
@@ -58,12 +70,12 @@ class Orbit:
     closure: float
     iterations: int
 
-    def motion(self, samples: int = _SAMPLES) -> Motion:
-        """The motion over its period, with so many samples per excitation period."""
+    def motion(self, samples: int = _SAMPLES_FOR_HARMONICS) -> Motion:
+        """Return the motion over its period, with a number of samples per excitation period."""
         return integrate(self.model, self.state, self.nu, self.Omega, samples=samples)
 
     def rows(self, H: int, motion: Motion | None = None) -> Array:
-        """Element coordinates as real rows (m, 2H + 1) in the basis phase theta = tau / nu."""
+        """Return real Fourier coefficients (m, 2H + 1) of the element coordinates in theta = tau / nu."""
         motion = motion or self.motion()
         e = [element.displacement for element in self.model.system().elements]
         smooth = motion.d + np.array([one(motion.tau) if one.corners else 0 * motion.tau for one in e])
@@ -71,7 +83,7 @@ class Orbit:
         c[:, 1:] *= 2
         rows = to_real(c)
         for row, one in zip(rows, e, strict=True):
-            if one.corners:  # whose harmonics are known better than its samples tell
+            if one.corners:  # its harmonics are known exactly, not only at samples
                 row -= resize(stretch(one.row(H // self.nu), self.nu), H)
         return rows
 
@@ -79,9 +91,29 @@ class Orbit:
 def variation(
     flow: Flow, structure: LinearStructure, y: Array, nu: int, tolerance: float
 ) -> tuple[Array, Array, ComplexArray]:
-    """End (2n,) of nu periods from y, dy(end)/dy (2n, 2n), and the same in modal coordinates (r, r).
+    """Integrate the motion and the variational equation over nu excitation periods.
 
-    ``flow`` must be variational.
+    Parameters
+    ----------
+    flow : Flow
+        Equations of motion with the variational equation.
+    structure : LinearStructure
+        Structure of the model.
+    y : ndarray, shape (2n,)
+        State at tau = 0.
+    nu : int
+        Number of excitation periods.
+    tolerance : float
+        Relative error per step.
+
+    Returns
+    -------
+    end : ndarray, shape (2n,)
+        State at the end.
+    Phi : ndarray, shape (2n, 2n)
+        Derivative of the end with respect to y.
+    reduced : ndarray, shape (r, r)
+        The same derivative in modal coordinates, without free motions.
     """
     n = flow.n
     Y = np.column_stack([y, np.eye(2 * n)])
@@ -92,7 +124,7 @@ def variation(
 
 
 def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
-    """L Phi R with z = L y and y = R z, on vectors that need not be conjugate pairs."""
+    """Return L Phi R with z = L y and y = R z; z may be any complex vector."""
     modes = structure.modes
     assert modes is not None
     R = np.concatenate([modes.right, modes.right * modes.poles])
@@ -109,24 +141,37 @@ def shoot(
     tolerance: float = 1e-11,
     max_iterations: int = 20,
 ) -> Orbit:
-    """The periodic motion near a guess, by Newton on the state after its period.
+    """Compute the periodic motion near a guess by Newton's method for the state at the start of its period.
 
     Parameters
     ----------
-    model : `Model` with at most `receptance.MODAL_LIMIT` coordinates.
-    Omega : excitation frequency.
-    guess : (2n,) state (q, q') at tau = 0, for example `timedomain.state_of` a point of a branch.
-    nu : excitation periods the motion takes.
-    tolerance : of the closure relative to the state, and of the integration (a tenth of it); at least 1e-13.
+    model : Model
+        Model with at most `receptance.MODAL_LIMIT` coordinates.
+    Omega : float
+        Excitation frequency, > 0.
+    guess : array_like, shape (2n,)
+        State (q, q') at tau = 0, for example `integration.state_of` a point of a branch.
+    nu : int, optional
+        Period of the motion in excitation periods. Default: 1.
+    tolerance : float, optional
+        Largest closure relative to the state, at least 1e-13. The tolerance of the integration is a tenth of it.
+        Default: 1e-11.
+    max_iterations : int, optional
+        Largest number of Newton iterations. Default: 20.
+
+    Returns
+    -------
+    Orbit
+        The periodic motion with its multipliers.
 
     Raises
     ------
     ValueError
-        If nu is below 1, the guess does not fit, or the tolerance is beyond the integrator.
+        If nu is below 1, the guess does not fit the model, or the tolerance cannot be reached.
     NoConvergence
-        If Newton does not close the period; it carries the last state and the closures.
+        If Newton's method does not converge. The error contains the last state and the history of the closure.
     ArithmeticError
-        If the motion from the guess, or from a later state, runs away; see `integrate`.
+        If the motion diverges from the guess or from a later state; see `integrate`.
 
     Examples
     --------
@@ -140,33 +185,33 @@ def shoot(
     checked("shoot", "Omega", Omega, POSITIVE)
     checked("shoot", "tolerance", tolerance)
     if not 1e-13 <= tolerance < 1:
-        raise ValueError(
-            f"tolerance = {tolerance} cannot be met: time integration reaches about 1e-13; give 1e-13 or more"
-        )
+        raise ValueError(f"tolerance = {tolerance} cannot be reached by time integration; give 1e-13 or more")
     system = model.system().at_speed(Omega)
     structure, flow = LinearStructure(system), Flow(system, float(Omega), variational=True)
     y = np.array(guess, dtype=float)
     if y.shape != (2 * system.n,):
-        raise ValueError(f"a guess of shape {y.shape} does not fit {system.n} coordinates; need ({2 * system.n},)")
+        raise ValueError(
+            f"a guess of shape {y.shape} does not fit {system.n} coordinates; give an array of shape ({2 * system.n},)"
+        )
     if not np.all(np.isfinite(y)):
-        raise ValueError(f"the guess {y} has entries that are not finite")
+        raise ValueError(f"the guess {y} has entries that are not finite; give finite numbers")
     history: list[float] = []
     for iteration in range(max_iterations + 1):
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))
         z = modal_state(structure, y)
-        gap = modal_state(structure, end) - z
-        history.append(float(np.linalg.norm(gap) / (np.linalg.norm(z) or 1.0)))
+        residual = modal_state(structure, end) - z
+        history.append(float(np.linalg.norm(residual) / (np.linalg.norm(z) or 1.0)))
         if not np.isfinite(history[-1]):
             break
         if history[-1] <= tolerance:
             mu = np.linalg.eigvals(reduced)
             mu = mu[np.argsort(-np.abs(mu))]
             return Orbit(model, float(Omega), nu, y, Phi, reduced, mu, history[-1], iteration)
-        step = np.linalg.lstsq(reduced - np.eye(len(z)), -gap, rcond=1e-12)[0]
+        step = np.linalg.lstsq(reduced - np.eye(len(z)), -residual, rcond=1e-12)[0]
         y = y + physical_state(structure, step)
     raise NoConvergence(
-        f"shooting did not close the period at Omega = {Omega:.6g}: from {history[0]:.1e} to {history[-1]:.1e} in "
-        f"{len(history)} integrations; start nearer to the motion, or check nu = {nu}",
+        f"shooting did not converge at Omega = {Omega:.6g}: closure from {history[0]:.1e} to {history[-1]:.1e} in "
+        f"{len(history)} integrations; give a guess nearer to the motion, or check nu = {nu}",
         y,
         {"Omega": float(Omega)},
         history,

@@ -1,4 +1,4 @@
-"""A second opinion on the stability of one motion: its multipliers by three ways, side by side."""
+"""Independent check of the stability of one motion: its multipliers by three methods."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import ComplexArray
+from hbgear.common.deprecation import renamed_attributes
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
@@ -18,47 +19,54 @@ from hbgear.time.integration import state_of
 from hbgear.time.shooting import Orbit, shoot
 
 
+@renamed_attributes(verdicts="stability", carried="variational", shot="shooting")
 @dataclass(frozen=True, eq=False, repr=False)
 class StabilityComparison:
-    """Multipliers of one motion by three ways, largest first.
+    """Multipliers of one motion by three methods, largest modulus first.
 
-    Parameters
+    Attributes
     ----------
-    point : the motion.
-    carried : (r,) disturbances carried along the motion of the harmonic balance: those of the point, which may be of
-        more harmonics where fewer left its stability in doubt.
-    hill : (r,) exponents of Hill's matrix of the same harmonics; None if there is none.
-    shot : (r,) of the periodic motion found by shooting, without harmonics; None if shooting fails.
-    orbit : that motion.
-    notes : why something is missing.
+    point : Point
+        The motion.
+    variational : ndarray, shape (r,)
+        From the variational equation of the harmonic-balance solution. They are the multipliers of the point, which are
+        computed with more harmonics where fewer left its stability uncertain.
+    hill : ndarray, shape (r,), or None
+        From Hill's matrix with the harmonics of the point; None if it is not available.
+    shooting : ndarray, shape (r,), or None
+        From the periodic motion computed by shooting, without harmonics; None if shooting does not converge.
+    orbit : Orbit or None
+        Periodic motion computed by shooting.
+    notes : tuple of str
+        Reasons for missing multipliers.
 
     Examples
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.8, 1.6))
-    >>> opinion = hb.time.compare_multipliers(curve, 20)
-    >>> opinion.verdicts
-    {'carried': 'stable', 'hill': 'stable', 'shot': 'stable'}
-    >>> {name: round(modulus, 3) for name, modulus in opinion.moduli.items()}
-    {'carried': 0.715, 'hill': 0.715, 'shot': 0.715}
+    >>> comparison = hb.time.compare_multipliers(curve, 20)
+    >>> comparison.stability
+    {'variational': 'stable', 'hill': 'stable', 'shooting': 'stable'}
+    >>> {name: round(modulus, 3) for name, modulus in comparison.moduli.items()}
+    {'variational': 0.715, 'hill': 0.715, 'shooting': 0.715}
     """
 
     point: Point
-    carried: ComplexArray
+    variational: ComplexArray
     hill: ComplexArray | None
-    shot: ComplexArray | None
+    shooting: ComplexArray | None
     orbit: Orbit | None
     notes: tuple[str, ...] = ()
 
     @property
     def moduli(self) -> dict[str, float]:
-        """The largest modulus by each way that gave multipliers."""
-        found = {"carried": self.carried, "hill": self.hill, "shot": self.shot}
+        """Largest modulus by each available method."""
+        found = {"variational": self.variational, "hill": self.hill, "shooting": self.shooting}
         return {name: float(np.abs(mu).max(initial=0.0)) for name, mu in found.items() if mu is not None}
 
     @property
-    def verdicts(self) -> dict[str, str]:
-        """Whether each way says stable or unstable."""
+    def stability(self) -> dict[str, str]:
+        """Stability by each available method: "stable" or "unstable"."""
         return {
             name: "stable" if modulus <= 1.0 + STABILITY_TOLERANCE else "unstable"
             for name, modulus in self.moduli.items()
@@ -66,33 +74,40 @@ class StabilityComparison:
 
     @property
     def agree(self) -> bool:
-        """Whether all ways that gave multipliers come to the same verdict."""
-        return len(set(self.verdicts.values())) == 1
+        """True if all available methods result in the same stability."""
+        return len(set(self.stability.values())) == 1
 
     def __repr__(self) -> str:
-        told = [f"{name} {modulus:.6f} ({self.verdicts[name]})" for name, modulus in self.moduli.items()]
-        words = "; ".join(["largest multiplier: " + ", ".join(told), *self.notes])
-        return f"<Opinion on {self.point!r}: {words}>"
+        moduli = [f"{name} {modulus:.6f} ({self.stability[name]})" for name, modulus in self.moduli.items()]
+        words = "; ".join(["largest multiplier: " + ", ".join(moduli), *self.notes])
+        return f"<StabilityComparison of {self.point!r}: {words}>"
 
 
-@checked_arguments(point="a row number, the label of a special point, or a Point of the branch")
+@checked_arguments(point="the index of a point, the label of a special point, or a Point of the branch")
 def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityComparison:
-    """Multipliers of a motion as hbgear carries them, of Hill's matrix, and of the motion found by shooting.
+    """Return the multipliers of a motion from the variational equation, from Hill's matrix, and from shooting.
 
-    The first two are of the motion of the harmonic balance, the third is without harmonics: where it differs, there are
-    too few of them. Hill's matrix is of the harmonics of the point and no more. All of it takes seconds at most.
+    The first two are those of the harmonic-balance solution. Shooting uses no harmonics: if its multipliers differ, the
+    harmonic truncation order of the solution is too low. Hill's matrix has the harmonics of the point only.
 
     Parameters
     ----------
-    branch : a curve that still knows its problem, a `HarmonicBalance`.
-    point : number of a row, label of a special point, or a point.
+    branch : Branch
+        Branch with its problem, a `HarmonicBalance`.
+    point : int, str or Point
+        Index of a point, label of a special point, or a point.
+
+    Returns
+    -------
+    StabilityComparison
+        Multipliers by each method.
 
     Raises
     ------
     KeyError, IndexError
-        If there is no such point.
+        If the point does not exist.
     ValueError
-        If the branch has lost its problem, or is not one of periodic motions.
+        If the branch has no problem, or is not a branch of periodic motions.
 
     Examples
     --------
@@ -103,7 +118,7 @@ def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityCo
     """
     if not isinstance(branch.problem, HarmonicBalance):
         raise ValueError(
-            "a second opinion needs the model: give a branch of a HarmonicBalance; load one with "
+            "the comparison needs the model: give a branch of a HarmonicBalance; load one with "
             "load(path, problem=HarmonicBalance(...))"
         )
     here = point if isinstance(point, Point) else branch[point]
@@ -118,6 +133,6 @@ def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityCo
         orbit = shoot(problem.model.at(at), at["Omega"], state_of(problem, X, **at), problem.nu)
     except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
         notes.append(f"shooting: {error}")
-    shot = None if orbit is None else orbit.multipliers
-    carried = problem.multipliers(X, None, None, **at) if here.multipliers is None else here.multipliers
-    return StabilityComparison(here, carried, hill, shot, orbit, tuple(notes))
+    shooting = None if orbit is None else orbit.multipliers
+    variational = problem.multipliers(X, None, None, **at) if here.multipliers is None else here.multipliers
+    return StabilityComparison(here, variational, hill, shooting, orbit, tuple(notes))

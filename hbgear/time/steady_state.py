@@ -1,12 +1,13 @@
-"""Settled motions: integrate until what is still to go is below a tolerance, not for a fixed number of periods.
+"""Steady-state detection: integrate until the extrapolated remaining distance is below a tolerance.
 
-With x_p the state after p excitation periods and D_k = |x_p - x_{p-k}|, a motion of period k that is approached like
-rho^p is still
+With the state x_p after p excitation periods and D_k = |x_p - x_{p-k}|, a motion that approaches a motion of period k
+like rho^p has the remaining distance
 
     D_k / (1 - rho^k)
 
-away; it is settled when that is below a tolerance. The smallest such k is the period. A motion that never settles is
-called not periodic and gets its largest Lyapunov exponent. One that runs away beyond all numbers is given up.
+The motion is settled when this distance is below a tolerance. The smallest such k is its period. A motion that does not
+settle is classified as not periodic, and its largest Lyapunov exponent is computed. A motion that diverges is no longer
+integrated.
 
 References
 ----------
@@ -25,28 +26,39 @@ from hbgear.common.ranges import checked, counted
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 
 WINDOW = 8
-"""Periods over which the rate of approach is judged, twice."""
+"""Number of excitation periods of each of the two windows from which the rate of convergence is estimated [-]."""
 
 FEWEST = 2 * WINDOW + 4
-"""Periods after which motions are judged for the first time."""
+"""Number of excitation periods before the first test [-]: both windows, and the smallest periods."""
 
 OBSERVED = 128
-"""Periods a motion that is not periodic is observed for."""
+"""Number of excitation periods over which amplitudes of a motion that is not periodic are evaluated [-]."""
+
+_MAX_STORED_NUMBERS = 2**19
+"""Largest number of entries [-] of the stored states; they then stay in the cache of the processor."""
+
+_TEST_INTERVAL = 4
+"""Number of excitation periods between two tests [-]."""
 
 
 @dataclass(frozen=True)
 class SteadyStateSettings:
-    """When a motion counts as settled.
+    """Conditions under which a motion is settled.
 
-    tolerance : distance it may still have to go, relative to the size of the state.
-    longest : excitation periods after which it is given up, at least `FEWEST`.
-    periods : largest period, in excitation periods, that is looked for.
+    Attributes
+    ----------
+    tolerance : float, optional
+        Largest remaining distance, relative to the size of the state, from 1e-12 to 1. Default: 1e-7.
+    longest : int, optional
+        Largest number of excitation periods, at least `FEWEST`. Default: 3000.
+    periods : int, optional
+        Largest period that is tested, in excitation periods. Default: 16.
 
     Raises
     ------
     ValueError
-        If the tolerance is beyond double precision, a number is out of range, or no motion could be judged in so few
-        periods.
+        If the tolerance cannot be reached in double precision, a number is out of range, or ``longest`` is too small
+        for a test.
     """
 
     tolerance: float = 1e-7
@@ -54,25 +66,37 @@ class SteadyStateSettings:
     periods: int = 16
 
     def __post_init__(self) -> None:
-        checked("Settling", "tolerance", self.tolerance)
+        checked("SteadyStateSettings", "tolerance", self.tolerance)
         if not 1e-12 <= self.tolerance < 1:
-            raise ValueError(f"tolerance = {self.tolerance} cannot be met in double precision; need 1e-12 to 1")
+            raise ValueError(
+                f"tolerance = {self.tolerance} cannot be reached in double precision; give a value from 1e-12 to 1"
+            )
         counted("periods", self.periods, 1000)
         if counted("longest", self.longest, 1_000_000) < FEWEST:
             raise ValueError(
-                f"longest = {self.longest} periods are too few to tell whether a motion settles; need {FEWEST} or more"
+                f"longest = {self.longest} periods are too few to test whether a motion settles; give {FEWEST} or more"
             )
         if self.periods > self.longest:
-            raise ValueError(f"need 1 <= periods <= longest, got periods = {self.periods}, longest = {self.longest}")
+            raise ValueError(
+                f"periods = {self.periods} exceeds longest = {self.longest}; give a smaller number of periods"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """How B motions settled.
+    """Results of the steady-state detection of B motions.
 
-    period : (B,) in excitation periods, 0 if it did not. taken : (B,) excitation periods integrated.
-    left : (B,) distance still to go relative to the state, for the period ``guess`` (B,) that is nearest to settling;
-        inf where the motion runs away or comes no nearer.
+    Attributes
+    ----------
+    period : ndarray, shape (B,)
+        Period in excitation periods; 0 if the motion did not settle.
+    taken : ndarray, shape (B,)
+        Number of integrated excitation periods.
+    left : ndarray, shape (B,)
+        Remaining distance, relative to the state, for the period ``guess``; inf if the motion diverges or does not
+        converge.
+    guess : ndarray, shape (B,)
+        Period with the smallest remaining distance.
     """
 
     period: np.ndarray
@@ -82,140 +106,179 @@ class Settled:
 
 
 def settle(
-    stepper: ExponentialIntegrator,
-    flight: StateBatch,
+    integrator: ExponentialIntegrator,
+    motions: StateBatch,
     settling: SteadyStateSettings = SteadyStateSettings(),
     progress: Callable[[int, int], None] | None = None,
 ) -> Settled:
-    """Carry motions at tau = 0 on until each is settled, in place.
+    """Integrate motions from tau = 0 until each is settled, in place.
 
-    ``progress(periods, settled)`` is called now and then.
+    Parameters
+    ----------
+    integrator : ExponentialIntegrator
+        Integrator of the motions.
+    motions : StateBatch
+        Motions; replaced by their states at the end.
+    settling : SteadyStateSettings, optional
+        Conditions under which a motion is settled.
+    progress : callable, optional
+        Called as ``progress(periods, settled)`` after each test.
+
+    Returns
+    -------
+    Settled
+        Period, number of integrated periods and remaining distance of each motion.
     """
-    out = unsettled(len(flight.d), settling)
-    settle_into(out, stepper, flight, settling, progress)
+    out = unsettled(len(motions.d), settling)
+    settle_into(out, integrator, motions, settling, progress)
     return out
 
 
 def unsettled(count: int, settling: SteadyStateSettings) -> Settled:
-    """What is known of motions before they are integrated."""
+    """Return the results of a number of motions before they are integrated."""
     none = np.zeros(count, dtype=int)
     return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
 
 
-Caught = Callable[[Array, Array], np.ndarray]
+KnownPeriods = Callable[[Array, Array], np.ndarray]
+"""Function of the modal states now and at the test before, see `settle_into`."""
 
 
 def settle_into(
     out: Settled,
-    stepper: ExponentialIntegrator,
-    flight: StateBatch,
+    integrator: ExponentialIntegrator,
+    motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
-    caught: Caught | None = None,
+    caught: KnownPeriods | None = None,
 ) -> None:
-    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold.
+    """Integrate motions until each is settled, and store each result as soon as it is known.
 
-    ``caught(now, before)`` may give the periods of known motions that others, from their modal states now and some
-    periods before, are certain to settle on, 0 for none: these need not be waited for.
+    After an interruption, ``out`` and ``motions`` contain the motions that have settled.
+
+    Parameters
+    ----------
+    out : Settled
+        Output.
+    integrator : ExponentialIntegrator
+        Integrator of the motions.
+    motions : StateBatch
+        Motions; replaced by their states at the end.
+    settling : SteadyStateSettings
+        Conditions under which a motion is settled.
+    progress : callable or None
+        Called as ``progress(periods, settled)`` after each test.
+    caught : callable, optional
+        ``caught(now, before)`` returns the period of a known motion that each motion approaches, 0 without one,
+        from the modal states now and some periods before. These motions are not integrated further.
     """
-    B, r = flight.zeta.shape
-    together = max(_ROOM // (_kept(settling) * r), 64)
-    for first in range(0, B, together):
-        batch = np.arange(first, min(first + together, B))
-        _settle_batch(out, batch, stepper.select(batch), flight, settling, progress, caught)
+    B, r = motions.zeta.shape
+    block = max(_MAX_STORED_NUMBERS // (_stored_periods(settling) * r), 64)
+    for first in range(0, B, block):
+        batch = np.arange(first, min(first + block, B))
+        _settle_batch(out, batch, integrator.select(batch), motions, settling, progress, caught)
 
 
-_ROOM = 2**19  # numbers of past states kept at once: what stays close to the processor
-
-
-_EVERY = 4  # periods between two judgements
-
-
-def _kept(settling: SteadyStateSettings) -> int:
-    """Periods whose states are kept, a multiple of _EVERY."""
-    return -(-(2 * WINDOW + settling.periods) // _EVERY) * _EVERY
+def _stored_periods(settling: SteadyStateSettings) -> int:
+    """Return the number of periods whose states are stored, a multiple of the test interval."""
+    return -(-(2 * WINDOW + settling.periods) // _TEST_INTERVAL) * _TEST_INTERVAL
 
 
 def _settle_batch(
     out: Settled,
-    going: np.ndarray,
-    part: ExponentialIntegrator,
-    flight: StateBatch,
+    active: np.ndarray,
+    integrator: ExponentialIntegrator,
+    motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
-    caught: Caught | None,
+    caught: KnownPeriods | None,
 ) -> None:
-    """`settle_into` for the motions going (B,), whose stepper is given."""
+    """Integrate the motions ``active`` (B,), with the integrator of these, until each is settled."""
     from hbgear.time.exponential.periodicity_kernel import is_periodic
 
-    here, weights = flight.select(going), part.weights()
-    past = np.zeros((_kept(settling), *here.zeta.shape))
+    here, weights = motions.select(active), integrator.weights()
+    past = np.zeros((_stored_periods(settling), *here.zeta.shape))
     past[-1] = here.zeta
-    size, p = np.linalg.norm(weights * part.land(here), axis=-1), 0
+    size, p = np.linalg.norm(weights * integrator.to_modal(here), axis=-1), 0
     while p < settling.longest:
-        count = min(_EVERY * (1 + 2 * WINDOW // _EVERY) if p == 0 else _EVERY, settling.longest - p)
+        count = min(
+            _TEST_INTERVAL * (1 + 2 * WINDOW // _TEST_INTERVAL) if p == 0 else _TEST_INTERVAL, settling.longest - p
+        )
         at = p % len(past)
-        part.strobe(here, past[at : at + count])
+        integrator.stroboscopic_map(here, past[at : at + count])
         p += count
-        if p % _EVERY or p < FEWEST:
+        if p % _TEST_INTERVAL or p < FEWEST:
             continue
-        if p < 50:  # a start at rest says nothing of the size
-            size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
-        period, left, guess = (np.empty(len(going), dtype=kind) for kind in (np.int64, float, np.int64))
+        if p < 50:  # the size of a start at rest is zero
+            size = np.maximum(size, np.linalg.norm(weights * integrator.to_modal(here), axis=-1))
+        period, left, guess = (np.empty(len(active), dtype=kind) for kind in (np.int64, float, np.int64))
         is_periodic(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, left, guess)
         if caught:
-            before = past[(p - _EVERY - 1) % len(past)] - here.zeta  # the steady part is the same at both
-            period = np.where(period > 0, period, caught(part.land(here), part.land(here) + before))
-        lost = ~np.isfinite(here.zeta).all(axis=-1)
-        left[lost], period[lost] = np.inf, 0
-        out.left[going], out.guess[going] = left, guess
-        done = (period > 0) | lost
-        if done.any():
-            flight.put(going[done], here.select(np.flatnonzero(done)))
-            out.taken[going[done]] = p
-            out.period[going[done]] = period[done]
-            keep = np.flatnonzero(~done)
+            before = past[(p - _TEST_INTERVAL - 1) % len(past)] - here.zeta  # the steady part is equal at both
+            period = np.where(period > 0, period, caught(integrator.to_modal(here), integrator.to_modal(here) + before))
+        diverged = ~np.isfinite(here.zeta).all(axis=-1)
+        left[diverged], period[diverged] = np.inf, 0
+        out.left[active], out.guess[active] = left, guess
+        finished = (period > 0) | diverged
+        if finished.any():
+            motions.replace(active[finished], here.select(np.flatnonzero(finished)))
+            out.taken[active[finished]] = p
+            out.period[active[finished]] = period[finished]
+            keep = np.flatnonzero(~finished)
             if keep.size:
-                going, part, here = going[keep], part.select(keep), here.select(keep)
+                active, integrator, here = active[keep], integrator.select(keep), here.select(keep)
                 weights = weights if len(weights) == 1 else weights[keep]
                 past, size = np.ascontiguousarray(past[:, keep]), size[keep]
         if progress:
             progress(p, int(np.count_nonzero(out.period)))
-        if done.all():
+        if finished.all():
             return
-    flight.put(going, here)
+    motions.replace(active, here)
 
 
 def disturbed(
-    stepper: ExponentialIntegrator, flight: StateBatch, share: float, random: np.random.Generator
+    integrator: ExponentialIntegrator, motions: StateBatch, ratio: float, random: np.random.Generator
 ) -> StateBatch:
-    """Motions a little beside: by a share of their states, all in one random direction."""
-    weights, z = stepper.weights(), stepper.land(flight)
-    one = random.standard_normal((1, 2 * stepper.structures[0].n))
-    beside = stepper.modal(np.tile(one, (len(z), 1)))
-    size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, beside))
-    return stepper.fly(z + share * (size / unit) * beside)
+    """Return the motions with a disturbance of their states, relative to their size, in one random direction."""
+    weights, z = integrator.weights(), integrator.to_modal(motions)
+    one = random.standard_normal((1, 2 * integrator.structures[0].n))
+    direction = integrator.modal(np.tile(one, (len(z), 1)))
+    size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, direction))
+    return integrator.from_modal(z + ratio * (size / unit) * direction)
 
 
-def lyapunov(stepper: ExponentialIntegrator, flight: StateBatch, periods: int = 400) -> float:
-    """Largest Lyapunov exponent of one motion, per unit of time, from a neighbour pulled close after every period.
+def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: int = 400) -> float:
+    """Return the largest Lyapunov exponent of one motion, per unit of time, from a rescaled neighbouring motion.
 
         lambda = lim (1 / t) sum_p log(|delta_p| / |delta_0|)
 
-    The first quarter of the periods, in which the disturbance turns to the direction that grows fastest, is left out.
-    The flight itself is not changed.
+    The first quarter of the periods, in which the disturbance turns to the direction of largest growth, is left out.
+
+    Parameters
+    ----------
+    integrator : ExponentialIntegrator
+        Integrator of the motion.
+    motions : StateBatch
+        The motion; it is not changed.
+    periods : int, optional
+        Number of excitation periods. Default: 400.
+
+    Returns
+    -------
+    float
+        Largest Lyapunov exponent.
     """
-    weights = stepper.weights()
-    pair = flight.select(np.array([0, 0]))
-    small = 1e-8 * (float(np.linalg.norm(weights * stepper.land(flight)[0])) or 1.0)
-    delta = stepper.modal(np.ones((1, 2 * stepper.structures[0].n)))[0]
+    weights = integrator.weights()
+    pair = motions.select(np.array([0, 0]))
+    small = 1e-8 * (float(np.linalg.norm(weights * integrator.to_modal(motions)[0])) or 1.0)
+    delta = integrator.modal(np.ones((1, 2 * integrator.structures[0].n)))[0]
     logs = []
     for _ in range(periods):
         delta = delta * (small / np.linalg.norm(weights * delta))
-        z = stepper.land(pair)
+        z = integrator.to_modal(pair)
         z[1] = z[0] + delta
-        pair = stepper.fly(z)
-        stepper.advance(pair)
+        pair = integrator.from_modal(z)
+        integrator.advance(pair)
         delta = pair.zeta[1] - pair.zeta[0]
         logs.append(np.log(np.linalg.norm(weights * delta) / small))
-    return float(np.mean(logs[periods // 4 :]) * stepper.Omega[0] / (2 * np.pi))
+    return float(np.mean(logs[periods // 4 :]) * integrator.Omega[0] / (2 * np.pi))

@@ -103,12 +103,12 @@ def test_attractors_of_several_periods_and_none():
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({}, ValueError, "24 coordinates and 2 elements: say which of 'gap L', 'gap R'"),
-        ({"element": "L"}, KeyError, "no element 'L'; there are 'gap L', 'gap R'"),
-        ({"element": 0, "plane": np.eye(48)[:2]}, ValueError, "give one"),
-        ({"element": 0, "start": [0.0, 1.0]}, ValueError, "need a state .* of 48 finite numbers"),
-        ({"plane": np.eye(24)[:2]}, ValueError, r"plane of shape \(2, 24\): need two directions \(2, 48\)"),
-        ({"plane": [np.eye(48)[0]] * 2}, ValueError, "must differ"),
+        ({}, ValueError, "24 coordinates and 2 elements: select one of 'gap L', 'gap R'"),
+        ({"element": "L"}, KeyError, "no element 'L'; choose one of 'gap L', 'gap R'"),
+        ({"element": 0, "plane": np.eye(48)[:2]}, ValueError, "give only one"),
+        ({"element": 0, "start": [0.0, 1.0]}, ValueError, "give a state .* of 48 finite numbers"),
+        ({"plane": np.eye(24)[:2]}, ValueError, r"plane of shape \(2, 24\): give two directions \(2, 48\)"),
+        ({"plane": [np.eye(48)[0]] * 2}, ValueError, "linearly independent"),
         ({"element": 0, "shape": (10**6, 10**6)}, ValueError, "is more than"),
     ],
 )

@@ -204,5 +204,5 @@ def test_steps_fall_on_the_corners_of_an_even_table():
 
     pair = hb.SpurPair(stiffness=Table(np.arange(24) / 24, 1 + 0.2 * RNG.uniform(size=24), period=1))
     stepper = ExponentialIntegrator(pair, 0.7)
-    assert stepper.N % 24 == 0 and np.all(stepper.corners.place == 1.0)
-    assert ExponentialIntegrator(hb.SpurPair(stiffness=RECTANGULAR), 0.7).corners.place.min() < 1.0
+    assert stepper.N % 24 == 0 and np.all(stepper.breakpoints.position == 1.0)
+    assert ExponentialIntegrator(hb.SpurPair(stiffness=RECTANGULAR), 0.7).breakpoints.position.min() < 1.0

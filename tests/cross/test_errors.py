@@ -341,8 +341,8 @@ def test_three_opinions_agree_with_each_other():
     inside = curve["LP1"].index + 3  # between the folds
     for i, verdict in ((3, "stable"), (inside, "unstable")):
         opinion = hb.time.compare_multipliers(curve, i)
-        assert opinion.agree and set(opinion.verdicts.values()) == {verdict} and len(opinion.moduli) == 3
-        assert opinion.moduli["carried"] == pytest.approx(opinion.moduli["shot"], abs=1e-4)
-        assert opinion.moduli["hill"] == pytest.approx(opinion.moduli["shot"], abs=1e-3)
-    with pytest.raises(ValueError, match="a second opinion needs the model"):
+        assert opinion.agree and set(opinion.stability.values()) == {verdict} and len(opinion.moduli) == 3
+        assert opinion.moduli["variational"] == pytest.approx(opinion.moduli["shooting"], abs=1e-4)
+        assert opinion.moduli["hill"] == pytest.approx(opinion.moduli["shooting"], abs=1e-3)
+    with pytest.raises(ValueError, match="the comparison needs the model"):
         hb.time.compare_multipliers(replace(curve, problem=None), 3)

@@ -145,7 +145,7 @@ def test_what_is_not_periodic_and_what_stays_are_told():
     away = JumpOutcome(jump.value, 0, np.array([np.inf]), 20, None)
     (there, tries), (_, others) = landed((curve,), jump, [lost, away, lost])
     assert there.after is None and there.landing == "integrate" and (tries, others) == ([lost, lost], [away])
-    assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion runs away"
+    assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion diverges"
 
 
 def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
@@ -173,10 +173,10 @@ def test_along_a_load():
 def test_validate_looks_at_the_jumps(fixed):
     report = hb.validate(fixed, 1)
     assert [jump.label for jump in report.jumps if not jump.ok] == ["LP4"] and not report.ok
-    assert "5 of 6 jumps land where the curve says" in report.summary
-    assert report.jumps[2].verdict == "agrees in 3 of 8 tries: indeterminate"  # of LP3
+    assert "5 of 6 jumps agree" in report.summary
+    assert report.jumps[2].status == "agrees in 3 of 8 tries: indeterminate"  # of LP3
     decided = hb.validate(integrate_jumps(fixed), ["LP4"])
-    assert [(jump.label, jump.verdict) for jump in decided.jumps] == [("LP4", "agrees")]
+    assert [(jump.label, jump.status) for jump in decided.jumps] == [("LP4", "agrees")]
     assert not hb.validate(fixed, 1, landing="nearest").jumps
     headers, rows = report.jump_table()
     assert len(headers) == len(rows[0]) and rows[3][-1] == "lands on another stable motion of the curve"

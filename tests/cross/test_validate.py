@@ -81,7 +81,7 @@ def test_a_wrong_motion_is_found(pair):
     X = pair.X.copy()
     X[30] *= 1 + 1e-3
     (row,) = validate(replace(pair, X=X), [30], 1e-5).rows
-    assert not row.ok and "rms" in row.verdict and "harmonics" in row.verdict
+    assert not row.ok and "rms" in row.status and "harmonics" in row.status
     assert row.rms_error == pytest.approx(1e-3, rel=0.01)
     assert row.closure > 1e-5
 
@@ -90,17 +90,17 @@ def test_wrong_multipliers_are_found(pair):
     mu = pair.multipliers.copy()
     mu[30] *= 1.05
     (row,) = validate(replace(pair, multipliers=mu), [30], 1e-5).rows
-    assert row.verdict == "multipliers differ"
+    assert row.status == "multipliers differ"
 
 
 def test_a_wrong_verdict_on_stability_is_found(pair):
     """The middle motion with the multipliers of a stable one, and the other way round."""
     middle = pair["LP1"].index + 8
-    for i, other, words in ((middle, 5, "it stays"), (5, middle, "it leaves")):
+    for i, other, words in ((middle, 5, "disturbances decay"), (5, middle, "disturbances grow")):
         mu = pair.multipliers.copy()
         mu[i] = mu[other]
         (row,) = validate(replace(pair, multipliers=mu), [i], 1e-5, multiplier_tolerance=1e-3).rows
-        assert words != row.verdict and ("it leaves" if i == middle else "it stays") in row.verdict
+        assert words != row.status and ("disturbances grow" if i == middle else "disturbances decay") in row.status
 
 
 def test_few_harmonics_are_confirmed_with_more_and_their_error_is_said():
@@ -117,7 +117,7 @@ def test_few_harmonics_are_confirmed_with_more_and_their_error_is_said():
     assert len(marks[plot.REFINED].get_xdata()) == 3 and "agrees with integration" not in marks
     np.testing.assert_array_equal(marks["refined_error"].get_ydata(), [row.refined_error for row in found.rows])
     plt.close("all")
-    assert all(row.verdict == "agrees" for row in validate(curve, 3, 1e-2).rows)
+    assert all(row.status == "agrees" for row in validate(curve, 3, 1e-2).rows)
 
 
 def test_a_curve_whose_harmonics_vary_is_refined_too():
@@ -130,7 +130,7 @@ def test_the_default_harmonics_beside_the_fold_of_the_double_helical_pair():
     """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
     (row,) = validate(curve, [-1]).rows
-    assert row.verdict == "agrees with H = 32" and row.refined and row.Omega == 0.8453693
+    assert row.status == "agrees with H = 32" and row.refined and row.Omega == 0.8453693
     assert row.refined_error < 1e-4 < row.harmonic_error
 
 
@@ -140,7 +140,7 @@ def test_the_default_harmonics_beside_the_fold_of_the_double_helical_pair():
 def test_points_that_matter_are_chosen(pair):
     chosen = dict(choose(pair, 12))
     reasons = " ".join(chosen.values())
-    for word in ("beside LP1", "beside LP2", "beside GR1", "peak", "worst error", "between"):
+    for word in ("near LP1", "near LP2", "near GR1", "peak", "worst error", "between"):
         assert word in reasons
     assert len(chosen) == 12 and list(chosen) == sorted(chosen)
     assert not {p.index for p in pair.special if p.kind == "LP"} & set(chosen)
@@ -165,14 +165,14 @@ def test_points_that_are_not_there(pair, points, error, words):
 
 @pytest.mark.parametrize("tolerance", [1e-12, 0.0, 2.0, np.nan])
 def test_tolerances_that_cannot_be_met(pair, tolerance):
-    with pytest.raises(ValueError, match="must be a finite number" if np.isnan(tolerance) else "cannot be met"):
+    with pytest.raises(ValueError, match="must be a finite number" if np.isnan(tolerance) else "cannot be verified"):
         validate(pair, 3, tolerance)
     assert LEAST < 1e-8
 
 
 def test_a_tolerance_of_multipliers_that_cannot_be_met(pair):
     """Every point took all the harmonics there are, in vain."""
-    with pytest.raises(ValueError, match="multiplier_tolerance = 0 cannot be met"):
+    with pytest.raises(ValueError, match="multiplier_tolerance = 0 cannot be verified"):
         validate(pair, 3, multiplier_tolerance=0.0)
 
 
@@ -197,7 +197,7 @@ def test_another_model_is_refused(pair):
     for other, words in (
         (hb.SpurPair(zeta=0.06), "with other zeta"),
         (hb.gears.DoubleHelicalPair(), "was traced with another model"),
-        (hb.SpurPair(b=0.5), "corners"),
+        (hb.SpurPair(b=0.5), "breakpoints"),
     ):
         with pytest.raises(ValueError, match=words):
             validate(pair, 2, problem=hb.HarmonicBalance(other, 40))

@@ -36,9 +36,9 @@ def saved(run):
 def test_validate_agrees_and_writes_both_files(run, saved):
     code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
-    points, jumps = out.split("where jumps land by integration")
-    assert points.count("agrees") == 5 and "beside LP1" in out and "beside LP2" in out
-    assert jumps.count("agrees") == 2 and "2 of 2 jumps land where the curve says" in out
+    points, jumps = out.split("landings of jumps by integration")
+    assert points.count("agrees") == 5 and "near LP1" in out and "near LP2" in out
+    assert jumps.count("agrees") == 2 and "2 of 2 jumps agree" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert len(table) == 5 and table["rms_error"].max() < 1e-6
     assert os.path.getsize("report.png") > 10_000
@@ -58,7 +58,7 @@ def test_jumps_that_are_integrated_say_so(run):
     assert after == pytest.approx([0.0715, 0.0828], abs=1e-4)
     assert "LP3: indeterminate: " in found[1] and "indeterminate" not in near[1]
     code, out, _ = run("validate pair.npz --points 1")
-    assert code == 1 and "5 of 6 jumps land where the curve says" in out
+    assert code == 1 and "5 of 6 jumps agree" in out
     assert run("validate pair.npz --points 1 --landing nearest")[0] == 0
     code, out, _ = run(f"trace {PAIR} --from 2.5 --to 0.3 -o decided.npz --landing integrate")
     assert code == 0 and "integrated" in out and run("validate decided.npz --points 1")[0] == 0
@@ -93,7 +93,7 @@ def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is
     assert run("trace duffing --harmonics 1 --from 1.0 --to 1.2 -o coarse.npz")[0] == 0
     code, out, err = run("validate coarse.npz --points 3 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "3 of 3 points agree within 0.0001" in out
-    assert "3 of them with more harmonics: as traced off by" in out and "agrees with H = 4 to" in out
+    assert "3 of them with more harmonics: difference" in out and "agrees with H = 4 to" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert (table["harmonic_error"] > 1e-4).all() and (table["refined_error"] < 1e-4).all()
     assert (table["harmonics"] > 1).all()
@@ -141,11 +141,11 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
     ("text", "words"),
     [
         ("validate missing.npz", ["no file 'missing.npz'"]),
-        ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be met"]),
+        ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be verified"]),
         ("validate duffing.npz -o report.txt", ["must end in .csv"]),
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
-        ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "need 20 or more"]),
-        ("sweep duffing --set k3=-1 --set F=0.5", ["the motion runs away at Omega = "]),
+        ("sweep duffing --max-periods 10", ["longest = 10 periods are too few", "give 20 or more"]),
+        ("sweep duffing --set k3=-1 --set F=0.5", ["the motion diverges at Omega = "]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("sweep spur-pair --curve duffing.npz", ["Duffing"]),
         ("sweep duffing --in zeta=0.1:0.2", ["--at Omega"]),
@@ -162,12 +162,15 @@ def test_bad_input(run, saved, text, words):
 def test_basins_of_a_pair(run):
     where = "--set e=0.1 --omega 0.65 --d -2:3 --v -1.5:1.5 --shape 6 5"
     code, out, err = run(f"basins spur-pair {where} -o basins.csv --plot basins.png")
-    assert (code, err) == (0, "") and "all starts were followed" in out
+    assert (code, err) == (0, "") and "all starts were integrated" in out
     assert "0.34055" in out and "0.051407" in out
     table = np.genfromtxt("basins.csv", delimiter=",", names=True)
     assert len(table) == 30 and set(table["attractor"]) == {0, 1}
     assert os.path.getsize("basins.png") > 10_000
-    for text, words in (("--omega 0.9", "say which of 'gap L', 'gap R'"), ("--omega 0.9 --d 3", "--d 3: need a range")):
+    for text, words in (
+        ("--omega 0.9", "select one of 'gap L', 'gap R'"),
+        ("--omega 0.9 --d 3", "--d 3: need a range"),
+    ):
         code, _, err = run(f"basins double-helical {text}")
         assert code == 2 and words in err and err.count("\n") == 1
 

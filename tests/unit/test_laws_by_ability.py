@@ -8,7 +8,7 @@ import pytest
 import hbgear as hb
 from hbgear import Backlash, Cubic, Unilateral
 from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
-from hbgear.time.exponential.segments import Pieces
+from hbgear.time.exponential.segments import LawSegments
 
 WAVY = Series(mean=1.0, cosine=(0.1, 0.02), sine=(0.05,))
 SIDE_BY_SIDE = Parallel((Backlash(1.0, 1.0, WAVY), Unilateral(0.5, 1.6, WAVY.scaled(2.0))))
@@ -59,7 +59,7 @@ def test_folds_of_the_same_law_written_differently():
 
 @pytest.mark.parametrize("method", ["exponential", "DOP853"])
 def test_time_integration_of_the_same_law_written_differently(method):
-    pieces, same = Pieces.of([AS_ONE]), Pieces.of([SIDE_BY_SIDE])
+    pieces, same = LawSegments.of([AS_ONE]), LawSegments.of([SIDE_BY_SIDE])
     assert same.line.all()
     for a, b in zip(pieces.numbers(), same.numbers(), strict=True):
         np.testing.assert_allclose(b, a, rtol=0, atol=1e-15)

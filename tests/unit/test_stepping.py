@@ -154,9 +154,9 @@ def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
     """With tables summed as series, and more threads than motions in a part."""
     for model, n in ((SpurPair(e=(0.1,)), 1), (machine(TWO_SPRINGS), 2), (DoubleHelicalPair(zeta=0.05), 24)):
         y = rng.uniform(-1.5, 1.5, (23, 2 * n)) * (1 if n < 24 else 1e-3)
-        monkeypatch.setattr(integrator, "_SHORT", np.inf)
+        monkeypatch.setattr(integrator, "_MAX_SERIAL_COST", np.inf)
         alone = integrate(model, y, 2, 0.86, method="exponential", samples=32)
-        monkeypatch.setattr(integrator, "_SHORT", 0.0)
+        monkeypatch.setattr(integrator, "_MAX_SERIAL_COST", 0.0)
         many = integrate(model, y, 2, 0.86, method="exponential", samples=32)
         assert ExponentialIntegrator(model, 0.86).steps.curves(True).turn.size > 0
         np.testing.assert_allclose(many.end, alone.end, rtol=0, atol=1e-10)
@@ -217,7 +217,7 @@ def test_tables_are_the_laws(law, rng):
     k = (waves @ table.stiffness.T).real
     p = (k * (table.slope[:, piece].T * d[:, None] + table.offset[:, piece].T)).sum(axis=1)
     p += table.cubic[0, 0] * d + table.cubic[0, 1] * d**3
-    assert not table.asked.any()
+    assert not table.in_python.any()
     np.testing.assert_allclose(p, law.force(d, 0 * d, tau)[0], rtol=0, atol=1e-13)
 
 
@@ -229,7 +229,7 @@ def test_laws_without_a_table_are_asked():
             return d**4, 4 * d**3, 0 * d
 
     for law in (Opaque(Cubic(1.0)), Quartic(1.0), Parallel((Backlash(), Quartic(1.0)))):
-        assert LawTable.of([law, Backlash()]).asked.tolist() == [True, False]
+        assert LawTable.of([law, Backlash()]).in_python.tolist() == [True, False]
 
 
 # ---- threads

@@ -143,7 +143,7 @@ def test_switching_instants_are_on_the_corners():
 
 
 def test_samples_are_the_motion():
-    """At whole periods they are the ends of shorter runs."""
+    """At starts at a multiple of 2 pi they are the ends of shorter runs."""
     model, Omega, y = STARTS["SpurPair"]
     for method in ("DOP853", "exponential"):
         run = integrate(model, y, 3, Omega, method=method, samples=64)
@@ -264,12 +264,12 @@ def test_monodromy_is_the_derivative_of_the_map(rng):
         (lambda: integrate(VARYING, np.zeros(2), 1, -0.8), "must be positive"),
         (lambda: integrate(VARYING, np.zeros(2), 1, np.nan, method="exponential"), "must be a finite number"),
         (lambda: integrate([VARYING, VARYING], np.zeros((2, 2)), 1, 0.8), "one model"),
-        (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "whole periods"),
+        (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "a multiple of 2 pi"),
         (lambda: ExponentialIntegrator([SpurPair(), Duffing()], 0.8), "same"),
         (lambda: ExponentialIntegrator([SpurPair(), SpurPair()], [0.8, 0.9, 1.0]), "2 models and 3 values"),
         (lambda: shoot(VARYING, 0.8, np.zeros(2), nu=0), "nu = 0"),
         (lambda: shoot(VARYING, 0.8, np.zeros(3)), "does not fit"),
-        (lambda: shoot(VARYING, 0.8, np.zeros(2), tolerance=1e-15), "cannot be met"),
+        (lambda: shoot(VARYING, 0.8, np.zeros(2), tolerance=1e-15), "cannot be reached"),
     ],
 )  # fmt: skip
 def test_bad_input(call, words):
@@ -278,6 +278,6 @@ def test_bad_input(call, words):
 
 
 def test_shooting_that_fails_says_so():
-    with pytest.raises(NoConvergence, match="did not close the period at Omega") as error:
+    with pytest.raises(NoConvergence, match="shooting did not converge at Omega") as error:
         shoot(VARYING, 0.8, [30.0, -40.0], max_iterations=1, tolerance=1e-13)
     assert len(error.value.residuals) == 2 and error.value.X.shape == (2,)

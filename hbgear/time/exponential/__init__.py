@@ -1,1 +1,1 @@
-"""The exponential integrator: kernels and tables."""
+"""Exponential integrator: kernels and tables."""

@@ -1,8 +1,8 @@
-"""Excitation with corners as tables of numbers, for compiled time integration: see `stepping`.
+"""Excitation with breakpoints as tables of numbers, for compiled time integration: see `kernels`.
 
     e_j(tau), k_i(tau) = sum_q rows[p, q] (tau - at[p])^q       from at[p] to at[p + 1]
 
-Steps end at the corners. These are counted by the cell of the period they lie in, or end.
+Steps end at the breakpoints. These are assigned to the cell of the period in which they lie or end.
 """
 
 from __future__ import annotations
@@ -20,16 +20,24 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 from hbgear.time.exponential.segments import Integers
 
-_GRID = 600  # cells of a period that may be needed for corners to fall on their ends
+_MAX_COMMON_CELLS = 600
+"""Largest number of cells of a period [-] that is used to place all breakpoints on ends of cells."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """The functions with corners of R systems: the stiffness of S springs, then the displacements of m elements.
+    """Functions with breakpoints of R systems: the stiffness of S springs, then the displacements of m elements.
 
-    at (R, S + m, P) : phases where pieces begin; inf beyond the last. rows (R, S + m, P, 4) : coefficients; zero of
-    functions without corners. phases : all corners of each system, ascending.
-    kinks : jumps (I, m) of the first derivatives of the displacements there.
+    Attributes
+    ----------
+    at : ndarray, shape (R, S + m, P)
+        Phases at which segments begin; inf beyond the last.
+    rows : ndarray, shape (R, S + m, P, 4)
+        Coefficients; zero for functions without breakpoints.
+    phases : tuple of ndarray
+        All breakpoints of each system, ascending.
+    kinks : tuple of ndarray, shape (I, m)
+        Jumps of the first derivatives of the displacements at the breakpoints.
     """
 
     at: Array
@@ -39,7 +47,7 @@ class Excitation:
 
     @staticmethod
     def of(systems: Sequence[System]) -> Excitation:
-        """Of systems with the same numbers of springs and elements."""
+        """Return the tables of systems with the same numbers of springs and elements."""
         each = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
         pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] for functions in each]
@@ -56,65 +64,84 @@ class Excitation:
 
     @property
     def any(self) -> bool:
-        """Whether there are corners."""
+        """True if there are breakpoints."""
         return any(map(len, self.phases))
 
     def cells(self, least: int) -> int:
-        """At least so many cells of the period; if few more are enough for all corners to be ends of cells, these."""
-        together = 1
-        for x in np.concatenate(self.phases) / TURN:
-            share = Fraction(float(x)).limit_denominator(_GRID)
-            together = math.lcm(together, share.denominator)
-            if together > _GRID or abs(float(share) - x) > 1e-12:
-                return least
-        return -(-least // together) * together
+        """Return the number of cells of the period, at least ``least``.
 
-    def stops(self, N: int, of: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
-        """Where steps end among N cells of a period, for rows whose systems are number ``of``, at Omega (R,).
+        A slightly larger number is returned if all breakpoints are then ends of cells.
+        """
+        common = 1
+        for x in np.concatenate(self.phases) / TURN:
+            fraction = Fraction(float(x)).limit_denominator(_MAX_COMMON_CELLS)
+            common = math.lcm(common, fraction.denominator)
+            if common > _MAX_COMMON_CELLS or abs(float(fraction) - x) > 1e-12:
+                return least
+        return -(-least // common) * common
+
+    def step_ends(self, N: int, of: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
+        """Return the positions in N cells of a period at which steps end, for rows of systems ``of`` at Omega (R,).
+
+        Parameters
+        ----------
+        N : int
+            Number of cells of a period.
+        of : ndarray, shape (R,)
+            System of each row.
+        Omega : ndarray, shape (R,)
+            Excitation frequencies.
 
         Returns
         -------
-        first (R, N + 1) : the stops first[cell] to first[cell + 1] are those of a cell.
-        place (R, I) : in shares of it, above 0, 1 for its end. kink (R, I, m) : by how much the rates e' jump there.
+        first : ndarray, shape (R, N + 1)
+            Index of the first breakpoint of each cell.
+        position : ndarray, shape (R, I)
+            Positions as fractions of the cell, above 0; 1 is its end.
+        kink : ndarray, shape (R, I, m)
+            Jumps of the rates e'.
         """
         m = self.kinks[0].shape[1]
-        made = [self._stops(i, N) for i in range(len(self.phases))]
-        most = max(len(place) for _, place, _ in made)
+        made = [self._step_ends(i, N) for i in range(len(self.phases))]
+        largest = max(len(position) for _, position, _ in made)
         first = np.array([made[i][0] for i in of]).reshape(len(of), N + 1)
-        place, kink = np.ones((len(of), most)), np.zeros((len(of), most, m))
+        position, kink = np.ones((len(of), largest)), np.zeros((len(of), largest, m))
         for row, i in enumerate(of):
             count = len(made[i][1])
-            place[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
-        return first, place, kink
+            position[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
+        return first, position, kink
 
-    def _stops(self, i: int, N: int) -> tuple[Integers, Array, Array]:
+    def _step_ends(self, i: int, N: int) -> tuple[Integers, Array, Array]:
+        """Return `step_ends` of system i at Omega = 1."""
         x = self.phases[i] * (N / TURN)
         cell = np.ceil(x - 1e-11).astype(int) - 1
-        place = x - cell
-        place[place > 1 - 1e-11] = 1.0
-        cell[cell < 0] = N - 1  # the corner at 0 is the end of the period
-        order = np.lexsort((place, cell))
-        cell, place = cell[order], place[order]
-        return np.searchsorted(cell, np.arange(N + 1)), place, self.kinks[i][order]
+        position = x - cell
+        position[position > 1 - 1e-11] = 1.0
+        cell[cell < 0] = N - 1  # the breakpoint at 0 is the end of the period
+        order = np.lexsort((position, cell))
+        cell, position = cell[order], position[order]
+        return np.searchsorted(cell, np.arange(N + 1)), position, self.kinks[i][order]
 
 
 def _kinks(system: System, phases: Array) -> Array:
-    """Jumps (I, m) of the first derivatives of the displacements at these phases."""
+    """Return the jumps (I, m) of the first derivatives of the displacements at given phases."""
     out = np.zeros((len(phases), len(system.elements)))
     for j, element in enumerate(system.elements):
         e = element.displacement
         for x, jump in zip(e.phases, e.jumps, strict=True) if isinstance(e, Periodic) else ():
-            away = np.abs(phases - x % TURN)
-            if away.min() < 1e-9 and len(jump) > 1:
-                out[np.argmin(away), j] = jump[1]
+            distance = np.abs(phases - x % TURN)
+            if distance.min() < 1e-9 and len(jump) > 1:
+                out[np.argmin(distance), j] = jump[1]
     return out
 
 
 def _functions(system: System) -> list[Phased]:
+    """Return the stiffness of all springs and the displacements of all elements."""
     parts = [springs_of(element.law) for element in system.elements]
     springs = [spring.stiffness for part in parts if part for spring in part[0]]
     return [*springs, *(element.displacement for element in system.elements)]
 
 
 def _phases(system: System) -> Array:
+    """Return all breakpoints of a system over the phase."""
     return np.unique([x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)])

@@ -1,4 +1,4 @@
-"""Kernel that judges how nearly motions seen once a period have closed: see `settle`."""
+"""Kernel that estimates how closely motions sampled once a period approach a periodic motion: see `steady_state`."""
 
 from __future__ import annotations
 
@@ -14,46 +14,59 @@ def is_periodic(
     past: Array, p: int, periods: int, window: int, weights: Array, size: Array, tolerance: float, period: Integers,
     left: Array, guess: Integers,
 ) -> None:  # fmt: skip
-    """What is known of B motions after p periods.
+    """Estimate the period and the remaining distance of B motions after p excitation periods.
 
     Parameters
     ----------
-    past : (T, B, r) states, that after i periods at (i - 1) % T; T at least 2 window + periods.
-    periods : largest period looked for.
-    window : periods over which the rate of approach is judged, twice.
-    weights : (1 or B, r) of the states' parts. size : (B,) of the states.
-    tolerance : distance still to go, relative to the size, below which a motion is settled.
-    period : (B,), on return 0 where it is not. left : (B,) distance still to go, for the period guess (B,) that is
-        nearest to settling.
+    past : ndarray, shape (T, B, r)
+        States; the state after i periods has the index (i - 1) % T. T is at least 2 window + periods.
+    p : int
+        Number of periods integrated.
+    periods : int
+        Largest period that is tested.
+    window : int
+        Number of periods of each of the two windows from which the rate of convergence is estimated.
+    weights : ndarray, shape (1, r) or (B, r)
+        Weights of the components of the states.
+    size : ndarray, shape (B,)
+        Sizes of the states.
+    tolerance : float
+        Remaining distance, relative to the size, below which a motion is settled.
+    period : ndarray, shape (B,)
+        Output: period, 0 if the motion is not settled.
+    left : ndarray, shape (B,)
+        Output: remaining distance for the period ``guess``.
+    guess : ndarray, shape (B,)
+        Output: period with the smallest remaining distance.
     """
     T, B, r = past.shape
     for b in range(B):
         row = b if len(weights) > 1 else 0
         period[b], guess[b], left[b] = 0, 1, np.inf
-        first = same = 0
+        first = small = 0
         for k in range(1, periods + 1):
             new = old = 0.0
             for i in range(2 * window):
-                gap = np.inf
+                distance = np.inf
                 if p - i - k >= 0:
                     x, y, total = (p - i - 1) % T, (p - i - k - 1) % T, 0.0
                     for a in range(r):
                         total += (weights[row, a] * (past[x, b, a] - past[y, b, a])) ** 2
-                    gap = np.sqrt(total)
+                    distance = np.sqrt(total)
                 if i < window:
-                    new = gap if not gap <= new else new
+                    new = distance if not distance <= new else new
                 else:
-                    old = gap if not gap <= old else old
-            go = np.inf
+                    old = distance if not distance <= old else old
+            remaining = np.inf
             if new <= 1e-14 * size[b]:
-                go = 0.0
+                remaining = 0.0
             elif new < old:
-                go = new / (1.0 - (new / old) ** (k / window)) / size[b]
-            if go < left[b]:
-                left[b], guess[b] = go, k
-            if first == 0 and go <= tolerance:
+                remaining = new / (1.0 - (new / old) ** (k / window)) / size[b]
+            if remaining < left[b]:
+                left[b], guess[b] = remaining, k
+            if first == 0 and remaining <= tolerance:
                 first = k
-            if same == 0 and new <= 30.0 * tolerance * size[b]:
-                same = k
-        if first:  # a multiple of the period closes before the period does; what is that small is the period
-            period[b] = min(first, same) if same else first
+            if small == 0 and new <= 30.0 * tolerance * size[b]:
+                small = k
+        if first:  # a multiple of the period may converge first; the smallest period with a small distance is taken
+            period[b] = min(first, small) if small else first

@@ -1,8 +1,9 @@
-"""Tables the kernels of `stepping` work with, computed before the first step.
+"""Tables of the kernels, computed before the first step.
 
-A step is linear in the state it begins with and in w at the Gauss points, by tables that depend on its length alone.
-They are ready for whole cells of the period; for parts of a cell they are computed, or, for many motions, summed as
-Chebyshev series in the length. Where laws are straight, steps over whole cells are linear in the state alone.
+A step is linear in its initial state and in w at the Gauss points, with tables that depend on its length alone. They
+are stored for whole cells of the period. For partial cells they are computed, or, for many motions, evaluated as
+Chebyshev series in the length. If the laws are linear on their segments, a step over a whole cell is linear in the
+state alone.
 """
 
 from __future__ import annotations
@@ -17,50 +18,68 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
-from hbgear.time.exponential.segments import FINE, Integers
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers
 
-_FOLDED = 200_000  # numbers that steps in one go may take
+_MAX_FOLDED_ENTRIES = 200_000
+"""Largest number of table entries [-] of folded steps, which are linear in the state alone."""
 
-
-_MOST_TERMS = 40  # of series that give the tables of steps of any length
+_MAX_SERIES_TERMS = 40
+"""Largest number of Chebyshev terms [-] of the tables over the step length; with more they cost more than they save."""
 
 
 def packed(data: Iterable[Any]) -> list[Any]:
-    """Arrays in the layout the kernels are compiled for."""
+    """Return arrays in the memory layout for which the kernels are compiled."""
     return [np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x for x in data]
 
 
 @lru_cache(maxsize=8)
 def dense(s: int) -> tuple[Array, Array, Array]:
-    """Interpolation in a step from d and h v at 0, the Gauss points and 1.
+    """Return the interpolation in a step from d and h v at 0, the Gauss points and 1.
 
-    Returns what each of these adds to the Chebyshev coefficients (2s + 4, 2s + 4), and to d and h v at FINE + 1 equal
-    instants, (2s + 4, FINE + 1) each.
+    Parameters
+    ----------
+    s : int
+        Number of Gauss points.
+
+    Returns
+    -------
+    tuple of ndarray
+        Contributions of each of these values to the Chebyshev coefficients (2s + 4, 2s + 4), and to d and h v at
+        SAMPLES_PER_STEP + 1 equidistant instants, (2s + 4, SAMPLES_PER_STEP + 1) each.
     """
     nodes, k = np.concatenate([[0.0], gauss_nodes(s)[0], [1.0]]), np.arange(2 * s + 4)
     matrix = np.linalg.inv(np.concatenate([_chebyshev(nodes, k), _chebyshev_slope(nodes, k)]))
-    x = np.linspace(0.0, 1.0, FINE + 1)
+    x = np.linspace(0.0, 1.0, SAMPLES_PER_STEP + 1)
     return matrix.T, (_chebyshev(x, k) @ matrix).T, (_chebyshev_slope(x, k) @ matrix).T
 
 
 def _chebyshev(x: Array, k: Integers) -> Array:
-    """T_k(2x - 1), (..., K)."""
+    """Return T_k(2x - 1), (..., K)."""
     T: Array = np.cos(k * np.arccos(np.clip(2 * x - 1, -1.0, 1.0))[..., None])
     return T
 
 
 def _chebyshev_slope(x: Array, k: Integers) -> Array:
-    """Derivative of T_k(2x - 1) in x."""
+    """Return the derivative of T_k(2x - 1) in x."""
     c = np.eye(len(k))
     return np.polynomial.chebyshev.chebval(2 * x - 1, 2 * np.polynomial.chebyshev.chebder(c)).T
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps of a plan: tables of whole cells, and those of any length.
+    """Steps of a plan: tables of whole cells, and tables of any length.
 
-    whole : `stepping.Tables`. folded : steps over whole cells in one go, see `stepping.fold`; empty where that takes
-    more products than to find w. cost : products of a step.
+    Attributes
+    ----------
+    plan, method : Plan, Method
+        See `kernels`.
+    whole : Tables
+        Tables of whole cells.
+    folded : ndarray
+        Steps over whole cells that are linear in the state alone, see `kernels.fold`; empty if they need more products
+        than the solution for w.
+    cost : int
+        Number of products of a step.
     """
 
     plan: Any
@@ -71,33 +90,36 @@ class Steps:
     _curves: dict[bool, Any] = field(default_factory=dict)
 
     @staticmethod
-    def of(plan: Any, method: Any, corners: Any, N: int) -> Steps:
-        """Of N steps a period; corners of the excitation or None."""
+    def of(plan: Any, method: Any, breakpoints: Any, N: int) -> Steps:
+        """Return the steps of a plan with N cells a period, and breakpoints of the excitation or None."""
         from hbgear.time.exponential.kernels import fill, fold
 
         (R, m, P), size, s = plan.low.shape, 2 * plan.poles.shape[1], len(method.lagrange)
-        n, r, (whole, work) = (s + 1) * 2 * m, s * m, _empty(plan, method, R, N)
-        fill(plan, method, corners, np.ones(R), work, whole)
+        n, r, (whole, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
+        fill(plan, method, breakpoints, np.ones(R), work, whole)
         cost = size * n + 2 * r * n + r**3 + size * r
         shape = (N, P**m, size + 1, n + size)
-        if R > 1 or not method.straight or size * (n + size) > cost or math.prod(shape) > _FOLDED:
+        if R > 1 or not method.straight or size * (n + size) > cost or math.prod(shape) > _MAX_FOLDED_ENTRIES:
             return Steps(plan, method, whole, np.empty((0, 0, 0, 0)), cost)
         folded = np.empty(shape)
-        fold(plan, method, corners, whole, work, folded)
+        fold(plan, method, breakpoints, whole, work, folded)
         return Steps(plan, method, whole, folded, size * (n + size))
 
     def select(self, rows: Integers) -> Steps:
-        """Some of the rows."""
+        """Return the steps of some rows."""
         plan, whole = (type(each)(*(x[rows] for x in each)) for each in (self.plan, self.whole))
         return Steps(plan, self.method, whole, self.folded, self.cost)
 
     def curves(self, many: bool) -> Any:
-        """`stepping.Tables` of D Chebyshev coefficients over the length; D = 0 unless many motions gain by it."""
+        """Return `kernels.Tables` of D Chebyshev coefficients over the length.
+
+        D = 0 unless many motions profit from them.
+        """
         from hbgear.time.exponential.kernels import fill
 
         if many not in self._curves:
             D = self._terms() if many and len(self.plan.h) == 1 else 0
-            out, work = _empty(self.plan, self.method, D, 0)
+            out, work = _allocate(self.plan, self.method, D, 0)
             angle = np.pi * (np.arange(D) + 0.5) / max(D, 1)
             fill(self.plan, self.method, None, 0.5 * (1 + np.cos(angle)), work, out)
             to_series = np.cos(np.arange(D)[:, None] * angle) * 2 / max(D, 1)
@@ -106,17 +128,17 @@ class Steps:
         return self._curves[many]
 
     def _terms(self) -> int:
-        """How many terms leave nothing but rounding; 0 if too many for them to pay."""
+        """Return the number of terms with an error at rounding level; 0 if there are too many to save time."""
         reach, size, D = 0.25 * float(np.abs(self.plan.poles).max(initial=0.0) * self.plan.h[0]), 1.0, 1
-        while size > 1e-17 and D <= _MOST_TERMS:
+        while size > 1e-17 and D <= _MAX_SERIES_TERMS:
             size *= reach / D
             D += 1
-        return D if D <= _MOST_TERMS else 0
+        return D if D <= _MAX_SERIES_TERMS else 0
 
 
-def _empty(plan: Any, method: Any, rows: int, cells: int) -> tuple[Any, Any]:
-    """Tables yet to be filled in, and room for that."""
-    from hbgear.time.exponential.kernels import tables_for, work_for
+def _allocate(plan: Any, method: Any, rows: int, cells: int) -> tuple[Any, Any]:
+    """Return empty tables and a workspace."""
+    from hbgear.time.exponential.kernels import allocate_tables, allocate_workspace
 
     sizes = len(method.lagrange), plan.kr.shape[1], plan.poles.shape[1]
-    return tables_for(rows, cells, *sizes, len(method.element)), work_for(1, *sizes)
+    return allocate_tables(rows, cells, *sizes, len(method.element)), allocate_workspace(1, *sizes)

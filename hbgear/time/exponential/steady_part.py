@@ -1,0 +1,44 @@
+"""Response of the linear part alone to all loads and displacement excitations that are Fourier series.
+
+z_steady(tau) = sum_k (left F_k + input (kr + i k Omega c) e_k) / (i k Omega - poles) exp(i k tau)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.mechanics.models import System
+from hbgear.mechanics.series.fourier import Series, to_complex
+from hbgear.time.exponential.modal_states import modes_of
+from hbgear.time.exponential.segments import Integers
+
+
+def highest_order(systems: list[System]) -> int:
+    """Return the highest harmonic order of the displacements and loads of some systems."""
+    orders = [[e.displacement.order for e in s.elements] + [load.order for load in s.loads] for s in systems]
+    return max(0, *(order for each in orders for order in each))
+
+
+def steady_part(
+    structure: LinearStructure, system: System, kept: Integers, Omega: float, order: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return z_steady (q,) of the stored modes at tau = 0, and the harmonics of its d and v (order + 1, 2 m)."""
+    k = np.arange(order + 1)
+    modes, rate = modes_of(structure), 1j * k[:, None] * Omega
+    e = np.zeros((order + 1, structure.m), dtype=complex)
+    F = np.zeros((order + 1, structure.n), dtype=complex)
+    for j, element in enumerate(system.elements):
+        if isinstance(element.displacement, Series):
+            c = to_complex(element.displacement.row())
+            e[: len(c), j] = c
+    for load in system.loads:
+        for harmonic, vector in load.complex(structure.n).items():
+            F[harmonic] += Omega**load.power * vector
+    pull = (structure.kr + structure.c * rate) * e
+    positive = (F @ modes.left.T + pull @ modes.input.T) / (rate - modes.poles)
+    negative = (F.conj() @ modes.left.T + pull.conj() @ modes.input.T) / (-rate - modes.poles)
+    d = positive @ modes.output.T - e
+    z: Array = 0.5 * (positive + negative)[:, kept].sum(axis=0)
+    return z, np.concatenate([d, rate * d], axis=1)
