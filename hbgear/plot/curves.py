@@ -281,7 +281,7 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
     >>> axes = hb.plot.jump_map(jumps)
     """
-    names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
+    names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
     own = ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
@@ -293,16 +293,16 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
             ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
                     gid=cusp.label)  # fmt: skip
-            place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
-            side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
+            fraction = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
+            side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
             ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
         ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
         dress(ax)
-        rows = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and scaled_axes(ax, same_scales(rows), "right"):
+        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
+        if own and scaled_axes(ax, same_scales(known), "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
@@ -338,9 +338,9 @@ def _curve(
         style, width = LINES[stable]
         if widths:
             width = widths[regime] * width / LINES[True][1]
-        rows = slice(first, last + 1)
+        points = slice(first, last + 1)
         ax.plot(
-            branch.values[rows], amplitude[rows], linestyle=style, linewidth=width, color=color or COLOURS[regime],
+            branch.values[points], amplitude[points], linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
 
@@ -366,15 +366,11 @@ def _mark_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str],
 
 def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
     """Draw an arrow at the end of a curve, or where it leaves the axes."""
-    cut = len(y) - 1
-    while cut > 1 and y[cut - 1] > _ARROW_TIP_FRACTION * top:
+    cut, limit = len(y) - 1, _ARROW_TIP_FRACTION * top
+    while cut > 1 and y[cut - 1] > limit:
         cut -= 1
-    share = (
-        min((_ARROW_TIP_FRACTION * top - y[cut - 1]) / (y[cut] - y[cut - 1]), 1.0)
-        if y[cut] > _ARROW_TIP_FRACTION * top
-        else 1.0
-    )
-    tip = x[cut - 1] + share * (x[cut] - x[cut - 1]), y[cut - 1] + share * (y[cut] - y[cut - 1])
+    s = min((limit - y[cut - 1]) / (y[cut] - y[cut - 1]), 1.0) if y[cut] > limit else 1.0
+    tip = x[cut - 1] + s * (x[cut] - x[cut - 1]), y[cut - 1] + s * (y[cut] - y[cut - 1])
     style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 17}
     ax.annotate("", xy=tip, xytext=(x[cut - 1], y[cut - 1]), arrowprops=style, zorder=3, gid="to infinity")
 
@@ -463,7 +459,7 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Ordinate) -> None:
         return
     start, end = ((jump.value, height.at(point)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
-    ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
+    ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
 
 
 def _marks(ax: Axes, branch: Branch, height: _Ordinate, numbered: bool = False) -> None:
@@ -512,8 +508,8 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
         at = (point.parameters[branch.parameter], float(amplitude[point.index]))
         zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
-    rows = slice(first, last + 1)
-    for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):
+    points = slice(first, last + 1)
+    for values, limits in ((branch.values[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):
         low, high = float(values.min()), float(values.max())
         margin = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
         limits(low - margin, high + margin)

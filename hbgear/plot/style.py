@@ -320,7 +320,7 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
     from hbgear.plot.labels import labels_of
 
     events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
-    ranks = [*map(in_words, REGIMES), "unstable", "undecided", *(name for _, name in MARKERS.values()), *events]
+    ranks = [*map(in_words, REGIMES), "unstable", "undecided", "jump", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
@@ -338,6 +338,8 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
             if curve:
                 entries[label].set(linestyle="-", linewidth=LINES[True][1], marker="None")
             entries[label].set_visible(True)
+    if any(text.get_gid() == "jump" for text in ax.texts):
+        entries["jump"] = Line2D([], [], linestyle="None", marker=r"$\uparrow$", color="#777777", markersize=8)
     labels = sorted(entries, key=lambda label: ranks.index(label) if label in ranks else -1)
     if not labels:
         return

@@ -184,13 +184,14 @@ def test_legend_names_only_what_occurs():
         return [text.get_text() for text in ax.get_legend().get_texts()]
 
     assert names(plot.response(resonance())) == [
-        "no impact", "single-sided", "unstable", "fold (LP)", "grazing contact (GR)"
+        "no impact", "single-sided", "unstable", "jump", "fold (LP)", "grazing contact (GR)"
     ]  # fmt: skip
-    assert names(plot.response(resonance(corners=((),)))) == ["unstable", "fold (LP)"]
+    assert names(plot.response(resonance(corners=((),)))) == ["unstable", "jump", "fold (LP)"]
     assert names(plot.response(resonance(multipliers=False), special=False)) == ["no impact", "single-sided"]
     assert plot.response(resonance(), legend=False).get_legend() is None
     ax = plot.response(resonance(), label="one", color="red", special=False)
-    assert names(plot.response(resonance(k3=-0.05), label="two", special=False, ax=ax)) == ["one", "two", "unstable"]
+    plot.response(resonance(k3=-0.05), label="two", special=False, ax=ax)
+    assert names(ax) == ["one", "two", "unstable", "jump"]
     linear = plot.response(resonance(k3=-1e-9, corners=((),)))
     assert linear.get_legend() is None
 

@@ -92,12 +92,12 @@ def _shade(found: ResponseBand, sigmas: float) -> Path:
     size = np.array(found.size)
     middle = np.column_stack([found.frequency, found.amplitude])[known] / size
     angle = np.unwrap(np.arctan2(found.normal[known, 1], found.normal[known, 0]))
-    rows = np.arange(len(angle))
+    points = np.arange(len(angle))
     parts = np.ceil(np.abs(np.diff(angle)) / _MAX_NORMAL_ROTATION).astype(int).clip(1)
-    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), rows[-1])
-    middle = np.column_stack([np.interp(at, rows, x) for x in middle.T])
-    angle = np.interp(at, rows, angle)
-    covariance = np.column_stack([np.interp(at, rows, x) for x in found.covariance[known].reshape(-1, 4).T])
+    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), points[-1])
+    middle = np.column_stack([np.interp(at, points, x) for x in middle.T])
+    angle = np.interp(at, points, angle)
+    covariance = np.column_stack([np.interp(at, points, x) for x in found.covariance[known].reshape(-1, 4).T])
     away = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
     u, v = (middle + away) * size, (middle - away) * size
     triangles = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
@@ -116,7 +116,7 @@ def _curve(ax: Axes, found: ResponseBand) -> None:
     """Draw the curve in the colours of its regimes, dashed where it is unstable."""
     for (regime, stable), first, last in sections(found.branch, found.element):
         style, width = LINES[stable]
-        rows = slice(first, last + 1)
+        some = slice(first, last + 1)
         name = "_curve" if regime == "unknown" else in_words(regime)
-        ax.plot(found.frequency[rows], found.amplitude[rows], linestyle=style, linewidth=width, color=COLOURS[regime],
+        ax.plot(found.frequency[some], found.amplitude[some], linestyle=style, linewidth=width, color=COLOURS[regime],
                 label=name, gid=f"branch {regime} {stable}")  # fmt: skip

@@ -61,13 +61,13 @@ def tornado(
         raise ValueError(f"no parameter that is not zero changes {quantity} of {found.label}")
     names = list(effects)[:most]
     change = percent * np.array([effects[name] for name in names])
-    rows = np.arange(len(names))
+    positions = np.arange(len(names))
     with styled():
         ax = axes_or_new(ax, (5.4, 1.2 + 0.24 * len(names)))
         for sign, colour, word in ((1, COLOURS["no_impact"], "+"), (-1, COLOURS["single_sided"], "\u2212")):
-            ax.barh(rows, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
+            ax.barh(positions, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
         ax.axvline(0.0, color=GREY, linewidth=0.6)
-        ax.set_yticks(rows, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
+        ax.set_yticks(positions, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
         ax.set_ylim(len(names) - 0.4, -0.6)
         ax.margins(x=0.08)
         ax.set_xlabel(f"change of {quantity} of {found.label} [%]   ({quantity} = {found.size(quantity):.6g})")

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 
 JUMPS = {
-    "jump_rising": ("^", "-", COLOURS["no_impact"], r"jump while $\Omega$ rises"),
-    "jump_falling": ("v", "-.", COLOURS["single_sided"], r"jump while $\Omega$ falls"),
+    "jump_rising": ("^", "-", COLOURS["no_impact"], "jump, sweep up"),
+    "jump_falling": ("v", "-.", COLOURS["single_sided"], "jump, sweep down"),
 }
 """Marker, line style, colour and name of the jumps of each sweep direction."""
 
@@ -89,7 +89,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax = axes_or_new(ax, (5.4, 4.2))
         _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
         if not same.all():
-            names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
+            names = {1: "sweep up: 5 to 95 %", -1: "sweep down: 5 to 95 %"}
             for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
                 here, wide = swept[direction], _widened(~same)
                 parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
@@ -98,7 +98,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         if none.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
                 Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
-                hatch="////", linewidth=0, label="none stable",
+                hatch="////", linewidth=0, label="no stable motion",
             )  # fmt: skip
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
