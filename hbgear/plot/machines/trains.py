@@ -112,22 +112,13 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
     per_tooth = 1e3 * machine.r_s / np.cos(np.radians(machine.alpha_s_deg)) / machine.teeth_s  # pitch radius of a tooth
     sun, planet, ring = (per_tooth * z for z in (machine.teeth_s, machine.teeth_p, machine.teeth_r))
     distance = sun + planet
-    cycles = np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi)
+    cycles = np.round(np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi), 6) % 1  # without rounding errors
     speeds = {name: float(speed) for name, speed in machine.speeds.items()}
     with styled():
         ax = axes_or_new(ax, (5.4, 4.6))
-        for name, r in (("sun", sun), ("ring", ring)):
-            _circle(ax, np.zeros(2), r, f"{name}, {_role(machine, name)}", heavy=name == "ring")
-        ax.annotate(
-            f"sun\n{machine.teeth_s} teeth",
-            (0, 0.1 * sun),
-            ha="center",
-            va="bottom",
-            fontsize=8,
-            zorder=5,
-            bbox=_BEHIND,
-        )
-        ax.annotate(f"ring, {machine.teeth_r} teeth", (0, 1.03 * ring), ha="center", va="bottom", fontsize=8)
+        for name, r, teeth in (("sun", sun, machine.teeth_s), ("ring", ring, machine.teeth_r)):
+            _circle(ax, np.zeros(2), r, f"{name} ({teeth} teeth), {_role(machine, name)}", heavy=name == "ring")
+        ax.plot([], [], "-", color=BRANCHES[1], linewidth=1.2, label=f"planets ({machine.teeth_p} teeth)")
         ax.plot(0, 0, "+", color="black", markersize=5)
         for n, psi in enumerate(machine.angles):
             centre = distance * np.array([np.cos(psi), np.sin(psi)])
@@ -138,8 +129,16 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
             ax.annotate(text, tuple(centre), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
             spin = -(speeds["sun"] - speeds["carrier"]) * machine.teeth_s / machine.teeth_p  # in the carrier's frame
             _arrow(ax, centre, 0.62 * planet, spin)
-        for name, r in (("sun", 0.62 * sun), ("ring", 0.96 * ring), ("carrier", distance)):
-            _arrow(ax, np.zeros(2), r, speeds[name])
+        free = max(
+            2 * np.pi / len(machine.angles) - 2 * np.arcsin(planet / distance), 0.3
+        )  # angle between planets [rad]
+        between = 0.5 * (machine.angles[-1] + machine.angles[0]) + np.pi  # the arrow of the carrier avoids the planets
+        for name, r, angle in (
+            ("sun", 0.62 * sun, between),
+            ("ring", 0.96 * ring, -1.8),
+            ("carrier", distance, between),
+        ):
+            _arrow(ax, np.zeros(2), r, speeds[name], angle, free if name == "carrier" else 1.2)
         ax.set_title(f"{machine.phasing}; lag of the meshes with sun | ring [cycles]", fontsize=9)
         ax.set_aspect("equal")
         ax.set_xlabel("x [mm]")
@@ -147,7 +146,7 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ax.margins(0.08)
         dress(ax)
         handles = {str(line.get_label()): line for line in ax.lines if not str(line.get_label()).startswith("_")}
-        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     return ax
 
 
@@ -266,13 +265,16 @@ def _wheel(ax: Axes, wheel: Any, centre: np.ndarray, size: float, speed: float) 
     _arrow(ax, centre, _ARROW_RADIUS_RATIO * r if not ring else 0.94 * r, speed)
 
 
-def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float) -> None:
-    """Draw part of a circle in the sense of rotation; nothing if the speed is zero."""
+def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float, angle: float = -1.8, extent: float = 1.2) -> None:
+    """Draw an arc around an angle [rad] in the sense of rotation, with its extent [rad]; nothing at zero speed."""
     from matplotlib.patches import FancyArrowPatch
 
     if speed:
         turn = np.sign(speed)
-        begin, end = (centre + r * np.array([np.cos(a), np.sin(a)]) for a in (-1.9 - 0.5 * turn, -1.9 + 0.7 * turn))
+        begin, end = (
+            centre + r * np.array([np.cos(a), np.sin(a)])
+            for a in (angle - 0.5 * extent * turn, angle + 0.5 * extent * turn)
+        )
         ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}", zorder=3,
                                      arrowstyle="-|>", mutation_scale=9, color=COLOURS["no_impact"],
                                      linewidth=1.0))  # fmt: skip
