@@ -213,7 +213,7 @@ def test_what_cannot_be_reported_is_refused(pair, tmp_path):
         def evaluate(self, X, p):
             return X - p, np.eye(1)
 
-    with pytest.raises(ValueError, match="no curve of periodic motions"):
+    with pytest.raises(ValueError, match="not a branch of periodic motions"):
         hb.report(hb.trace(Line(), "p", (0, 1), np.array([0.0])))
 
 
