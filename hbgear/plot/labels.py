@@ -50,10 +50,11 @@ _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "to
 
 _COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "ambiguous": 30.0, "curve": 4.0,
          "reach": 0.5, "side": 0.4}  # fmt: skip
-"""Costs of a label position (dimensionless): of each overlap with a label, border, legend, mark or point of a curve, of a
-smaller distance from another symbol ("ambiguous"), of each pt of distance ("reach"), of another side ("side").
+"""Costs of a label position, dimensionless; their ratios define which overlaps are avoided first.
 
-The ratios define the order in which overlaps are avoided."""
+Each overlap with a label, border, legend, mark or point of a curve has a cost; so have a smaller distance from another
+symbol ("ambiguous"), each pt of distance ("reach"), and another side than the preferred one ("side").
+"""
 
 
 @dataclass
