@@ -136,29 +136,50 @@ const hbgear = (() => {
   const SIDES = [["top center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0], ["bottom center", 0, -1],
                  ["top right", 1, 1], ["top left", -1, 1], ["bottom right", 1, -1], ["bottom left", -1, -1]];
 
-  function placeLabels(kinds) { // each on a side without overlap; without a free side only the hover text shows the label
+  function placeLabels(kinds) { // each on the side where it covers no symbol or label and the fewest points of lines; else only the hover text shows it
     const [low, high] = state.frame || span(), all = kinds.flatMap((k) => k.y).filter((y) => y !== null);
     const bound = topOf() || Infinity, heights = state.curves.flatMap((c) => sizes(c)).filter((y) => y !== null && y <= bound);
     const top = Math.max(...heights, ...all.filter((y) => y <= bound)) || 1;
     const wide = 0.75 * $("response").clientWidth || 700, tall = 0.72 * $("response").clientHeight || 380, taken = [];
     const at = (x, y) => [((x - low) / (high - low)) * wide, (y / top) * tall];
     kinds.forEach((k) => k.x.forEach((x, i) => { const [px, py] = at(x, k.y[i]); taken.push([px - 5, px + 5, py - 5, py + 5]); }));
+    if (state.at) { // the ring of the selected point
+      const [n, i] = state.at, [px, py] = at(state.curves[n].x[i], sizes(state.curves[n])[i]);
+      taken.push([px - 9, px + 9, py - 9, py + 9]);
+    }
+    const lines = drawnPoints().map(([x, y]) => at(x, y));
+    const covered = ([x0, x1, y0, y1]) => lines.filter(([x, y]) => x > x0 && x < x1 && y > y0 && y < y1).length;
     const order = [...kinds].sort((a, b) => (a.point.kind === "GR") - (b.point.kind === "GR"));
     for (const k of order) {
       k.side = [];
       k.text = k.text.map((text, i) => {
         const [px, py] = at(k.x[i], k.y[i]), w = 6.6 * text.length, h = 13;
+        let best = null;
         for (const [side, dx, dy] of SIDES) {
           const x = px + dx * (dy ? w / 2 : w / 2 + 7), y = py + dy * 13, box = [x - w / 2, x + w / 2, y - h / 2, y + h / 2];
-          if (!taken.some((t) => box[0] < t[1] && t[0] < box[1] && box[2] < t[3] && t[2] < box[3])) {
-            taken.push(box); k.side.push(side);
-            return text;
-          }
+          if (taken.some((t) => box[0] < t[1] && t[0] < box[1] && box[2] < t[3] && t[2] < box[3])) continue;
+          const count = covered(box);
+          if (!best || count < best.count) best = { side, box, count };
+          if (!count) break;
         }
-        k.side.push("top center");
-        return "";
+        k.side.push(best ? best.side : "top center");
+        if (best) taken.push(best.box);
+        return best ? text : "";
       });
     }
+  }
+
+  function drawnPoints() { // points of curves and jump arrows, between which a label does not fit
+    const out = [], PARTS = 5;
+    const line = (x0, y0, x1, y1, parts) => {
+      for (let s = 0; s < parts; s++) out.push([x0 + ((x1 - x0) * s) / parts, y0 + ((y1 - y0) * s) / parts]);
+    };
+    for (const curve of state.curves) {
+      const y = sizes(curve);
+      for (let i = 1; i < y.length; i++) if (y[i - 1] !== null && y[i] !== null) line(curve.x[i - 1], y[i - 1], curve.x[i], y[i], PARTS);
+      for (const jump of curve.jumps.filter((each) => each.after)) line(jump.x, size(curve, jump.before), jump.x, size(curve, jump.after), 60);
+    }
+    return out;
   }
 
   function topOf() { // upper limit of the axes if a curve goes to infinity
