@@ -29,7 +29,7 @@ from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import layout_of
 
 if TYPE_CHECKING:
-    from hbgear.web.editable_model import Subject
+    from hbgear.web.editable_model import EditableModel
 
 Measured = Annotated[
     list[Path] | None,
@@ -130,12 +130,12 @@ def explore(
 
 def explored(
     what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
-) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
+) -> tuple[EditableModel, tuple[float, float], int, hb.Branch | None]:
     """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
     from hbgear.design.studies.samples import Grid
     from hbgear.design.studies.study_file import is_study, read_study
     from hbgear.io.machines.machine_file import read_machine
-    from hbgear.web.editable_model import MachineSubject, ModelSubject
+    from hbgear.web.editable_model import EditableInstance, EditableMachine
 
     if what.endswith(".npz"):
         if changes:
@@ -149,16 +149,21 @@ def explored(
         name = own or next((name for name, each in model_registry.MODELS.items() if each is type(machine)), "")
         layout = layout_of(branch)
         ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
-        return ModelSubject(machine, name), (float(ends[0]), float(ends[1])), layout.harmonics if layout else 16, branch
+        return (
+            EditableInstance(machine, name),
+            (float(ends[0]), float(ends[1])),
+            layout.harmonics if layout else 16,
+            branch,
+        )
     if what.endswith(".toml"):
         if is_study(what):
             study = read_study(what, allow_code)
             name = next((name for name, each in model_registry.MODELS.items() if each is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
-            return ModelSubject(first, name), study.work.span, study.work.harmonics, None
+            return EditableInstance(first, name), study.work.span, study.work.harmonics, None
         machine_file = read_machine(what)
         if changes:
             raise ValueError("--set: the file defines the values; change them on the page")
-        return MachineSubject(machine_file), machine_file.model().default_span, 16, None
+        return EditableMachine(machine_file), machine_file.model().default_span, 16, None
     machine = chosen_model(what, changes)
-    return ModelSubject(machine, what), span_of(machine, None, None), 16, None
+    return EditableInstance(machine, what), span_of(machine, None, None), 16, None

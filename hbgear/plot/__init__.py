@@ -1,6 +1,6 @@
-"""Figures: response curves, motions, jump maps, sweeps, basins, studies. Only here matplotlib is imported.
+"""Figures of response curves, motions, jump maps, sweeps, basins and studies; the package that imports matplotlib.
 
-Every function takes what was found, draws on matplotlib axes, new ones by default, and returns them.
+Every function takes a result, draws it on matplotlib axes, new ones by default, and returns the axes.
 
 Examples
 --------

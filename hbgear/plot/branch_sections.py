@@ -34,7 +34,7 @@ def sections(branch: Branch, element: int | str) -> list[tuple[State, int, int]]
 
 
 HEADROOM = 4.0
-"""Height of axes over the largest bounded amplitude, for a curve that goes to infinity."""
+"""Ratio of the upper limit of the axes to the largest bounded amplitude, for a curve that goes to infinity."""
 
 
 def bounded(branch: Branch, amplitude: Array) -> float:

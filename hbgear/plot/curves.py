@@ -1,4 +1,4 @@
-"""Figures of response curves and jump maps: functions that take branches, draw on matplotlib axes and return them."""
+"""Figures of response curves and jump maps, drawn on matplotlib axes."""
 
 from __future__ import annotations
 
@@ -58,29 +58,48 @@ def response(
     speeds: bool | None = None,
     dof: int | str | None = None,
 ) -> Axes:
-    """Response curve: a measure of an element, or an answer, against the branch's parameter.
+    """Draw a response curve: an amplitude or an engineering quantity of an element against the branch parameter.
 
-    With the others of its span if it has such (`Branch.others`), as by `responses`, unless it is given a colour or a
-    label or drawn without points or jumps. Where it runs off to infinity an arrow says so, and the value it nears is
-    dotted; new axes then end well above all that stays bounded.
+    Stable sections are solid, unstable ones dashed and undecided ones dotted. The other branches of the same range
+    (`Branch.others`) are drawn too, as by `responses`, unless a colour or a label is given, or special points or jumps
+    are left out. Where the curve goes to infinity, an arrow marks its end and a dotted line its asymptote.
 
     Parameters
     ----------
-    branch, element : see `Branch.amplitude`.
-    measure : of `Branch.amplitude`, or the name of an answer of `hbgear.answers`, such as "dynamic factor".
-    ax : axes to draw on; new ones by default. On these an unstable piece too short to be seen is also drawn enlarged.
-    color : one colour for the whole curve instead of one for each impact regime.
-    label : name of the curve in the legend, to tell several apart; it is then drawn in one colour, by default black.
-    special, jumps : whether special points are marked and jumps drawn as arrows.
-    legend : whether to add one.
-    speeds : whether to add axes of the mesh frequency [Hz] and the speed of the pinion [r/min] if the model knows
-        them; by default on new axes only.
-    dof : coordinate of the model, of answers such as "acceleration, level".
+    branch : Branch
+        Branch to draw.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`, or the name of an engineering quantity, such as
+        "dynamic factor", see `hbgear.analysis.machine_quantities`; default "pp2".
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default. On new axes a very short unstable section is also drawn enlarged.
+    color : str, optional
+        One colour for the whole curve. By default each impact regime has its colour.
+    label : str, optional
+        Name of the curve in the legend. The curve then has one colour, black by default.
+    special : bool, optional
+        Whether to mark special points; default True.
+    jumps : bool, optional
+        Whether to draw jumps as arrows; default True.
+    legend : bool, optional
+        Whether to add a legend; default True.
+    speeds : bool, optional
+        Whether to add axes of the mesh frequency [Hz] and the pinion speed [r/min] if the model has scales. By
+        default only new axes have them.
+    dof : int or str, optional
+        Coordinate of the model, for quantities such as "acceleration, level".
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError, KeyError
-        If there is no such measure or element.
+        If the measure or the element is unknown.
 
     Examples
     --------
@@ -98,7 +117,7 @@ def response(
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
         return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof)
-    branch, height = _asked(branch, measure), _Height(measure, element, dof)
+    branch, height = _with_problem(branch, measure), _Ordinate(measure, element, dof)
     amplitude = height.along(branch)
     own = ax is None
     with styled():
@@ -109,7 +128,7 @@ def response(
                 _arrow(ax, branch, jump, height)
         if special:
             _marks(ax, branch, height)
-        _to_infinity(ax, [branch], [color or "black"], height, own)
+        _mark_infinity(ax, [branch], [color or "black"], height, own)
         name_axes(ax, branch, measure, element, dof)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
             heighten(ax)
@@ -117,7 +136,7 @@ def response(
         if legend:
             add_legend(ax)
         if legend and frame is not None:
-            _keep_clear(ax, frame)
+            _move_legend_off(ax, frame)
     return ax
 
 
@@ -133,24 +152,41 @@ def responses(
     speeds: bool | None = None,
     dof: int | str | None = None,
 ) -> Axes:
-    """Several branches on the same axes: the colour is the branch, the width of the line the impact regime.
+    """Draw several branches on the same axes; the colour is the branch, the line width the impact regime.
 
-    Labels of special points carry the number of their branch, "LP1 (2)", which stands before its name in the legend.
-    Jumps are drawn to wherever they land on any of the branches. Where one runs off to infinity an arrow says so, and
-    the value it nears is dotted. One branch alone is drawn as by `response`.
+    Labels of special points contain the number of their branch, such as "LP1 (2)"; the legend has the same numbers.
+    A jump may land on any of the branches. Where a branch goes to infinity, an arrow marks its end and a dotted line
+    its asymptote. One branch alone is drawn as by `response`.
 
     Parameters
     ----------
-    branches, element : see `Branch.amplitude`.
-    measure, dof : as of `response`.
-    ax : axes to draw on; new ones by default.
-    names : of the branches in the legend; "branch 1", ... by default.
-    legend, speeds : as of `response`.
+    branches : sequence of Branch
+        Branches to draw.
+    measure : str, optional
+        Measure of amplitude or name of an engineering quantity, see `response`; default "pp2".
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    names : sequence of str, optional
+        Names of the branches in the legend; default "branch 1", "branch 2", ...
+    legend : bool, optional
+        Whether to add a legend; default True.
+    speeds : bool, optional
+        Whether to add axes of the mesh frequency [Hz] and the pinion speed [r/min] if the model has scales. By
+        default only new axes have them.
+    dof : int or str, optional
+        Coordinate of the model, for quantities such as "acceleration, level".
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError, KeyError
-        If there is no branch, not a name for each, or no such measure or element.
+        If there are no branches, the names are not one for each branch, or the measure or element is unknown.
 
     Examples
     --------
@@ -165,8 +201,8 @@ def responses(
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof)
-    own, height = ax is None, _Height(measure, element, dof)
-    branches = [_asked(branch, measure) for branch in branches]
+    own, height = ax is None, _Ordinate(measure, element, dof)
+    branches = [_with_problem(branch, measure) for branch in branches]
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))
         for i, branch in enumerate(branches):
@@ -179,7 +215,7 @@ def responses(
         for branch in branches:
             _marks(ax, branch, height, numbered=True)
         colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
-        _to_infinity(ax, branches, colours, height, own)
+        _mark_infinity(ax, branches, colours, height, own)
         name_axes(ax, branches[0], measure, element, dof)
         if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
             heighten(ax)
@@ -189,9 +225,21 @@ def responses(
 
 
 def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
-    """Axes above these of the speed of the pinion [r/min] and the mesh frequency [Hz].
+    """Add axes of the pinion speed [r/min] and the mesh frequency [Hz] above the axes of a response.
 
-    None are added if the model does not know its units, or the branches differ in what Omega = 1 is.
+    No axes are added if the model has no scales, or if Omega = 1 is another frequency in another branch.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes with Omega as abscissa.
+    branches : sequence of Branch
+        Branches drawn on the axes.
+
+    Returns
+    -------
+    list of SecondaryAxis
+        The added axes.
 
     Examples
     --------
@@ -207,9 +255,23 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
 
 @checked_arguments()
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
+    """Draw jump frequencies against a design parameter; ranges with several motions are shaded, cusps are marked.
 
-    Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
+    Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines those with decreasing Omega.
+
+    Parameters
+    ----------
+    jumps : JumpMap
+        Result of `hbgear.jump_map`.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -217,7 +279,7 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
     >>> axes = hb.plot.jump_map(jumps)
     """
-    names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
+    names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
     own = ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
@@ -229,16 +291,16 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
             ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
                     gid=cusp.label)  # fmt: skip
-            place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
-            side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
+            fraction = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
+            side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
             ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
         ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
         dress(ax)
-        rows = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and scaled_axes(ax, same_scales(rows), "right"):
+        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
+        if own and scaled_axes(ax, same_scales(known), "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
@@ -251,7 +313,7 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
 
 
 def _shade(ax: Axes, jumps: JumpMap) -> None:
-    """The frequencies at which the curve holds several motions, for every value of the parameter."""
+    """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
     ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
     values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
     for low, high in jumps.bands(values):
@@ -268,20 +330,21 @@ def _curve(
     label: str | None,
     widths: dict[str, float] | None = None,
 ) -> None:
+    """Draw the sections of a branch; ``widths`` are line widths of the regimes [pt]."""
     for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
             width = widths[regime] * width / LINES[True][1]
-        rows = slice(first, last + 1)
+        points = slice(first, last + 1)
         ax.plot(
-            branch.values[rows], amplitude[rows], linestyle=style, linewidth=width, color=color or COLOURS[regime],
+            branch.values[points], amplitude[points], linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
 
 
-def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], height: _Height, own: bool) -> None:
-    """Arrows where curves run off to infinity, and their asymptotes; own axes end well above all else there is."""
+def _mark_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], height: _Ordinate, own: bool) -> None:
+    """Draw arrows where curves go to infinity, and asymptotes; new axes end above the bounded part by `HEADROOM`."""
     if not any(branch.asymptotes for branch in branches):
         return
     amplitudes = [height.along(branch) for branch in branches]
@@ -300,21 +363,35 @@ def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], h
 
 
 def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
-    """An arrow along the end of a curve, or where it leaves the axes."""
-    cut = len(y) - 1
-    while cut > 1 and y[cut - 1] > _TIP * top:
+    """Draw an arrow at the end of a curve, or where it leaves the axes."""
+    cut, limit = len(y) - 1, _ARROW_TIP_FRACTION * top
+    while cut > 1 and y[cut - 1] > limit:
         cut -= 1
-    share = min((_TIP * top - y[cut - 1]) / (y[cut] - y[cut - 1]), 1.0) if y[cut] > _TIP * top else 1.0
-    tip = x[cut - 1] + share * (x[cut] - x[cut - 1]), y[cut - 1] + share * (y[cut] - y[cut - 1])
+    s = min((limit - y[cut - 1]) / (y[cut] - y[cut - 1]), 1.0) if y[cut] > limit else 1.0
+    tip = x[cut - 1] + s * (x[cut] - x[cut - 1]), y[cut - 1] + s * (y[cut] - y[cut - 1])
     style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 17}
     ax.annotate("", xy=tip, xytext=(x[cut - 1], y[cut - 1]), arrowprops=style, zorder=3, gid="to infinity")
 
 
-_TIP = 0.995  # share of the height of the axes at which an arrow ends
+_ARROW_TIP_FRACTION = 0.995
+"""Fraction of the height of the axes at which an arrow ends, so that its tip is inside."""
 
 
 def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: int | str | None = None) -> None:
-    """Axes named after the parameter of a branch, and the measure of an element or the answer with its unit.
+    """Set the axis labels: the parameter of a branch, and a measure or an engineering quantity with its unit.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes to label.
+    branch : Branch
+        Branch drawn on the axes.
+    measure : str
+        Measure of amplitude or name of an engineering quantity, see `response`.
+    element : int or str
+        Element by number or name.
+    dof : int or str, optional
+        Coordinate of the model, for quantities such as "acceleration, level".
 
     Examples
     --------
@@ -329,15 +406,15 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
     if not is_measure(measure):
-        title = machine_quantities(_asked(branch, measure)[0], element, dof).title(measure)
+        title = machine_quantities(_with_problem(branch, measure)[0], element, dof).title(measure)
         ax.set_ylabel(title + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
     else:
         ax.set_ylabel(axis_text(measure, gap_label(layout, element)))
     dress(ax)
 
 
-def _asked(branch: Branch, measure: str) -> Branch:
-    """The branch, with its problem if that is needed: its points are told then, too."""
+def _with_problem(branch: Branch, measure: str) -> Branch:
+    """Return the branch, with its problem if the measure is computed from it."""
     if branch.problem is not None or is_measure(measure):
         return branch
     try:
@@ -348,7 +425,7 @@ def _asked(branch: Branch, measure: str) -> Branch:
 
 
 def _quantity(found: Branch | Point, name: str, element: int | str, dof: int | str | None) -> Array:
-    """Return a column of the machine quantities of a curve or a point."""
+    """Return an engineering quantity of the points of a branch, or of one point."""
     quantities = machine_quantities(found, element, dof)
     try:
         return quantities[name]
@@ -356,44 +433,44 @@ def _quantity(found: Branch | Point, name: str, element: int | str, dof: int | s
         raise KeyError(f"{error.args[0]}; measures are {', '.join(MEASURES)}, H1, H2, ...") from None
 
 
-class _Height:
-    """What stands on the vertical axis: a measure of an element, or an answer."""
+class _Ordinate:
+    """Quantity on the vertical axis: a measure of amplitude of an element, or an engineering quantity."""
 
     def __init__(self, measure: str, element: int | str, dof: int | str | None) -> None:
         self.measure, self.element, self.dof = measure, element, dof
         self._along: dict[int, Array] = {}
 
     def along(self, branch: Branch) -> Array:
-        """Of every row."""
+        """Return the values at the points of a branch (computed once)."""
         if id(branch) not in self._along:
             if not is_measure(self.measure):
                 column = _quantity(branch, self.measure, self.element, self.dof)
                 if not np.isfinite(column).any():
                     raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
-                                     "answer, such as 'force, largest'")  # fmt: skip
+                                     "quantity, such as 'force, largest'")  # fmt: skip
                 self._along[id(branch)] = column
             else:
                 self._along[id(branch)] = branch.amplitude(self.measure, self.element)
         return self._along[id(branch)]
 
     def at(self, point: Point) -> float:
-        """Of a point."""
+        """Return the value at a point."""
         if not is_measure(self.measure):
             return float(_quantity(point, self.measure, self.element, self.dof)[0])
         return point.amplitude(self.measure, self.element)
 
 
-def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Height) -> None:
-    """Vertical arrow from the amplitude before a jump to the one after it."""
+def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Ordinate) -> None:
+    """Draw a vertical arrow from the value before a jump to the value after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
     start, end = ((jump.value, height.at(point)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
-    ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
+    ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
 
 
-def _marks(ax: Axes, branch: Branch, height: _Height, numbered: bool = False) -> None:
-    """Symbols of the special points; all but grazings carry their label, folds on the side the curve leaves free."""
+def _marks(ax: Axes, branch: Branch, height: _Ordinate, numbered: bool = False) -> None:
+    """Draw symbols of the special points; all but grazing points have labels, folds on the free side of the curve."""
     from hbgear.plot.labels import labels_of
 
     labels = labels_of(ax)
@@ -410,46 +487,47 @@ def _marks(ax: Axes, branch: Branch, height: _Height, numbered: bool = False) ->
         labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
 
 
-_HIDDEN = 18.0  # points: an unstable piece shorter than that is lost between the symbols at its ends
+_MIN_VISIBLE_LENGTH = 18.0
+"""Length [pt] below which an unstable section is not visible between the symbols at its ends."""
 
 
 def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None) -> Any:
-    """The longest unstable piece that is too short to be seen, drawn once more on axes within these, enlarged.
+    """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
 
-    Returns their frame; None if there is no such piece.
+    Return the frame of the inset axes; None if there is no such section.
     """
     figure: Any = ax.figure
     size = 72 * 0.85 * np.array(figure.get_size_inches())
     box = np.array([ax.get_xlim(), ax.get_ylim()])
     inside = (np.stack([branch.values, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(inside, axis=0) * size).T))])
-    pieces = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
-    hidden = [piece for piece in pieces if 0 < piece[0] < _HIDDEN]
-    if not hidden:
+    lengths = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
+    short = [section for section in lengths if 0 < section[0] < _MIN_VISIBLE_LENGTH]
+    if not short:
         return None
-    _, first, last = max(hidden)
+    _, first, last = max(short)
     middle = 0.5 * (inside[first] + inside[last])
-    spot = _empty(inside, middle)
-    frame = ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
-    zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
+    position = _free_position(inside, middle)
+    frame = ax.add_patch(_frame(ax, position))  # legends avoid patches
+    zoomed = ax.inset_axes((*position, *_INSET_SIZE), label="inset")
     _curve(zoomed, branch, amplitude, element, color, None)
     for point in map(named, branch.special):
         at = (point.parameters[branch.parameter], float(amplitude[point.index]))
         zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
-    rows = slice(first, last + 1)
-    for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):
+    points = slice(first, last + 1)
+    for values, limits in ((branch.values[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):
         low, high = float(values.min()), float(values.max())
-        room = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
-        limits(low - room, high + room)
+        margin = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
+        limits(low - margin, high + margin)
     zoomed.locator_params(nbins=4)
     zoomed.tick_params(direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=FONT[0], pad=2)
     ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
     return frame
 
 
-def _keep_clear(ax: Axes, frame: Any) -> None:
-    """Put a legend beside the axes that has found no place on them outside of a frame."""
+def _move_legend_off(ax: Axes, frame: Any) -> None:
+    """Move the legend to the right of the axes if it overlaps the frame of inset axes."""
     figure: Any = ax.figure
     figure.draw_without_rendering()
     legend: Any = ax.get_legend()
@@ -458,14 +536,16 @@ def _keep_clear(ax: Axes, frame: Any) -> None:
         legend.set_bbox_to_anchor((1.01, 1.0))
 
 
-_INSET = (0.27, 0.29)  # width and height of enlarged axes, as shares of the whole
+_INSET_SIZE = (0.27, 0.29)
+"""Width and height of inset axes, as fractions of the axes."""
 
 
-_ROOM = (0.085, 0.08)  # what their tick labels take on the left and below
+_TICK_LABEL_SIZE = (0.085, 0.08)
+"""Width and height of the tick labels to the left of and below inset axes, as fractions of the axes."""
 
 
 def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
-    """First and last row of every unstable stretch."""
+    """Return the first and last point of every unstable section."""
     out: list[tuple[int, int]] = []
     for (_, stable), first, last in sections(branch, element):
         if stable is False and out and out[-1][1] == first:
@@ -475,28 +555,28 @@ def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
     return out
 
 
-def _empty(inside: Array, near: Array) -> tuple[float, float]:
-    """Lower left corner of the place for enlarged axes that a curve leaves free, the nearest to a point of it."""
+def _free_position(inside: Array, near: Array) -> tuple[float, float]:
+    """Return the lower left corner of inset axes that cover no curve, as near as possible to a point of the curve."""
     steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(inside, axis=0).T))])
     at = np.linspace(0.0, steps[-1], 2000)
     x, y = (np.interp(at, steps, column) for column in inside.T)
 
     def cost(corner: tuple[float, float]) -> float:
-        left, low = corner[0] - _ROOM[0], corner[1] - _ROOM[1]
-        right, high = corner[0] + _INSET[0] + 0.02, corner[1] + _INSET[1] + 0.02
+        left, low = corner[0] - _TICK_LABEL_SIZE[0], corner[1] - _TICK_LABEL_SIZE[1]
+        right, high = corner[0] + _INSET_SIZE[0] + 0.02, corner[1] + _INSET_SIZE[1] + 0.02
         covered = np.mean((x > left) & (x < right) & (y > low) & (y < high))
-        centre = np.add(corner, np.divide(_INSET, 2))
+        centre = np.add(corner, np.divide(_INSET_SIZE, 2))
         return 1e3 * float(covered) + float(np.hypot(*(centre - near)))
 
-    across = np.linspace(_ROOM[0] + 0.01, 0.98 - _INSET[0], 30)
-    up = np.linspace(_ROOM[1] + 0.01, 0.97 - _INSET[1], 30)
+    across = np.linspace(_TICK_LABEL_SIZE[0] + 0.01, 0.98 - _INSET_SIZE[0], 30)
+    up = np.linspace(_TICK_LABEL_SIZE[1] + 0.01, 0.97 - _INSET_SIZE[1], 30)
     return min(((float(a), float(b)) for a in across for b in up), key=cost)
 
 
 def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
-    """An invisible rectangle under enlarged axes and their tick labels."""
+    """Return an invisible rectangle under inset axes and their tick labels."""
     from matplotlib.patches import Rectangle
 
-    low = (corner[0] - _ROOM[0], corner[1] - _ROOM[1])
-    size = (_INSET[0] + _ROOM[0] + 0.02, _INSET[1] + _ROOM[1] + 0.02)
+    low = (corner[0] - _TICK_LABEL_SIZE[0], corner[1] - _TICK_LABEL_SIZE[1])
+    size = (_INSET_SIZE[0] + _TICK_LABEL_SIZE[0] + 0.02, _INSET_SIZE[1] + _TICK_LABEL_SIZE[1] + 0.02)
     return Rectangle(low, *size, transform=ax.transAxes, facecolor="none", edgecolor="none", gid="frame")

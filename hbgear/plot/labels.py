@@ -41,14 +41,20 @@ LEADER_DISTANCE = 7.0
 
 
 _SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+"""Sides of a label as signs of its horizontal and vertical offset, in order of preference."""
 
 
 _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "top")}
+"""Horizontal and vertical alignment of a text for each sign of its offset."""
 
 
-_COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "astray": 30.0, "curve": 4.0, "reach": 0.5,
-         "side": 0.4}  # fmt: skip
-"""Costs of overlaps; "astray": nearer to another symbol; "reach": per pt of distance; "side": on another side."""
+_COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "ambiguous": 30.0, "curve": 4.0,
+         "reach": 0.5, "side": 0.4}  # fmt: skip
+"""Costs of a label position, dimensionless; their ratios define which overlaps are avoided first.
+
+Each overlap with a label, border, legend, mark or point of a curve has a cost; so have a smaller distance from another
+symbol ("ambiguous"), each pt of distance ("reach"), and another side than the preferred one ("side").
+"""
 
 
 @dataclass
@@ -83,7 +89,7 @@ class Labels(Artist):
         name = f"{label} ({curve})" if label in taken else label
         across, up = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
         text = self.axes.annotate(
-            name if shown else "", _at(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
+            name if shown else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
             fontsize=8, ha=across, va=up, zorder=7, gid=f"label {label}",
         )  # fmt: skip
         text.set_in_layout(False)
@@ -93,10 +99,10 @@ class Labels(Artist):
         """Merge clusters, then position each label."""
         ax: Axes = self.axes
         for _, group in groupby(self.marks, lambda mark: mark.curve):
-            _merge(list(group))
+            _merge_clusters(list(group))
         obstacles = _Obstacles(ax, renderer, self.marks)
         for mark in self.marks:
-            if mark.text.get_visible() and mark.text.get_text() and ax.viewLim.contains(*_at(mark.line)):
+            if mark.text.get_visible() and mark.text.get_text() and ax.viewLim.contains(*_data_position(mark.line)):
                 obstacles.place(mark)
                 self._lead(mark, renderer)
 
@@ -104,7 +110,7 @@ class Labels(Artist):
         """Draw a thin line from a symbol to a distant label."""
         from matplotlib.lines import Line2D
 
-        box, at = mark.text.get_window_extent(renderer), _pixel(mark.line)
+        box, at = mark.text.get_window_extent(renderer), _pixel_position(mark.line)
         end = np.clip(at, np.asarray(box.min), np.asarray(box.max))
         if np.hypot(*(end - at)) > _pixels(mark.line, LEADER_DISTANCE):
             line = Line2D(*np.transpose([at, end]), color="#8a8a8a", linewidth=0.5, transform=IdentityTransform())
@@ -117,7 +123,7 @@ def labels_of(ax: Axes) -> Labels:
     return next((child for child in ax.get_children() if isinstance(child, Labels)), None) or Labels(ax)
 
 
-def _merge(marks: Sequence[Mark]) -> None:
+def _merge_clusters(marks: Sequence[Mark]) -> None:
     """Show, for each cluster of one kind on one curve, the first and last symbol and one label."""
     for kind in dict.fromkeys(mark.kind for mark in marks):
         for cluster in _clusters([mark for mark in marks if mark.kind == kind]):
@@ -134,7 +140,9 @@ def _clusters(marks: Sequence[Mark]) -> Iterator[list[Mark]]:
     """Yield neighbours along the curve that are closer together than `CLUSTER_DISTANCE`."""
     cluster: list[Mark] = []
     for mark in marks:
-        if cluster and np.hypot(*(_pixel(mark.line) - _pixel(cluster[-1].line))) > _pixels(mark.line, CLUSTER_DISTANCE):
+        if cluster and np.hypot(*(_pixel_position(mark.line) - _pixel_position(cluster[-1].line))) > _pixels(
+            mark.line, CLUSTER_DISTANCE
+        ):
             yield cluster
             cluster = []
         cluster.append(mark)
@@ -142,17 +150,19 @@ def _clusters(marks: Sequence[Mark]) -> Iterator[list[Mark]]:
         yield cluster
 
 
-def _at(line: Line2D) -> tuple[float, float]:
+def _data_position(line: Line2D) -> tuple[float, float]:
     """Return the position of a symbol, in data coordinates."""
     x, y = np.asarray(line.get_xydata())[0]
     return float(x), float(y)
 
 
-def _pixel(line: Line2D) -> Array:
-    return np.asarray(line.get_transform().transform(_at(line)))
+def _pixel_position(line: Line2D) -> Array:
+    """Return the position of a symbol in pixels."""
+    return np.asarray(line.get_transform().transform(_data_position(line)))
 
 
 def _pixels(artist: Artist, points: float) -> float:
+    """Return a length in pixels, from points."""
     figure: Any = artist.get_figure(root=True)
     return float(points * figure.dpi / 72)
 
@@ -161,16 +171,18 @@ class _Obstacles:
     """Objects that labels avoid, in pixels; boxes are rows (x0, y0, x1, y1)."""
 
     def __init__(self, ax: Axes, renderer: Any, marks: Sequence[Mark]) -> None:
-        self.renderer, self.border = renderer, _rows([ax.bbox])
+        self.renderer, self.border = renderer, _box_array([ax.bbox])
         half = _pixels(ax, 3.2)
-        self.symbols = np.array([_pixel(mark.line) for mark in marks if mark.line.get_visible()]).reshape(-1, 2)
+        self.symbols = np.array([_pixel_position(mark.line) for mark in marks if mark.line.get_visible()]).reshape(
+            -1, 2
+        )
         self.around = np.hstack([self.symbols - half, self.symbols + half])
         legend = ax.get_legend()
         others = [] if legend is None else [legend.get_window_extent(renderer)]
-        self.others = _rows(others + [p.get_window_extent(renderer) for p in ax.patches if p.get_gid() == "frame"])
-        lines = [_dense(line.get_transform().transform(line.get_xydata())) for line in ax.lines if _is_curve(line)]
+        self.others = _box_array(others + [p.get_window_extent(renderer) for p in ax.patches if p.get_gid() == "frame"])
+        lines = [_resampled(line.get_transform().transform(line.get_xydata())) for line in ax.lines if _is_curve(line)]
         arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
-        lines += [_dense(ax.transData.transform([text.xy, text.xyann])) for text in arrows]  # type: ignore[attr-defined]
+        lines += [_resampled(ax.transData.transform([text.xy, text.xyann])) for text in arrows]  # type: ignore[attr-defined]
         self.curves = np.concatenate([np.empty((0, 2)), *lines])
         self.labels = np.empty((0, 4))
 
@@ -187,7 +199,9 @@ class _Obstacles:
         now = mark.text.get_window_extent(self.renderer)
         size, margin = np.array([now.width, now.height]), _pixels(mark.text, 1.0)
         sides = np.array([side for _, side in positions])
-        at = _pixel(mark.line) + _pixels(mark.text, 1.0) * np.array([_offset(*position) for position in positions])
+        at = _pixel_position(mark.line) + _pixels(mark.text, 1.0) * np.array(
+            [_offset(*position) for position in positions]
+        )
         low = at + 0.5 * size * (sides - 1)  # the side of the box nearest to the symbol
         return np.hstack([low - margin, low + size + margin])
 
@@ -195,12 +209,12 @@ class _Obstacles:
         """Return the cost of each position (P,)."""
         area = np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1e-9)
         cost = np.array([_COST["reach"] * reach + _COST["side"] * (side != mark.side) for reach, side in positions])
-        cost += _COST["label"] * (_shared(boxes, self.labels) > 0).sum(axis=1)
-        cost += _COST["border"] * (1 - _shared(boxes, self.border)[:, 0] / area > 1e-6)
-        cost += _COST["legend"] * (_shared(boxes, self.others) > 0).sum(axis=1)
-        cost += _COST["mark"] * (_shared(boxes, self.around) > 0).sum(axis=1)
-        own = _apart(boxes, _pixel(mark.line)[None])
-        cost += _COST["astray"] * (_apart(boxes, self.symbols) < own).any(axis=1)
+        cost += _COST["label"] * (_overlap_areas(boxes, self.labels) > 0).sum(axis=1)
+        cost += _COST["border"] * (1 - _overlap_areas(boxes, self.border)[:, 0] / area > 1e-6)
+        cost += _COST["legend"] * (_overlap_areas(boxes, self.others) > 0).sum(axis=1)
+        cost += _COST["mark"] * (_overlap_areas(boxes, self.around) > 0).sum(axis=1)
+        own = _box_distances(boxes, _pixel_position(mark.line)[None])
+        cost += _COST["ambiguous"] * (_box_distances(boxes, self.symbols) < own).any(axis=1)
         x, y = self.curves.T
         inside = [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
         return cost + _COST["curve"] * np.array(inside)
@@ -227,7 +241,7 @@ def _is_curve(line: Line2D) -> bool:
     return line.get_linestyle() != "None" and len(np.asarray(line.get_xdata())) > 1 and line.get_visible()
 
 
-def _dense(path: Array, step: float = 3.0) -> Array:
+def _resampled(path: Array, step: float = 3.0) -> Array:
     """Return points along a line, at most ``step`` pixels apart; long lines across the whole figure included."""
     path = np.asarray(path)[np.isfinite(path).all(axis=1)]
     if len(path) < 2:
@@ -237,18 +251,18 @@ def _dense(path: Array, step: float = 3.0) -> Array:
     return np.stack([np.interp(at, along, path[:, 0]), np.interp(at, along, path[:, 1])], axis=1)
 
 
-def _rows(boxes: Sequence[Any]) -> Array:
+def _box_array(boxes: Sequence[Any]) -> Array:
     """Return boxes as rows (x0, y0, x1, y1)."""
     return np.array([[box.x0, box.y0, box.x1, box.y1] for box in boxes]).reshape(-1, 4)
 
 
-def _apart(boxes: Array, at: Array) -> Array:
+def _box_distances(boxes: Array, at: Array) -> Array:
     """Return the distances (P, Q) of positions (Q, 2) from boxes."""
     inside = np.clip(at[None], boxes[:, None, :2], boxes[:, None, 2:])
     return np.asarray(np.hypot(*np.moveaxis(inside - at[None], -1, 0)))
 
 
-def _shared(boxes: Array, others: Array) -> Array:
+def _overlap_areas(boxes: Array, others: Array) -> Array:
     """Return the areas (P, Q) of the intersections of boxes with others."""
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])

@@ -260,7 +260,7 @@ def _colour(point: Point, element: int | str) -> str:
 def _title(point: Point, element: int | str) -> str:
     """Return a description of a point: label, Omega, stability, regime."""
     regime = regime_of(layout_of(point), point.regime, element)
-    parts = [point.label, {True: "stable", False: "unstable", None: ""}[point.stable]]
+    parts = [point.label, "" if point.stability == "unknown" else point.stability]
     parts += [in_words(regime) if regime != "unknown" else ""]
     if "Omega" in point.parameters:
         parts.insert(1, rf"$\Omega$ = {point.parameters['Omega']:.5g}")

@@ -1,8 +1,8 @@
-"""The style of all figures, and what they are put together from: axes, scales above them, legends, files.
+"""Style of all figures, and their common parts: axes, secondary axes, legends, files.
 
-Stable motions are drawn solid, unstable ones dashed, those in doubt dotted, those of unknown stability solid and thin.
-On one curve the colour is the impact regime; of several curves each has its own colour, and the width of the line is
-the regime. Nothing here changes matplotlib's settings, and matplotlib is imported only when something is drawn.
+Stable motions are drawn solid, unstable ones dashed, undecided ones dotted, those of unknown stability solid and thin.
+The colour of one curve is the impact regime. Each of several curves has its own colour, and the line width is the
+regime. The settings of matplotlib are unchanged, and matplotlib is imported only when a figure is drawn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 State = tuple[str, bool | str | None]
-"""Impact regime, and whether the motion is stable; None if that is not known."""
+"""Impact regime and stability of a point: True, False, "undecided", or None if the stability is unknown."""
 
 
 COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c", "unknown": "#333333"}
@@ -39,11 +39,21 @@ COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#
 LINES: dict[bool | str | None, tuple[Any, float]] = {
     True: ("-", 1.4), False: ("--", 1.2), "undecided": (":", 1.6), None: ("-", 0.7)
 }  # fmt: skip
-"""Line style and width of stable and unstable motions, of those in doubt, and of those of which it is not known."""
+"""Line style and width [pt] of stable, unstable and undecided motions, and of those of unknown stability (None)."""
 
 
 def legend_entry(event: Event | SpecialPoint) -> str:
-    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind.
+    """Return the legend entry of a kind of special points: its meaning up to a colon, and the kind.
+
+    Parameters
+    ----------
+    event : Event or SpecialPoint
+        Event, or a special point with its meaning.
+
+    Returns
+    -------
+    str
+        Legend entry.
 
     Examples
     --------
@@ -51,12 +61,12 @@ def legend_entry(event: Event | SpecialPoint) -> str:
     >>> hb.plot.legend_entry(hb.Event("limit", lambda point: 1.0, "too large: stop"))
     'too large (limit)'
     """
-    what = event.meaning.partition(":")[0]
-    return what if what == event.kind else f"{what} ({event.kind})"
+    meaning = event.meaning.partition(":")[0]
+    return meaning if meaning == event.kind else f"{meaning} ({event.kind})"
 
 
 MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
-"""Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
+"""Marker and legend entry of each built-in kind of special point; events of users define their own."""
 
 
 MEASURES = MEASURED
@@ -64,19 +74,19 @@ MEASURES = MEASURED
 
 
 BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#56b4e9", "#7a5c00")
-"""Colours of several branches in this order (after Okabe and Ito), told apart by colour-blind readers too."""
+"""Colours of several branches in this order; also colour-blind readers can distinguish them (after Okabe and Ito)."""
 
 
 WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
-"""Line widths of the regimes where the colour is the branch."""
+"""Line widths [pt] of the regimes where the colour is the branch."""
 
 
 GREY = "#8a8a8a"
-"""Of lines that help to read a figure."""
+"""Colour of auxiliary lines."""
 
 
 FONT = ["STIXGeneral", "DejaVu Serif"]
-"""Families of letters, the first that there is."""
+"""Font families in order of preference."""
 
 
 _METADATA: dict[str, Any] = {
@@ -84,7 +94,7 @@ _METADATA: dict[str, Any] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "svg": {"Date": None, "Creator": None},
 }
-"""Neither times nor versions, so that a figure made again is the same file."""
+"""Metadata without times and versions, so that the same figure gives the same file."""
 
 
 STYLE: Any = {
@@ -96,11 +106,28 @@ STYLE: Any = {
 
 
 SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
-"""Names of axes of frequencies in physical units."""
+"""Labels of axes of frequencies in physical units."""
 
 
 def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
-    """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
+    """Add axes at the top or on the right, which show the values of an axis times each scale.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes whose abscissa (top) or ordinate (right) is Omega or an order of it.
+    known : dict of str to float
+        Values of Omega = 1 in physical units, with the keys of `SPEEDS`.
+    side : {"top", "right"}, optional
+        Side of the new axes; default "top".
+    title : str, optional
+        Label of the axis of the mesh frequency.
+
+    Returns
+    -------
+    list of SecondaryAxis
+        The added axes.
+    """
     titles = {**SPEEDS, MESH: title}
     added: list[Any] = []
     for name in [name for name in titles if name in known]:
@@ -116,24 +143,41 @@ def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str
 
 
 def _times(scale: float) -> tuple[Any, Any]:
-    """Multiplication by a number, and its inverse."""
+    """Return the multiplication by a number, and its inverse."""
     return (lambda x: x * scale), (lambda y: y / scale)
 
 
 def heighten(ax: Axes) -> None:
-    """Room for the axes above."""
+    """Increase the height of the figure by 0.6 in for the axes above.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes of the figure.
+    """
     figure: Any = ax.figure
     figure.set_figheight(figure.get_figheight() + 0.6)
 
 
 @checked_arguments()
 def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -> None:
-    """Write the figure of these axes as .png, .pdf or .svg, whole or not at all; the same figure as the same bytes.
+    """Write the figure of these axes as .png, .pdf or .svg; the same figure gives the same bytes.
+
+    The file is replaced only after the figure is complete.
+
+    Parameters
+    ----------
+    drawing : Axes or Figure
+        Figure, or axes of it.
+    path : path
+        File to write.
+    dpi : int, optional
+        Resolution of a .png in dots per inch; default 200.
 
     Raises
     ------
     ValueError
-        If the path ends in something else.
+        If the path has another suffix.
 
     Examples
     --------
@@ -156,14 +200,27 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
 
 
 def styled() -> Any:
-    """A context in which matplotlib has the settings of `STYLE`."""
+    """Return a context in which matplotlib has the settings of `STYLE`."""
     import matplotlib
 
     return matplotlib.rc_context(STYLE)
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    """These axes, or new ones of a size in inches."""
+    """Return these axes, or new ones of a size.
+
+    Parameters
+    ----------
+    ax : Axes or None
+        Axes to draw on.
+    size : tuple of float
+        Width and height of the new figure [in].
+
+    Returns
+    -------
+    Axes
+        The axes.
+    """
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt
@@ -172,9 +229,14 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
 
 def dress(ax: Axes) -> None:
-    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes.
+    """Set the style of ticks and axis labels.
 
-    So are the fonts of titles, for axes that were made by somebody else have others.
+    Ticks are created when the figure is drawn, outside the context of `styled`; axes of the caller have other fonts.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes to style.
     """
     for title in (ax.xaxis.label, ax.yaxis.label):
         title.set(fontfamily=FONT, math_fontfamily=STYLE["mathtext.fontset"])
@@ -184,7 +246,20 @@ def dress(ax: Axes) -> None:
 
 
 def gap_label(layout: Layout | None, element: int | str) -> str:
-    """Symbol of the motion of an element, with its name if there are several."""
+    """Return the symbol of the motion of an element, with the name of the element if there are several.
+
+    Parameters
+    ----------
+    layout : Layout or None
+        Layout of the solution.
+    element : int or str
+        Element by number or name.
+
+    Returns
+    -------
+    str
+        Axis label.
+    """
     if layout is None:
         return "gap (model units)"
     name = f", {layout.elements[layout.index(element)]}" if len(layout.elements) > 1 else ""
@@ -192,7 +267,22 @@ def gap_label(layout: Layout | None, element: int | str) -> str:
 
 
 def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str) -> str:
-    """Regime of one element, "unknown" too for a law without corners: it has no impacts."""
+    """Return the impact regime of one element; "unknown" also for a law without breakpoints.
+
+    Parameters
+    ----------
+    layout : Layout or None
+        Layout of the solution.
+    codes : ndarray of int8
+        Regime codes of the elements at one point.
+    element : int or str
+        Element by number or name.
+
+    Returns
+    -------
+    str
+        Name of the regime.
+    """
     j = layout.index(element) if layout else 0
     if len(codes) <= j or codes[j] < 0 or (layout and not layout.breakpoints[j]):
         return "unknown"
@@ -200,23 +290,42 @@ def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str
 
 
 def in_words(regime: str) -> str:
-    """The name of a regime as legends write it: "single-sided"."""
+    """Return the name of a regime in a legend, such as "single-sided".
+
+    Parameters
+    ----------
+    regime : str
+        Name of the regime, such as "single_sided".
+
+    Returns
+    -------
+    str
+        Legend entry.
+    """
     return regime.replace("_sided", "-sided").replace("_", " ")
 
 
 def add_legend(ax: Axes, outside: bool = False) -> None:
-    """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
+    """Add a legend with one entry for each colour, line width, line style and symbol on the axes.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes with the lines.
+    outside : bool, optional
+        Whether the legend is to the right of the axes, with entries for the line widths of regimes; default False.
+    """
     from matplotlib.lines import Line2D
 
     from hbgear.plot.labels import labels_of
 
     events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
-    ranks = [*map(in_words, REGIMES), "unstable", "undecided", *(name for _, name in MARKERS.values()), *events]
+    ranks = [*map(in_words, REGIMES), "unstable", "undecided", "jump", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
-        for name, verdict in (("unstable", False), ("undecided", "undecided")):
-            style, width = LINES[verdict]
+        for name, state in (("unstable", False), ("undecided", "undecided")):
+            style, width = LINES[state]
             if curve and line.get_linestyle() == style and name not in entries:
                 entries[name] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
         if curve and outside:  # the width of the line is the regime
@@ -229,8 +338,10 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
             if curve:
                 entries[label].set(linestyle="-", linewidth=LINES[True][1], marker="None")
             entries[label].set_visible(True)
+    if any(text.get_gid() == "jump" for text in ax.texts):
+        entries["jump"] = Line2D([], [], linestyle="None", marker=r"$\uparrow$", color="#777777", markersize=8)
     labels = sorted(entries, key=lambda label: ranks.index(label) if label in ranks else -1)
     if not labels:
         return
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if outside else {"loc": "best"}
-    ax.legend([entries[label] for label in labels], labels, handlelength=2.2, borderaxespad=0.8, **place)
+    position: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if outside else {"loc": "best"}
+    ax.legend([entries[label] for label in labels], labels, handlelength=2.2, borderaxespad=0.8, **position)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -26,6 +27,10 @@ RUNS = {"up": "#0072b2", "down": "#d55e00"}
 
 _RUN_WIDTHS = {"up": 1.6, "down": 2.6}
 """Line widths [pt] of a run-up and a run-down: the wider one remains visible where both coincide."""
+
+
+_PALEST_SHADE = 0.15
+"""Fraction of the colour map below which its shades are hard to see on white paper; they are not used."""
 
 
 @checked_arguments()
@@ -181,7 +186,9 @@ def waterfall(
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 0.6))
     >>> axes = hb.plot.waterfall(hb.analysis.run_up(curve, "up"))
     """
+    from matplotlib import colormaps
     from matplotlib.collections import LineCollection
+    from matplotlib.colors import ListedColormap
 
     checked("waterfall", "floor", floor, Range(above=0, below=1))
     if found.parameter != "Omega":
@@ -193,15 +200,16 @@ def waterfall(
         levels = [_levels(section, element, derivative) for section in found.sections]
         top = max(float(level.max()) for level in levels)
         highest = 0.0
+        shades = ListedColormap(colormaps["magma_r"](np.linspace(_PALEST_SHADE, 1.0, 256)))
         for section, level in zip(found.sections, levels, strict=True):
-            for k, row in enumerate(level - top, 1):
+            for k, relative in enumerate(level - top, 1):
                 frequency = k / _nu(section.branch) * section.values
                 points = np.column_stack([section.values, frequency])
-                middle = 0.5 * (row[1:] + row[:-1])
+                middle = 0.5 * (relative[1:] + relative[:-1])
                 shown = middle > lowest
                 highest = max([highest, *frequency[1:][shown]])
                 drawn = LineCollection(
-                    np.stack([points[:-1], points[1:]], axis=1)[shown], array=middle[shown], cmap="magma_r",
+                    np.stack([points[:-1], points[1:]], axis=1)[shown], array=middle[shown], cmap=shades,
                     clim=(lowest, 0.0), linewidths=3.0, gid=f"order {k}",
                 )  # fmt: skip
                 ax.add_collection(drawn)
@@ -212,7 +220,8 @@ def waterfall(
         ax.set_ylabel("frequency, in the unit of $\\Omega$")
         dress(ax)
         bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
-        bar.set_label(f"{_quantity(branch, element, derivative)}, run-{found.direction} [dB of the largest]")
+        quantity = re.sub(r"\s*\[[^\[\]]*\]", "", _quantity(branch, element, derivative))  # without unit
+        bar.set_label(f"amplitude of {quantity}, run-{found.direction} [dB of the largest]")
         bar.ax.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
         if own and speed_axes(ax, [branch]):
             heighten(ax)

@@ -1,4 +1,4 @@
-"""Pages: a report in one file, and the explorer. Drawn in the browser by Plotly, which only here is needed."""
+"""Web pages: a report in one file, and the explorer; Plotly, which only this package needs, draws the figures."""
 
 from typing import TYPE_CHECKING
 

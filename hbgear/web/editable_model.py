@@ -1,7 +1,7 @@
-"""What an explorer explores: a model or the machine of a file, its parameters with units, and how to write it down.
+"""Models with editable parameters for the explorer: parameters with units, and export as Python or TOML.
 
-name "zeta"      a number         field of the model, or of the machine ("pair.backlash", "pinion.tip_relief")
-name "eps[0]"    one of a tuple   the first entry of the field eps, as in Python
+parameter "zeta"      field of the model, or of the machine ("pair.backlash", "pinion.tip_relief")
+parameter "eps[0]"    first entry of the tuple eps, as in Python
 """
 
 from __future__ import annotations
@@ -25,10 +25,24 @@ from hbgear.mechanics.models import Model
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that can be moved: its label in HTML, its unit, its value, and the ends of its slider.
+    """An editable number of a model.
 
-    factor : what is shown over what the model has, 1e6 for metres shown in micrometres.
-    map : whether a jump map can be drawn over it.
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    label : str
+        Label in HTML.
+    unit : str
+        Unit of the value.
+    value : float
+        Value.
+    low : float
+        Lower end of the slider.
+    high : float
+        Upper end of the slider.
+    map : bool
+        Whether a jump map can be drawn over the parameter.
     """
 
     name: str
@@ -40,34 +54,70 @@ class Parameter:
     map: bool = True
 
 
-class Subject(ABC):
-    """Something with parameters that gives a model."""
+class EditableModel(ABC):
+    """A source of models with editable parameters."""
 
     @abstractmethod
     def parameters(self) -> list[Parameter]:
-        """All that can be moved, at the values to begin with."""
+        """Return the editable parameters with their initial values."""
 
     @abstractmethod
     def model(self, values: Mapping[str, float]) -> Model:
-        """The model with these values.
+        """Return the model with these values.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values by parameter; others keep their initial values.
+
+        Returns
+        -------
+        Model
+            The model.
 
         Raises
         ------
         ValueError, KeyError
-            If one is no parameter or out of its range.
+            If a parameter is unknown or a value is out of range.
         """
 
     @abstractmethod
     def python(self, values: Mapping[str, float]) -> str:
-        """Lines of Python that make it, as ``model``."""
+        """Return Python code that creates the model with the name ``model``.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values by parameter.
+
+        Returns
+        -------
+        str
+            Lines of Python.
+        """
 
     @abstractmethod
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
-        """A file that hbgear reads: of a machine, or of a study of this one design."""
+        """Return a file of a machine, or of a study of this design, which hbgear reads.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values by parameter.
+        span : tuple of float
+            Range of Omega.
+        harmonics : int
+            Number of harmonics.
+
+        Returns
+        -------
+        str
+            Text of the .toml file.
+        """
 
 
-class ModelSubject(Subject):
-    """A model, by the name the command line has for it."""
+class EditableInstance(EditableModel):
+    """An instance of a model class, with its name on the command line."""
 
     def __init__(self, model: Model, name: str) -> None:
         self.start, self.name = model, name
@@ -90,7 +140,7 @@ class ModelSubject(Subject):
         return self.start.replace(**changes)
 
     def changed(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Fields that differ from the defaults."""
+        """Return the fields that differ from the defaults."""
         model = self.model(values)
         usual = defaults_of(type(model))
         return {
@@ -104,8 +154,8 @@ class ModelSubject(Subject):
         own = cls.__module__.partition(".")[0] != "hbgear"
         given = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
         module = cls.__module__
-        place = Path(module).stem if module.endswith(".py") else module
-        source = f"from {place} import {cls.__name__}\n" if own else ""
+        importable = Path(module).stem if module.endswith(".py") else module
+        source = f"from {importable} import {cls.__name__}\n" if own else ""
         return f"{source}model = {'' if own else 'hb.'}{cls.__name__}({given})"
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
@@ -119,8 +169,8 @@ class ModelSubject(Subject):
         return "\n".join([*lines, f"span = [{_toml(span[0])}, {_toml(span[1])}]"]) + "\n"
 
 
-class MachineSubject(Subject):
-    """The machine of a file: what its drawing says can be moved."""
+class EditableMachine(EditableModel):
+    """The machine of a file; the editable parameters are data of its drawing."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -141,7 +191,7 @@ class MachineSubject(Subject):
         return found
 
     def changed(self, values: Mapping[str, float]) -> Machine:
-        """The machine with these values."""
+        """Return the machine with these values."""
         known = {p.name: p.value for p in self.parameters()}
         own: dict[str, Any] = {}
         parts: dict[str, dict[str, Any]] = {"pair": {}, "pinion": {}, "wheel": {}}
@@ -150,9 +200,9 @@ class MachineSubject(Subject):
                 raise KeyError(f"the machine has no parameter '{name}'")
             if value == known[name]:
                 continue
-            place, _, field = name.rpartition(".")
-            if place:
-                parts[place][field] = value * 1e-6
+            part, _, field = name.rpartition(".")
+            if part:
+                parts[part][field] = value * 1e-6
             else:
                 own[field] = value
         pair = self.machine.pair
@@ -198,7 +248,7 @@ def _parameter(
 
 
 def _call(name: str, thing: Any, **given: str) -> str:
-    """An expression that makes it, without what is its default."""
+    """Return an expression that creates an object, without arguments equal to their defaults."""
     parts = []
     for field in fields(thing):
         value, default = getattr(thing, field.name), defaults_of(type(thing)).get(field.name)

@@ -1,6 +1,6 @@
-"""What stands behind the page of an explorer: curves and jump maps of whatever values it asks for.
+"""Computations of the explorer: response curves and jump maps for the parameter values of a page.
 
-Each page is a session. A computation that a later one of the same session overtakes is cancelled where it is.
+Each page is a session. A new computation of a session cancels the previous one of the same kind.
 """
 
 from __future__ import annotations
@@ -29,56 +29,87 @@ from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.io.branches.npz import packed
 from hbgear.mechanics.models import Model
-from hbgear.web.editable_model import ModelSubject, Subject
+from hbgear.web.editable_model import EditableInstance, EditableModel
 from hbgear.web.overlay import dots
 from hbgear.web.reporting import report
 from hbgear.web.view import plain, tables, views
 
-_SESSIONS = 16  # pages whose last curve is kept
-_MOST_HARMONICS = 256
+_MAX_SESSIONS = 16
+"""Largest number of pages whose last curve is kept."""
+
+_MAX_HARMONICS = 256
+"""Largest number of harmonics of a request."""
 
 
-class Overtaken(Exception):
-    """A later question made the answer to this one useless."""
+class Superseded(Exception):
+    """The computation is cancelled because a later request of the session replaces it."""
 
 
 @dataclass(eq=False)
 class Job:
-    """A computation under way: how far it is, and whether it is still wanted."""
+    """A running computation: its progress, and whether it is cancelled.
+
+    Attributes
+    ----------
+    now : Progress
+        Last reported progress.
+    cancelled : bool
+        Whether the next progress report ends the computation.
+    """
 
     now: Progress = field(default_factory=Progress)
-    unwanted: bool = False
+    cancelled: bool = False
 
     def __call__(self, now: Progress) -> None:
         self.now = now
-        if self.unwanted:
-            raise Overtaken
+        if self.cancelled:
+            raise Superseded
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a page asks for: values by parameter, the span of Omega and the number of harmonics."""
+class Request:
+    """A request of a page.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        Values by parameter.
+    span : tuple of float
+        Range of Omega.
+    harmonics : int
+        Number of harmonics.
+    """
 
     values: dict[str, float]
     span: tuple[float, float]
     harmonics: int
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Asked:
-        """What a page sent.
+    def of(cls, given: Mapping[str, Any]) -> Request:
+        """Return the request that a page sent as JSON.
+
+        Parameters
+        ----------
+        given : mapping
+            Object with the keys values, span and harmonics.
+
+        Returns
+        -------
+        Request
+            The request.
 
         Raises
         ------
         ValueError
-            If it is not of that form.
+            If an entry is missing or has another form.
         """
         values, span, harmonics = given.get("values"), given.get("span"), given.get("harmonics")
         if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
             raise ValueError("values must be numbers by name")
         if not isinstance(span, list) or len(span) != 2:
             raise ValueError("the span must be two numbers")
-        if not isinstance(harmonics, int) or not 1 <= harmonics <= _MOST_HARMONICS:
-            raise ValueError(f"the number of harmonics must be from 1 to {_MOST_HARMONICS}")
+        if not isinstance(harmonics, int) or not 1 <= harmonics <= _MAX_HARMONICS:
+            raise ValueError(f"the number of harmonics must be from 1 to {_MAX_HARMONICS}")
         numbers = {name: _number(name, value) for name, value in values.items()}
         return cls(numbers, (_number("the span", span[0]), _number("the span", span[1])), harmonics)
 
@@ -90,17 +121,22 @@ def _number(name: str, value: Any) -> float:
 
 
 class Explorer:
-    """Computes what pages ask for.
+    """Computations for the pages of one editable model.
 
     Parameters
     ----------
-    subject : what is explored.
-    span, harmonics : to begin with.
-    saved : a curve that is drawn behind.
+    subject : EditableModel
+        Model and its parameters.
+    span : tuple of float
+        Initial range of Omega.
+    harmonics : int, optional
+        Initial number of harmonics; default 16.
+    saved : Branch, optional
+        Saved branch drawn in the background.
     """
 
     def __init__(
-        self, subject: Subject, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None
+        self, subject: EditableModel, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None
     ) -> None:
         self.subject, self.span, self.harmonics, self.saved = subject, span, harmonics, saved
         self._jobs: dict[tuple[str, str], Job] = {}
@@ -108,11 +144,11 @@ class Explorer:
         self._lock = threading.Lock()
 
     def start(self) -> dict[str, Any]:
-        """What the page begins with."""
+        """Return the initial state of the page."""
         model = self.subject.model({})
         return {
             "parameters": [asdict(parameter) for parameter in self.subject.parameters()],
-            "map": [asdict(parameter) for parameter in ModelSubject(model, "").parameters() if parameter.map],
+            "map": [asdict(parameter) for parameter in EditableInstance(model, "").parameters() if parameter.map],
             "span": list(self.span),
             "harmonics": self.harmonics,
             "Omega": in_html(str(model.labels.get("Omega", "Omega"))),
@@ -121,24 +157,37 @@ class Explorer:
 
     @contextmanager
     def _job(self, session: str, kind: str) -> Iterator[Job]:
-        """A computation of a session, which ends the one of that kind before it."""
+        """Register a computation of a session and cancel the previous one of this kind."""
         job = Job()
         with self._lock:
             earlier = self._jobs.get((session, kind))
             self._jobs[session, kind] = job
         if earlier is not None:
-            earlier.unwanted = True
+            earlier.cancelled = True
         try:
             yield job
-            if job.unwanted:
-                raise Overtaken
+            if job.cancelled:
+                raise Superseded
         finally:
             with self._lock:
                 if self._jobs.get((session, kind)) is job:
                     del self._jobs[session, kind]
 
     def progress(self, session: str, kind: str) -> dict[str, Any]:
-        """How far a computation is."""
+        """Return the progress of a computation.
+
+        Parameters
+        ----------
+        session : str
+            Session of the page.
+        kind : {"curve", "map"}
+            Kind of computation.
+
+        Returns
+        -------
+        dict
+            ``busy``, and if true ``done`` (fraction, or None if unknown) and ``text``.
+        """
         with self._lock:
             job = self._jobs.get((session, kind))
         if job is None:
@@ -146,21 +195,41 @@ class Explorer:
         return {"busy": True, "done": None if math.isnan(job.now.done) else job.now.done, "text": job.now.text}
 
     def cancel(self, session: str | None = None, kind: str | None = None) -> None:
-        """End the computations of a session, or of all."""
-        with self._lock:
-            for (whose, what), job in self._jobs.items():
-                if session in (None, whose) and kind in (None, what):
-                    job.unwanted = True
+        """Cancel running computations.
 
-    def curve(self, session: str, asked: Asked) -> dict[str, Any]:
-        """The response curve, to be drawn.
+        Parameters
+        ----------
+        session : str, optional
+            Session of the page; by default all sessions.
+        kind : {"curve", "map"}, optional
+            Kind of computation; by default all kinds.
+        """
+        with self._lock:
+            for (owner, own_kind), job in self._jobs.items():
+                if session in (None, owner) and kind in (None, own_kind):
+                    job.cancelled = True
+
+    def curve(self, session: str, asked: Request) -> dict[str, Any]:
+        """Compute the response curve of a request.
+
+        Parameters
+        ----------
+        session : str
+            Session of the page.
+        asked : Request
+            Values, range and harmonics.
+
+        Returns
+        -------
+        dict
+            Curves for the page, time of the computation [s], and the message of an incomplete branch.
 
         Raises
         ------
-        Overtaken
-            If another was asked for since.
+        Superseded
+            If a later request replaces this one.
         ValueError, KeyError, NoConvergence
-            If a value is refused, or no motion is found.
+            If a value is invalid, or no periodic solution is found.
         """
         started = time.perf_counter()
         with self._job(session, "curve") as job:
@@ -168,7 +237,7 @@ class Explorer:
         with self._lock:
             self._curves[session] = branch
             self._curves.move_to_end(session)
-            while len(self._curves) > _SESSIONS:
+            while len(self._curves) > _MAX_SESSIONS:
                 self._curves.popitem(last=False)
         return {
             "curves": views([branch], [describe_changes(branch)], whole=False),
@@ -176,19 +245,31 @@ class Explorer:
             "ended": "" if branch.status.complete else branch.message,
         }
 
-    def details(self, session: str, asked: Asked) -> dict[str, Any]:
-        """What is said of the curve that was last shown, and how to write it in Python.
+    def details(self, session: str, asked: Request) -> dict[str, Any]:
+        """Return the tables of the curve that was last shown, and a Python script that computes it.
+
+        Parameters
+        ----------
+        session : str
+            Session of the page.
+        asked : Request
+            Values, range and harmonics of the curve.
+
+        Returns
+        -------
+        dict
+            Tables, model and script.
 
         Raises
         ------
         ValueError
-            If there is none.
+            If the session has no curve yet.
         """
         branch = self._shown(session)
         curves = (branch, *branch.others)
         names = [f"branch {i + 1}" for i in range(len(curves))]
-        told = [tables(curve, curves, names) for curve in curves]
-        return {"tables": told, "model": shortened(describe_changes(branch), 160), "python": self.python(asked)}
+        found = [tables(curve, curves, names) for curve in curves]
+        return {"tables": found, "model": shortened(describe_changes(branch), 160), "python": self.python(asked)}
 
     def _shown(self, session: str) -> Branch:
         with self._lock:
@@ -197,24 +278,53 @@ class Explorer:
             raise ValueError("there is no curve yet")
         return branch
 
-    def _traced(self, asked: Asked, job: Job) -> Branch:
+    def _traced(self, asked: Request, job: Job) -> Branch:
         problem = HarmonicBalance(self.subject.model(asked.values), asked.harmonics)
         return trace(problem, "Omega", asked.span, progress=job)
 
-    def python(self, asked: Asked) -> str:
-        """A script that computes the same curve."""
+    def python(self, asked: Request) -> str:
+        """Return a script that computes the same curve.
+
+        Parameters
+        ----------
+        asked : Request
+            Values, range and harmonics.
+
+        Returns
+        -------
+        str
+            Python script.
+        """
         return (
             f"import hbgear as hb\n\n{self.subject.python(asked.values)}\n"
             f"curve = hb.trace(hb.HarmonicBalance(model, {asked.harmonics}), 'Omega', {asked.span!r})\n"
             "for jump in curve.jumps():\n    print(jump.label, jump.value, jump.direction)\n"
         )
 
-    def jump_map(self, session: str, asked: Asked, axes: Any) -> dict[str, Any]:
-        """Where jumps are in a plane of two parameters, of which one may be Omega.
+    def jump_map(self, session: str, asked: Request, axes: Any) -> dict[str, Any]:
+        """Compute a jump map in a plane of two parameters, one of which may be Omega.
 
         Parameters
         ----------
-        axes : ``{"x": [name, from, to], "y": [name, from, to], "Omega": held if neither is Omega}``.
+        session : str
+            Session of the page.
+        asked : Request
+            Values and harmonics.
+        axes : dict
+            ``{"x": [name, from, to], "y": [name, from, to], "Omega": value}``; the value of Omega is used if
+            neither axis is Omega.
+
+        Returns
+        -------
+        dict
+            Lines, axis labels, and a message if the map is empty or incomplete.
+
+        Raises
+        ------
+        Superseded
+            If a later request replaces this one.
+        ValueError, KeyError
+            If the axes are invalid or a parameter is unknown.
         """
         ends = _ends(axes)
         x, y = ends
@@ -231,19 +341,48 @@ class Explorer:
         labels = [in_html(str(model.labels.get(name, name))) for name in ends]
         return {"lines": shown, "labels": labels, "message": message}
 
-    def measured(self, asked: Asked, content: bytes, name: str) -> dict[str, Any]:
-        """Measured points of a file whose bytes the page has read."""
+    def measured(self, asked: Request, content: bytes, name: str) -> dict[str, Any]:
+        """Return the measured points of a file whose bytes the page has read.
+
+        Parameters
+        ----------
+        asked : Request
+            Values of the model, whose scales convert the data.
+        content : bytes
+            Content of the file.
+        name : str
+            Name of the file.
+
+        Returns
+        -------
+        dict
+            Groups of dots, see `hbgear.web.overlay.dots`.
+        """
         model = self.subject.model(asked.values)
         data = measurements_of(content, name)
         return {"groups": dots(data, name, units_of(model), unit_of(str(model.labels.get("amplitude", ""))))}
 
-    def saved_as(self, session: str, kind: str, asked: Asked) -> tuple[str, bytes]:
-        """Name and bytes of a file: the curve that was last shown as "npz" or "html", the design as "toml" or "py".
+    def saved_as(self, session: str, kind: str, asked: Request) -> tuple[str, bytes]:
+        """Return name and content of a file to save.
+
+        Parameters
+        ----------
+        session : str
+            Session of the page.
+        kind : {"npz", "html", "toml", "py"}
+            Curve that was last shown ("npz", "html"), or the design ("toml", "py").
+        asked : Request
+            Values, range and harmonics of the design.
+
+        Returns
+        -------
+        tuple of str and bytes
+            Name and content.
 
         Raises
         ------
         ValueError
-            If there is no curve yet, or no such kind of file.
+            If the session has no curve yet, or the kind is unknown.
         """
         if kind == "toml":
             return "design.toml", self.subject.toml(asked.values, asked.span, asked.harmonics).encode()
@@ -258,13 +397,7 @@ class Explorer:
 
 
 def _ends(axes: Any) -> dict[str, tuple[float, float]]:
-    """The ranges of two parameters by name, that of the horizontal axis first.
-
-    Raises
-    ------
-    ValueError
-        If they are none.
-    """
+    """Return the ranges of two parameters by name, the horizontal axis first; raise ValueError if one is invalid."""
     ends: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y"):
         given = axes.get(axis) if isinstance(axes, dict) else None
@@ -283,11 +416,11 @@ def _line(branch: Branch) -> dict[str, Any]:
 def _over_Omega(
     model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, job: Job
 ) -> tuple[list[dict[str, Any]], str]:
-    """Jump frequencies over a parameter."""
+    """Compute jump frequencies over a parameter."""
     parameter = next(name for name in ends if name != "Omega")
     low, high = sorted(ends["Omega"])
     found = jump_map(model, parameter, ends[parameter], frequencies=(low, high), harmonics=harmonics, progress=job)
-    names = {1: "jump while Omega rises", -1: "jump while Omega falls"}
+    names = {1: "jump, sweep up", -1: "jump, sweep down"}
     lines = [{parameter: arm.values, "Omega": arm.Omega, "kind": names[arm.direction]} for arm in found.arms]
     return lines, "" if found.status.complete and lines else found.message or "no jump found in this range"
 
@@ -295,7 +428,7 @@ def _over_Omega(
 def _over_two(
     model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, Omega: float, job: Job
 ) -> tuple[list[dict[str, Any]], str]:
-    """Folds of curves in one parameter at an Omega, followed in another."""
+    """Compute folds of branches in one parameter at a fixed Omega, and continue them in another parameter."""
     (first, span), (second, other) = ends.items()
     lines: list[dict[str, Any]] = []
     value = (model.parameters | model.entries)[second]

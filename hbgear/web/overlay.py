@@ -1,4 +1,4 @@
-"""Measured points of a table as dots on the figure of a page, in the units of its axes."""
+"""Measured points of a table as dots on the figure of a page, in the units of the axes."""
 
 from __future__ import annotations
 
@@ -20,18 +20,30 @@ _SWEEPS = ((1, "rising", "triangle-up-open"), (-1, "falling", "triangle-down-ope
 
 
 def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[dict[str, Any]]:
-    """Measured points of a file on curves in Omega; see `read_measurements`.
+    """Return the measured points of a file as dots on branches in Omega; see `read_measurements`.
+
+    Parameters
+    ----------
+    path : path
+        Table of measured points.
+    branches : sequence of Branch
+        Branches whose scales convert the data.
+
+    Returns
+    -------
+    list of dict
+        Groups of dots, see `dots`.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is no such file, it is no table of measurements, or its units have no meaning for the curves.
+        If the file does not exist, is not a table of measurements, or the branches have no scale for its units.
     """
     if not os.path.exists(path):
         raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
     other = next((branch.parameter for branch in branches if branch.parameter != "Omega"), None)
     if other is not None:
-        raise ValueError(f"'{path}' has frequencies, and a curve is in {other}; measured points need curves in Omega")
+        raise ValueError(f"'{path}' has frequencies; a branch is in {other}; measured points need branches in Omega")
     data = measurements_of(bytes_of_file(path, "measured points"), os.fspath(path))
     units = {unit_of(label_of(branch, "amplitude")) for branch in branches}
     if len(units) > 1 and data.length:
@@ -40,14 +52,23 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[di
 
 
 def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: str) -> list[dict[str, Any]]:
-    """Measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
+    """Return measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
 
     Parameters
     ----------
-    data : the measurements.
-    name : of their file.
-    known : units of the model, as of `units_of`.
-    amplitude : unit of the axis of amplitudes, "1" or "" without one.
+    data : Measurements
+        Measured points and jumps.
+    name : str
+        Name of the file.
+    known : mapping of str to float
+        Scales of the model, see `units_of`.
+    amplitude : str
+        Unit of the amplitude axis; "1" or "" if it has no unit.
+
+    Returns
+    -------
+    list of dict
+        Groups of dots, as JSON of the page.
     """
     Omega, size, _ = data.in_units(known, amplitude)
     jumps = [(x / data.frequency_unit(known), direction) for x, direction, _ in data.jumps]
@@ -66,7 +87,7 @@ def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: s
 
 
 def _units(branches: Sequence[Branch]) -> dict[str, float]:
-    """Units that hold for every row of every curve; nothing if they differ."""
+    """Return the scales that hold at every point of every branch; empty if they differ."""
     found = []
     for branch in branches:
         model = model_of(branch)

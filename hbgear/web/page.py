@@ -1,4 +1,4 @@
-"""Pages of HTML: templates filled in, with style, scripts, Plotly and data in the same file."""
+"""HTML pages from templates, with style, scripts, Plotly and data in one file."""
 
 from __future__ import annotations
 
@@ -27,22 +27,31 @@ PALETTES = {
         "text": "#e6e8eb", "grid": "#30353c", "line": "#8a8f98", "paper": "#15181c",
     },
 }  # fmt: skip
-"""Colours on white and on black paper: those of the figures, and lighter ones in the same order."""
+"""Colours of the light and the dark theme, in the same order; the light ones are those of `hbgear.plot`."""
 
 
 _POLICY = "content-security-policy-of-this-page"
-"""Stands in a page for its policy, which has the hashes of the scripts around it."""
+"""Placeholder of the Content-Security-Policy, which contains the hashes of the scripts of the page."""
 
 
 def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> str:
-    """A page of the folder of templates, with a Content-Security-Policy: only its own scripts run.
+    """Return a page made from a template, with a Content-Security-Policy that admits only its own scripts.
 
     Parameters
     ----------
-    template : its name.
-    data : what its scripts read, fit for JSON.
-    connect : where its scripts may send requests to, a source list of connect-src.
-    values : what the template itself takes.
+    template : str
+        File name of the template.
+    data : object
+        Data of the scripts, serializable as JSON.
+    connect : str, optional
+        Destinations of requests of the scripts, a source list of connect-src; default none.
+    **values : object
+        Variables of the template.
+
+    Returns
+    -------
+    str
+        HTML of the page.
 
     Raises
     ------
@@ -62,9 +71,23 @@ def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> st
 
 
 def policy_of(text: str, connect: str) -> str:
-    """Content-Security-Policy of a page: nothing but its own scripts, by their hashes, its style and inline images.
+    """Return the Content-Security-Policy of a page: its own scripts by their hashes, its style and inline images.
 
-    Plotly adds styles while it draws and makes images of figures as data and blobs.
+    Parameters
+    ----------
+    text : str
+        HTML of the page.
+    connect : str
+        Source list of connect-src.
+
+    Returns
+    -------
+    str
+        The policy.
+
+    Notes
+    -----
+    Plotly adds styles while it draws and exports figures as data and blobs.
     """
     hashes = {sha256(script.encode()).digest() for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)}
     scripts = " ".join(sorted(f"'sha256-{b64encode(each).decode()}'" for each in hashes))
@@ -73,7 +96,7 @@ def policy_of(text: str, connect: str) -> str:
 
 
 def check_installed() -> None:
-    """Refuse before any work what a page could not be made with.
+    """Check that the libraries of pages are installed, before any computation.
 
     Raises
     ------
@@ -85,7 +108,18 @@ def check_installed() -> None:
 
 
 def in_script(value: Any) -> Any:
-    """JSON that cannot end the script it stands in."""
+    """Return JSON that cannot end the script element that contains it.
+
+    Parameters
+    ----------
+    value : object
+        Data, serializable as JSON.
+
+    Returns
+    -------
+    Markup
+        Escaped JSON.
+    """
     from markupsafe import Markup
 
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -93,7 +127,18 @@ def in_script(value: Any) -> Any:
 
 
 def asset(name: str) -> Any:
-    """A file that goes into a page as it is."""
+    """Return a file that is included in a page unchanged.
+
+    Parameters
+    ----------
+    name : str
+        File name in the folder of assets.
+
+    Returns
+    -------
+    Markup
+        Text of the file.
+    """
     from markupsafe import Markup
 
     return Markup((ASSETS / name).read_text(encoding="utf-8"))
@@ -101,7 +146,13 @@ def asset(name: str) -> Any:
 
 @cache
 def plotly_script() -> Any:
-    """The script of Plotly, which its package for Python brings."""
+    """Return the script of Plotly, which its Python package contains.
+
+    Returns
+    -------
+    Markup
+        The script.
+    """
     from markupsafe import Markup
 
     return Markup(needed("plotly.offline", "report", "a page").get_plotlyjs())

@@ -1,4 +1,4 @@
-"""A report in one page: what was computed and with what, curves to look at, tables, validation. It needs no network."""
+"""Report in one HTML file: model and settings, response curves, tables, validation; it needs no network."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ from hbgear.design.studies.study import Cases
 from hbgear.time.validation import Report as Validation
 from hbgear.web.overlay import dots_of
 from hbgear.web.page import page, plotly_script
-from hbgear.web.studies import lines_of, told
+from hbgear.web.studies import lines_of, study_section
 from hbgear.web.view import views
 
 
 @dataclass(frozen=True)
 class Report:
-    """A page of HTML that stands by itself.
+    """A self-contained HTML page.
 
-    Parameters
+    Attributes
     ----------
-    title : of the page.
-    html : all of it.
+    title : str
+        Title of the page.
+    html : str
+        Text of the page.
 
     Examples
     --------
@@ -47,7 +49,7 @@ class Report:
         return f"<Report: {self.title}, {len(self.html.encode()) / 1e6:.1f} MB>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: the page in a frame of its own."""
+        """Return the page in a frame, for notebooks."""
         return (
             f'<iframe srcdoc="{html.escape(self.html)}" title="{html.escape(self.title)}" '
             'style="width:100%;height:780px;border:1px solid #ccc"></iframe>'
@@ -55,12 +57,17 @@ class Report:
 
     @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write to an .html, whole or not at all.
+        """Write the page to an .html file, which is replaced only after the page is complete.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
 
         Raises
         ------
         ValueError
-            If the path ends in something else.
+            If the path has another suffix.
         """
         checked_suffix(path, (".html", ".htm"), "a report is a page")
         with atomic_write(path, "x", encoding="utf-8") as handle:
@@ -77,29 +84,39 @@ def report(
     studies: Sequence[Cases | str | os.PathLike[str]] = (),
     measured: Sequence[str | os.PathLike[str]] = (),
 ) -> Report:
-    """A report on curves: one page that any browser opens, without a network. Needs ``hbgear[report]``.
+    """Return a report on branches: one page for any browser, without a network; it needs ``hbgear[report]``.
 
-    It has the response curves (regimes, stability, special points, jumps; axes in Hz and r/min where the model knows
-    its units), the time history, phase diagram, spectrum and multipliers of the point that is clicked, and tables of
-    special points, jumps and accuracy.
+    The page has the response curves (regimes, stability, special points, jumps; axes in Hz and r/min if the model has
+    scales), the time history, phase diagram, spectrum and multipliers of the selected point, and tables of special
+    points, jumps and estimated errors.
 
     Parameters
     ----------
-    branches : one or several; the others of their spans are shown too.
-    title : by default the model.
-    names : of the branches; by default their models, or if these are alike "curve 1", ...
-    validation : what `validate` found; its table is shown too.
-    studies : `Cases`, or where they are: the folder of ``hbgear study``, or a table that `Cases.export` wrote as .npz.
-        Their curves, if they were kept, are drawn thin behind the others; tables have the distribution of what was
-        found, and all cases.
-    measured : tables of measured points, drawn as dots, rising and falling sweeps apart, where the measure of their
-        amplitudes is shown; headings state their units, see `read_measurements`.
+    branches : Branch or sequence of Branch
+        Branches to show, with the other branches of their ranges.
+    title : str, optional
+        Title of the page; default the model.
+    names : sequence of str, optional
+        Names of the branches; default their models, or "curve 1", "curve 2", ... if these are equal.
+    validation : Report or sequence of Report, optional
+        Results of `hbgear.validate`, shown as tables.
+    studies : sequence of Cases or path, optional
+        Studies: `Cases`, the folder of ``hbgear study``, or a .npz table of `Cases.export`. Their curves are drawn
+        as thin lines; tables show the distribution of the results, and all cases.
+    measured : sequence of path, optional
+        Tables of measured points, see `read_measurements`. They are drawn as dots, separately for sweep up and down,
+        when the figure shows the measure of their amplitudes.
+
+    Returns
+    -------
+    Report
+        The page.
 
     Raises
     ------
     ValueError
-        If there is no curve, not a name for each, one is not of periodic motions, a file is none of a study, or Plotly
-        is not installed.
+        If there are no branches, the names are not one for each branch, a branch does not consist of periodic
+        motions, a file is not a study, or Plotly is not installed.
 
     Examples
     --------
@@ -124,7 +141,7 @@ def report(
     data = {"curves": shown, "behind": behind}
     text = page(
         "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
-        studies=[told(study, name) for study, name in zip(found, called, strict=True)], plotly=plotly_script(),
+        studies=[study_section(study, name) for study, name in zip(found, called, strict=True)], plotly=plotly_script(),
     )  # fmt: skip
     return Report(title, text)
 
@@ -132,11 +149,11 @@ def report(
 def _checked(check: Validation) -> dict[str, Any]:
     tables = [("harmonic balance against time integration", *check.table())]
     if check.jumps:
-        tables.append(("where jumps land by integration", *check.jump_table()))
+        tables.append(("landings of jumps by time integration", *check.jump_table()))
     return {"summary": check.summary, "ok": check.ok, "tables": tables}
 
 
 def _name_of(path: str | os.PathLike[str]) -> str:
-    """What a study in a file is called: by its folder, unless the table has a name of its own."""
+    """Return the name of a study in a file: that of its folder, or of the table unless it is ``table.npz``."""
     file = Path(path).resolve()
     return file.name if file.is_dir() else file.parent.name if file.name == "table.npz" else file.stem

@@ -1,7 +1,7 @@
-"""The explorer in a browser: a server on this machine alone, which answers its own page only.
+"""Local web server of the explorer, which serves only its own page.
 
-It listens on 127.0.0.1. Every request must name that host, come from its own page if it says where it comes from, and
-carry the token of this run, which only who started it can see.
+It listens on 127.0.0.1. Each request must name this host, have the origin of the page if it states an origin, and
+contain the token of this run, which is printed in the terminal.
 """
 
 from __future__ import annotations
@@ -18,30 +18,44 @@ from typing import Any
 from hbgear.common.optional import needed
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.io.branches.archive import too_deep
-from hbgear.web.explorer import Asked, Explorer, Overtaken
+from hbgear.web.explorer import Explorer, Request, Superseded
 from hbgear.web.page import page, plotly_script
 
 HOST = "127.0.0.1"
-_MOST_BYTES = 8_000_000  # of a request
-_PATIENCE = 20.0  # seconds that a connection may be silent before it is closed
+_MAX_REQUEST_BYTES = 8_000_000
+"""Largest size of a request [bytes]."""
+
+_CONNECTION_TIMEOUT = 20.0
+"""Time [s] after which a silent connection is closed, so that it does not occupy a thread."""
+
 _CONTENT = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 
 
-Answer = Callable[[dict[str, Any], str, Asked], Any]
-"""What is answered to what a page sent, its session, and the values it asks for."""
+Answer = Callable[[dict[str, Any], str, Request], Any]
+"""Function that answers a request: of the JSON of a page, its session, and the request."""
 
 
 def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
-    """The pages and answers of an explorer, for Flask.
+    """Return the Flask application of an explorer.
 
     Parameters
     ----------
-    explorer, title : what is explored, and what the page is called.
-    token : that every request must carry, as the parameter ``token`` or in the header X-Hbgear-Token.
-    hosts : names by which this server may be asked for, with the port.
+    explorer : Explorer
+        Computations of the pages.
+    title : str
+        Title of the page.
+    token : str
+        Token that each request must contain, as the parameter ``token`` or in the header X-Hbgear-Token.
+    hosts : callable
+        Returns the accepted host names with port.
+
+    Returns
+    -------
+    Flask
+        The application.
 
     Raises
     ------
@@ -50,13 +64,13 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
     """
     flask = needed("flask", "explore", "the explorer")
     app = flask.Flask("hbgear", static_folder=None)
-    app.config["MAX_CONTENT_LENGTH"] = _MOST_BYTES
+    app.config["MAX_CONTENT_LENGTH"] = _MAX_REQUEST_BYTES
     app.json.sort_keys = False
     request = flask.request
 
     @app.before_request
     def guard() -> Any:
-        """Refuse other hosts, other pages, and whoever does not know the token."""
+        """Refuse requests to other hosts, from other pages, and without the token."""
         known = hosts()
         origin = request.headers.get("Origin")
         given = request.headers.get("X-Hbgear-Token") or request.args.get("token", "")
@@ -83,26 +97,26 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         return flask.jsonify(error="the request is nested too deeply"), 400
 
     def sent() -> Any:
-        """What the page sent as JSON; None if it is none."""
+        """Return the JSON of the request; None if it is invalid."""
         given = request.get_json(silent=True)
         if too_deep(given):
             raise RecursionError
         return given
 
-    def answered(answer: Answer, **place: str) -> Any:
-        """What was computed, nothing if it is not wanted any more, or one sentence that says why not."""
+    def answered(answer: Answer, **route: str) -> Any:
+        """Return the result, an empty response if the computation was superseded, or an error message."""
         given = sent()
         try:
             if not isinstance(given, dict):
-                raise ValueError("need an object of JSON")
-            return answer({**given, **place}, str(given.get("session", ""))[:64], Asked.of(given))
-        except Overtaken:
-            return "", 204  # no error: browsers would write one to their console for every move of a slider
+                raise ValueError("the request must be a JSON object")
+            return answer({**given, **route}, str(given.get("session", ""))[:64], Request.of(given))
+        except Superseded:
+            return "", 204  # not an error status: browsers would log it for each move of a slider
         except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
             return flask.jsonify(error=str(text)), 422
 
-    def file(given: dict[str, Any], session: str, asked: Asked) -> Any:
+    def file(given: dict[str, Any], session: str, asked: Request) -> Any:
         name, content = explorer.saved_as(session, given["kind"], asked)
         return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
 
@@ -137,7 +151,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
 
 def _bytes(content: Any) -> bytes:
-    """The bytes of a file that a page has sent in base64."""
+    """Return the bytes of a file that a page sent in base64."""
     try:
         return base64.b64decode(content, validate=True)
     except (TypeError, ValueError):
@@ -145,13 +159,18 @@ def _bytes(content: Any) -> bytes:
 
 
 class Server:
-    """An explorer that listens.
+    """A web server of an explorer.
 
     Parameters
     ----------
-    explorer, title : as of `application`.
-    port : to listen at; 0 for any that is free.
-    patience : seconds that a connection may be silent, while a request is read or between two, before it is closed.
+    explorer : Explorer
+        Computations of the pages.
+    title : str
+        Title of the page.
+    port : int, optional
+        Port; default 0, any free port.
+    patience : float, optional
+        Time [s] after which a silent connection is closed; default 20.
 
     Raises
     ------
@@ -159,16 +178,16 @@ class Server:
         If Flask is not installed, or the port is taken or not allowed.
     """
 
-    def __init__(self, explorer: Explorer, title: str, port: int = 0, patience: float = _PATIENCE) -> None:
+    def __init__(self, explorer: Explorer, title: str, port: int = 0, patience: float = _CONNECTION_TIMEOUT) -> None:
         serving = needed("werkzeug.serving", "explore", "the explorer")
         self.explorer, self.token = explorer, secrets.token_urlsafe(24)
         app = application(explorer, title, self.token, self._hosts)
 
-        class Quiet(serving.WSGIRequestHandler):  # type: ignore[name-defined,misc]
-            """Says nothing of each request, for its address has the token."""
+        class QuietHandler(serving.WSGIRequestHandler):  # type: ignore[name-defined,misc]
+            """Handler without a log of requests, because their addresses contain the token."""
 
             protocol_version = "HTTP/1.1"
-            timeout = patience  # of every read and write of the connection, which else keeps its thread for ever
+            timeout = patience  # of each read and write; otherwise a silent connection occupies its thread
 
             def log(self, type: str, message: str, *args: Any) -> None:
                 pass
@@ -177,9 +196,9 @@ class Server:
             taken = _listening(port)
             self.port = int(taken.getsockname()[1])
             self._server = serving.make_server(
-                HOST, self.port, app, threaded=True, request_handler=Quiet, fd=taken.fileno()
+                HOST, self.port, app, threaded=True, request_handler=QuietHandler, fd=taken.fileno()
             )
-            taken.close()  # the server has its own
+            taken.close()  # the server has a duplicate
         except OSError as error:
             taken_already = error.errno == errno.EADDRINUSE
             why = "is taken by another program" if taken_already else f"cannot be used ({error.strerror})"
@@ -191,11 +210,11 @@ class Server:
 
     @property
     def address(self) -> str:
-        """To be opened in a browser."""
+        """Address of the page, with the token."""
         return f"http://{HOST}:{self.port}/?token={self.token}"
 
     def run(self) -> None:
-        """Answer until Ctrl-C; what is being computed then is ended."""
+        """Serve requests until Ctrl-C, which also cancels running computations."""
         try:
             self._server.serve_forever(poll_interval=0.2)
         finally:
@@ -204,9 +223,9 @@ class Server:
 
 
 def _listening(port: int) -> Any:
-    """A socket that listens at a port."""
+    """Return a socket that listens at a port."""
     found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    if os.name == "posix":  # a port that was left a moment ago may be taken again; elsewhere this would share it
+    if os.name == "posix":  # reuse a recently closed port; other systems would share the port
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         found.bind((HOST, port))

@@ -1,4 +1,4 @@
-"""What a page says of a study: its curves, drawn thin behind others, and tables of what its cases have in common."""
+"""Content of a page about a study: its curves as thin lines, and tables of the distribution over its cases."""
 
 from __future__ import annotations
 
@@ -14,20 +14,35 @@ from hbgear.web.view import plain
 
 Study: TypeAlias = Cases | Results
 
-_SHARES = {"smallest": 0, "5 %": 5, "median": 50, "95 %": 95, "largest": 100}
-"""Columns of a distribution, and which percentiles they are."""
+_PERCENTILES = {"smallest": 0, "5 %": 5, "median": 50, "95 %": 95, "largest": 100}
+"""Columns of a distribution and their percentiles [%]."""
 
 
-_DRAWN = 200  # curves at most: what more would tell, percentiles do
+_MAX_DRAWN_CURVES = 200
+"""Largest number of curves drawn; percentiles describe larger studies better."""
 
 
-_LISTED = 500  # cases at most
+_MAX_LISTED_CASES = 500
+"""Largest number of cases listed in the table."""
 
 
 def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
-    """The curves of a study as thin lines, of many some of them, after what stands for them in legends."""
+    """Return curves of a study as thin lines, at most `_MAX_DRAWN_CURVES`, after their legend entry.
+
+    Parameters
+    ----------
+    study : Study
+        Study with curves.
+    name : str
+        Legend entry.
+
+    Returns
+    -------
+    list of dict
+        Lines, as JSON of the page.
+    """
     cases = list(study.curves)
-    some = [cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_DRAWN, len(cases))).astype(int))]
+    some = [cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_MAX_DRAWN_CURVES, len(cases))).astype(int))]
     legend = [{"name": name, "mode": "lines", "x": [None], "y": [None], "legend": True}] if some else []
     return legend + [
         {"name": f"case {case}", "mode": "lines", "x": plain(study.curves[case][0]), "y": plain(study.curves[case][1])}
@@ -35,18 +50,31 @@ def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
     ]
 
 
-def told(study: Study, name: str) -> dict[str, Any]:
-    """Heading, sentence and tables of a study."""
+def study_section(study: Study, name: str) -> dict[str, Any]:
+    """Return the title, summary and tables of a study.
+
+    Parameters
+    ----------
+    study : Study
+        Study to describe.
+    name : str
+        Title.
+
+    Returns
+    -------
+    dict
+        Texts and tables of the page.
+    """
     table = study.table
     failed = int(np.sum(table["reason"] != "")) if "reason" in table else 0
-    drawn = min(_DRAWN, len(study.curves))
+    drawn = min(_MAX_DRAWN_CURVES, len(study.curves))
     which = f"{drawn} of {len(study.curves)}" if drawn < len(study.curves) else "all"
     summary = f"{len(table['case'])} cases" + (f", {failed} of which failed" if failed else "")
-    curves = f"; {which} of their curves are drawn thin" if study.curves else ""
-    tables = [("Distribution over the cases", ["", *_SHARES], _distribution(table))]
+    curves = f"; {which} of their curves are drawn as thin lines" if study.curves else ""
+    tables = [("Distribution over the cases", ["", *_PERCENTILES], _distribution(table))]
     if len(study.jumps):
         headers = [
-            "while Omega",
+            "sweep",
             "cases that jump",
             "jumps at Omega, 5 %",
             "median",
@@ -61,22 +89,22 @@ def told(study: Study, name: str) -> dict[str, Any]:
 
 
 def _distribution(table: dict[str, Any]) -> list[list[str]]:
-    """Percentiles of each column of numbers that is not the same in all cases."""
+    """Return percentiles of each numeric column."""
     rows = []
     for name, column in table.items():
         if name in ("case", "seconds") or column.dtype.kind not in "if":
             continue
         known = column[np.isfinite(column)]
         if len(known):
-            values = np.percentile(known, list(_SHARES.values()), method="inverted_cdf")
+            values = np.percentile(known, list(_PERCENTILES.values()), method="inverted_cdf")
             rows.append([name, *(_number(float(value)) for value in values)])
     return rows
 
 
 def _jumps(jumps: Array, count: int) -> list[list[str]]:
-    """Of rising and falling sweeps: how many cases jump, where, and from which to which amplitude."""
+    """Return for each sweep direction the number of cases that jump, and percentiles of frequency and amplitudes."""
     rows = []
-    for direction, name in ((1, "rises"), (-1, "falls")):
+    for direction, name in ((1, "up"), (-1, "down")):
         own = jumps[jumps[:, 2] == direction]
         if not len(own):
             rows.append([name, f"0 of {count}", *["-"] * 5])
@@ -89,10 +117,10 @@ def _jumps(jumps: Array, count: int) -> list[list[str]]:
 
 
 def _cases(table: dict[str, Any]) -> tuple[str, list[str], list[list[str]]]:
-    """Title, headers and rows of all cases, or of the first."""
+    """Return title, headers and rows of all cases, or of the first `_MAX_LISTED_CASES`."""
     count = len(table["case"])
-    rows = [[_cell(column[i]) for column in table.values()] for i in range(min(count, _LISTED))]
-    title = "all cases" if count <= _LISTED else f"the first {_LISTED} of {count} cases"
+    rows = [[_cell(column[i]) for column in table.values()] for i in range(min(count, _MAX_LISTED_CASES))]
+    title = "all cases" if count <= _MAX_LISTED_CASES else f"the first {_MAX_LISTED_CASES} of {count} cases"
     return title, list(table), rows
 
 

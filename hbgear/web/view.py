@@ -1,7 +1,7 @@
-"""What a page needs to know of a curve, as plain numbers and texts, fit for JSON.
+"""Data of a page about a branch, as numbers and texts of JSON.
 
-Amplitudes are those of every row; coefficients and multipliers go as arrays of 32 bit in base64, from which the page
-draws the motion of any row. Numbers of tables are texts with the digits that hold.
+Amplitudes are given at each point. Coefficients and multipliers are 32-bit arrays in base64, from which the page draws
+the motion at any point. Numbers of tables are texts with the verified digits.
 """
 
 from __future__ import annotations
@@ -26,18 +26,31 @@ from hbgear.io.branches.columns import bracketed, label_of
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
 
-_FIGURES = 7  # significant digits of numbers that are drawn
+_DRAWN_DIGITS = 7
+"""Significant digits of drawn numbers."""
 
 
 def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) -> list[dict[str, Any]]:
-    """Each curve as `view`, the others of its span after it; jumps land on whichever it is.
+    """Return the data of each branch and the other branches of its range; jumps may land on any of them.
 
-    whole : with their tables.
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Branches to show.
+    names : sequence of str
+        Name of each branch.
+    whole : bool, optional
+        Whether to add the tables; default True.
+
+    Returns
+    -------
+    list of dict
+        Data of the page, see `view` and `tables`.
 
     Raises
     ------
     ValueError
-        If one of them is no curve of periodic motions.
+        If a branch does not consist of periodic motions.
     """
     curves, called = [], []
     for branch, name in zip(branches, names, strict=True):
@@ -46,7 +59,7 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
             called.append(f"{name}, branch {number}" if branch.others else name)
     for curve, name in zip(curves, called, strict=True):
         if layout_of(curve) is None or not len(curve):
-            raise ValueError(f"{name} is no curve of periodic motions, which alone can be shown on a page")
+            raise ValueError(f"{name} is not a branch of periodic motions; a page shows only these")
     return [
         view(curve, name, found) | (tables(curve, curves, called) if whole else {})
         for curve, name, found in zip(curves, called, landings(curves), strict=True)
@@ -54,7 +67,22 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
 
 
 def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, Any]:
-    """All that is drawn of one curve; ``found`` are its jumps."""
+    """Return the drawn data of one branch.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch to show.
+    name : str
+        Name of the branch.
+    found : sequence of Landing, optional
+        Jumps of the branch.
+
+    Returns
+    -------
+    dict
+        Data of the page.
+    """
     layout = layout_of(branch)
     assert layout is not None
     each = range(len(layout.elements))
@@ -73,15 +101,15 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "Omega": plain(Omega, 10),
         "scales": {"Hz": known.get(MESH), "rpm": known.get(PINION)},
         "elements": list(layout.elements),
-        "corners": [list(corners) for corners in layout.breakpoints],
+        "breakpoints": [list(points) for points in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,
         "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()},
         "measures": _measures(),
-        "stretches": [
-            [[regime, _verdict(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
+        "sections": [
+            [[regime, _stability(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
         ],
-        "verdicts": branch.stability,
+        "stability": branch.stability,
         "regimes": branch.regimes,
         "coefficients": packed(layout.spread(branch.X).reshape(len(branch), -1)),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
@@ -95,21 +123,47 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
 
 
 def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> dict[str, Any]:
-    """What a page says of a curve in words, and its tables."""
-    beside = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
-    headers, rows, notes = jump_table(branch, "pp2", 0, [curve for curve, _ in beside], [name for _, name in beside])
+    """Return the texts and tables of one branch.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch to describe.
+    curves : sequence of Branch
+        All branches of the page, on which a jump may land.
+    names : sequence of str
+        Name of each of them.
+
+    Returns
+    -------
+    dict
+        Texts and tables of the page.
+    """
+    others = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
+    headers, rows, notes = jump_table(branch, "pp2", 0, [curve for curve, _ in others], [name for _, name in others])
     return {
         "parameters": parameter_rows(branch),
         "facts": [[name, text] for name, text in summary_facts(branch, "pp2") if text],
         "specialTable": special_table(branch, "pp2", 0),
         "jumpTable": [headers, rows],
         "notes": notes,
-        "trust": reliability_lines(branch),
+        "reliability": reliability_lines(branch),
     }
 
 
 def parameter_rows(branch: Branch) -> list[list[str]]:
-    """Name, value, unit and meaning of the parameters that were held."""
+    """Return name, value, unit and meaning of the fixed parameters.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with the parameters.
+
+    Returns
+    -------
+    list of list of str
+        Rows of a table.
+    """
     rows = []
     for name, value in branch.fixed.items():
         label = label_of(branch, name)
@@ -118,22 +172,57 @@ def parameter_rows(branch: Branch) -> list[list[str]]:
     return rows
 
 
-def plain(values: Any, digits: int = _FIGURES) -> list[float | None]:
-    """Numbers as JSON has them, nan as null."""
+def plain(values: Any, digits: int = _DRAWN_DIGITS) -> list[float | None]:
+    """Return numbers for JSON, with nan as null.
+
+    Parameters
+    ----------
+    values : array_like
+        Numbers.
+    digits : int, optional
+        Significant digits; default 7.
+
+    Returns
+    -------
+    list of float or None
+        Rounded numbers.
+    """
     return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in np.asarray(values, dtype=float).tolist()]
 
 
 def packed(array: Array) -> str:
-    """An array row by row as 32-bit numbers, low byte first, in base64."""
+    """Return an array in row-major order as little-endian 32-bit numbers in base64.
+
+    Parameters
+    ----------
+    array : ndarray
+        Numbers.
+
+    Returns
+    -------
+    str
+        Text in base64.
+    """
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode()
 
 
 def multipliers(branch: Branch) -> dict[str, Any]:
-    """Real and imaginary parts, row by row, the largest moduli; those that are zero in every row are left out."""
+    """Return real and imaginary parts of the multipliers, without those that are zero at all points.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with multipliers.
+
+    Returns
+    -------
+    dict
+        Number of multipliers, their parts as `packed` arrays, and the largest modulus at each point.
+    """
     assert branch.multipliers is not None
     mu = branch.multipliers
-    seen = np.nanmax(np.abs(np.nan_to_num(mu)), axis=0, initial=0.0) > 1e-9
-    mu = mu[:, seen] if seen.any() else mu[:, :1]
+    nonzero = np.nanmax(np.abs(np.nan_to_num(mu)), axis=0, initial=0.0) > 1e-9
+    mu = mu[:, nonzero] if nonzero.any() else mu[:, :1]
     largest = np.abs(mu).max(axis=1, initial=0.0)
     return {"count": mu.shape[1], "real": packed(mu.real), "imag": packed(mu.imag), "largest": plain(largest)}
 
@@ -144,16 +233,16 @@ def _measures() -> dict[str, str]:
 
 
 def _tops(branch: Branch, elements: Sequence[int]) -> dict[str, list[float]]:
-    """How far up figures go where a curve runs off to infinity, by measure and element."""
+    """Return upper limits of the axes of a branch that goes to infinity, by measure and element."""
     return {m: [HEADROOM * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in _measures()}
 
 
-def _verdict(stable: bool | str | None) -> str:
+def _stability(stable: bool | str | None) -> str:
     return {True: "stable", False: "unstable", None: "unknown"}.get(stable, str(stable))  # type: ignore[arg-type]
 
 
 def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float | None]]]:
-    """Measures of some motions, of every element; all are measured at once."""
+    """Return the measures of motions, of every element."""
     if not points:
         return []
     X = [(layout_of(point) or layout).spread(point.X) for point in points]
@@ -169,7 +258,7 @@ def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
         event = named(point)
         out.append({
             "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
-            "row": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "verdict": point.stability,
+            "index": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "stability": point.stability,
         })  # fmt: skip
     return out
 
@@ -182,7 +271,7 @@ def _jumps(layout: Layout, found: Sequence[Landing]) -> list[dict[str, Any]]:
         end = None if jump.after is None else layout_of(jump.after)
         out.append({
             "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size,
-            "decided": jump.landing_description,
+            "landing": jump.landing_description,
             "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0],
         })  # fmt: skip
     return out

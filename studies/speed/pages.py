@@ -20,7 +20,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.web.editable_model import ModelSubject
+from hbgear.web.editable_model import EditableInstance
 from hbgear.web.explorer import Explorer
 from hbgear.web.server import Server
 from studies import study
@@ -65,7 +65,7 @@ def browser() -> Any:
 def moved(driver: Any, name: str, count: int) -> dict[str, Any]:
     """Milliseconds from slider to curve."""
     model = MODELS[name]
-    server = Server(Explorer(ModelSubject(model, name), model.default_span), name)
+    server = Server(Explorer(EditableInstance(model, name), model.default_span), name)
     threading.Thread(target=server.run, daemon=True).start()
     driver.get(server.address)
     driver.execute_async_script("hbgear.ready.then(() => setTimeout(arguments[0], 1000))")

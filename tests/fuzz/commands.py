@@ -93,10 +93,10 @@ def _nothing_served() -> Iterator[None]:
         served.start()
         values = {each.name: each.value for each in served.subject.parameters()}
         with suppress(ValueError, KeyError, NoConvergence):  # what a page is told
-            served.curve("s", Asked(values, served.span, 2))
+            served.curve("s", Request(values, served.span, 2))
 
     from hbgear import NoConvergence
-    from hbgear.web.explorer import Asked
+    from hbgear.web.explorer import Request
 
     with mock.patch.object(Server, "run", once), mock.patch.object(webbrowser, "open", lambda address: True):
         yield

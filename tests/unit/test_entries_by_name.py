@@ -6,8 +6,8 @@ import pytest
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.design.studies.study_file import StudyFileError, read_study
-from hbgear.web.editable_model import ModelSubject
-from hbgear.web.explorer import Asked, Explorer
+from hbgear.web.editable_model import EditableInstance
+from hbgear.web.explorer import Explorer, Request
 
 PAIR = hb.SpurPair(e=(0.1, 0.02))
 
@@ -85,7 +85,7 @@ def test_studies_vary_entries(tmp_path):
 
 
 def test_the_explorer_counts_from_zero_as_the_library_does():
-    subject = ModelSubject(PAIR, "spur-pair")
+    subject = EditableInstance(PAIR, "spur-pair")
     shown = {parameter.name: parameter for parameter in subject.parameters()}
     assert {name: shown[name].value for name in shown if name.startswith("e[")} == {"e[0]": 0.1, "e[1]": 0.02}
     assert shown["e[0]"].label.startswith("entry 0 of") and shown["e[0]"].map
@@ -93,7 +93,7 @@ def test_the_explorer_counts_from_zero_as_the_library_does():
     with pytest.raises(KeyError, match=r"e\[2\]"):
         subject.model({"e[2]": 0.2})
     explorer = Explorer(subject, (0.8, 0.4), 2)
-    asked = Asked({}, (0.8, 0.4), 2)
+    asked = Request({}, (0.8, 0.4), 2)
     found = explorer.jump_map("s", asked, {"x": ["e[0]", 0.1, 0.12], "y": ["Omega", 0.4, 0.9]})
     assert len(found["labels"]) == 2 and found["lines"]
 

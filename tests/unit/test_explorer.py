@@ -24,8 +24,8 @@ from hbgear.cli.app import main
 from hbgear.cli.pages import explored
 from hbgear.design.studies.study_file import read_study
 from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
-from hbgear.web.editable_model import MachineSubject, ModelSubject
-from hbgear.web.explorer import Asked, Explorer, Overtaken
+from hbgear.web.editable_model import EditableInstance, EditableMachine
+from hbgear.web.explorer import Explorer, Request, Superseded
 from hbgear.web.server import Server
 
 pytest.importorskip("flask")
@@ -35,7 +35,7 @@ SPAN = (1.5, 0.3)
 
 
 def explorer(model=MODEL, span=SPAN, harmonics=8):
-    return Explorer(ModelSubject(model, "spur-pair"), span, harmonics)
+    return Explorer(EditableInstance(model, "spur-pair"), span, harmonics)
 
 
 def machine():
@@ -84,16 +84,16 @@ def question(**values):
 
 
 def test_every_number_of_a_model_is_a_parameter():
-    found = {p.name: p for p in ModelSubject(MODEL, "spur-pair").parameters()}
+    found = {p.name: p for p in EditableInstance(MODEL, "spur-pair").parameters()}
     assert {"zeta", "F_m", "b", "eps[0]", "reference[3]"} <= set(found)
     assert found["F_m"].unit == "-" and found["F_m"].label == "mean load F<sub>m</sub>"
     assert all(p.low <= p.value <= p.high for p in found.values())
-    pair = {p.name: p for p in ModelSubject(hb.gears.DoubleHelicalPair(), "double-helical").parameters()}
+    pair = {p.name: p for p in EditableInstance(hb.gears.DoubleHelicalPair(), "double-helical").parameters()}
     assert pair["I_p"].unit == "kg m^2"
 
 
 def test_values_make_the_model_and_leave_the_rest():
-    subject = ModelSubject(MODEL, "spur-pair")
+    subject = EditableInstance(MODEL, "spur-pair")
     assert subject.model({p.name: p.value for p in subject.parameters()}) == MODEL
     assert subject.model({"eps[0]": 0.3, "zeta": 0.2}) == MODEL.replace(eps=(0.3,), zeta=0.2)
     for name in ("nope", "eps[1]", "nope[0]"):
@@ -103,7 +103,7 @@ def test_values_make_the_model_and_leave_the_rest():
         subject.model({"zeta": -1.0})
 
 
-@pytest.mark.parametrize("subject", [ModelSubject(MODEL, "spur-pair"), MachineSubject(machine())])
+@pytest.mark.parametrize("subject", [EditableInstance(MODEL, "spur-pair"), EditableMachine(machine())])
 def test_python_and_toml_make_the_same_model(subject, tmp_path):
     values = {p.name: p.value for p in subject.parameters()}
     changed = (
@@ -115,7 +115,7 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
     assert names["model"] == expected and expected != subject.model(values)
     path = tmp_path / "design.toml"
     path.write_text(subject.toml(values | changed, SPAN, 8), encoding="utf-8")
-    if isinstance(subject, MachineSubject):
+    if isinstance(subject, EditableMachine):
         model = read_machine(path).model()  # micrometres are written with twelve digits
         assert model.parameters == pytest.approx(expected.parameters, rel=1e-11)
     else:
@@ -128,21 +128,21 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
 
 
 def test_jump_maps_of_a_machine_are_over_its_model():
-    found = Explorer(MachineSubject(machine()), SPAN, 4)
+    found = Explorer(EditableMachine(machine()), SPAN, 4)
     names = [parameter["name"] for parameter in found.start()["map"]]
     model = machine().model()
     assert set(names) == set(model.parameters | model.entries)
     axes = {"x": ["Omega", 0.5, 1.2], "y": ["F_m", 0.3, 0.32], "Omega": None}
-    assert found.jump_map("s", Asked({}, SPAN, 4), axes)["lines"]
+    assert found.jump_map("s", Request({}, SPAN, 4), axes)["lines"]
 
 
 def test_curve_is_the_traced_one():
     found = explorer()
-    told = found.curve("s", Asked.of(question(zeta=0.06)))
+    told = found.curve("s", Request.of(question(zeta=0.06)))
     curve = hb.trace(hb.HarmonicBalance(MODEL.replace(zeta=0.06), 8), "Omega", SPAN)
     np.testing.assert_allclose(told["curves"][0]["x"], curve.values, rtol=1e-9)
     assert [jump["x"] for jump in told["curves"][0]["jumps"]] == [jump.value for jump in curve.jumps()]
-    details = found.details("s", Asked.of(question(zeta=0.06)))
+    details = found.details("s", Request.of(question(zeta=0.06)))
     assert details["tables"][0]["jumpTable"][1][0][0] == "LP1" and "zeta=0.06" in details["python"]
 
 
@@ -151,23 +151,23 @@ def test_what_is_overtaken_is_cancelled():
 
     def slow():
         try:
-            found.curve("s", Asked({}, (1.5, 0.001), 64))
-        except Overtaken:
+            found.curve("s", Request({}, (1.5, 0.001), 64))
+        except Superseded:
             ended.append("overtaken")
 
     thread = threading.Thread(target=slow)
     thread.start()
     while not found.progress("s", "curve")["busy"] and thread.is_alive():
         time.sleep(0.001)
-    assert found.curve("other", Asked.of(question()))["curves"]  # another page is not in the way
-    assert found.curve("s", Asked.of(question()))["curves"]
+    assert found.curve("other", Request.of(question()))["curves"]  # another page is not in the way
+    assert found.curve("s", Request.of(question()))["curves"]
     thread.join(60)
     assert ended == ["overtaken"] and found.progress("s", "curve") == {"busy": False}
 
 
 def test_jump_map_is_that_of_the_library():
     axes = {"x": ["Omega", 0.3, 1.5], "y": ["zeta", 0.05, 0.12], "Omega": None}
-    told = explorer().jump_map("s", Asked({}, SPAN, 4), axes)
+    told = explorer().jump_map("s", Request({}, SPAN, 4), axes)
     jumps = hb.jump_map(MODEL, "zeta", (0.05, 0.12), frequencies=(0.3, 1.5), harmonics=4)
     assert len(told["lines"]) == len(jumps.arms) and told["message"] == ""
     for line, arm in zip(told["lines"], jumps.arms, strict=True):
@@ -177,7 +177,7 @@ def test_jump_map_is_that_of_the_library():
 
 def test_jump_map_of_two_parameters_holds_omega():
     axes = {"x": ["F_m", 0.05, 0.3], "y": ["zeta", 0.045, 0.055], "Omega": 0.75}
-    told = explorer().jump_map("s", Asked({}, SPAN, 4), axes)
+    told = explorer().jump_map("s", Request({}, SPAN, 4), axes)
     assert told["lines"]
     line = told["lines"][0]
     F_m, zeta = next((x, y) for x, y in zip(line["x"][3:], line["y"][3:], strict=True) if x is not None)
@@ -197,7 +197,7 @@ def test_jump_map_of_two_parameters_holds_omega():
 )  # fmt: skip
 def test_questions_that_are_none_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        Asked.of(question() | change)
+        Request.of(question() | change)
 
 
 # ---- whom it answers
@@ -414,7 +414,7 @@ def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     )
     subject, span, _, saved = explored(f"{tmp_path / 'mine.py'}:stop", ["gap=0.5"], None)
     assert span == (0.5, 1.5) and saved is None
-    told = Explorer(subject, span, 4).curve("s", Asked({"zeta": 0.1}, span, 4))
+    told = Explorer(subject, span, 4).curve("s", Request({"zeta": 0.1}, span, 4))
     assert told["curves"][0]["x"][0] == 0.5
     assert subject.python({"zeta": 0.1}) == "from mine import stop\nmodel = stop(zeta=0.1, gap=0.5)"
     curve = hb.trace(hb.HarmonicBalance(subject.model({}), 4), "Omega", span)
@@ -550,7 +550,7 @@ def test_an_overtaken_or_cancelled_curve_is_no_error(shown, slow):
     waited_for(shown, "!document.getElementById('work').hidden")
     shown.find_element("id", "cancel").click()
     waited_for(shown, "document.getElementById('work').hidden")
-    assert shown.find_element("id", "status").text.startswith("cancelled; the curve that is shown is the one before")
+    assert shown.find_element("id", "status").text.startswith("cancelled; the previous curve is shown")
     assert complaints(shown) == []
 
 
@@ -580,7 +580,7 @@ def test_a_refused_value_is_told_and_the_curve_stays(shown):
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("-1", Keys.ENTER)
     waited_for(shown, "document.getElementById('status').textContent.includes('zeta = -1')")
-    assert "the one before" in shown.find_element("id", "status").text and jumps_shown(shown) == before
+    assert "the previous curve" in shown.find_element("id", "status").text and jumps_shown(shown) == before
     complaints(shown)  # the browser notes the refusal
 
 
@@ -601,7 +601,7 @@ def test_jump_map_is_drawn_and_taken(shown):
     button.click()
     waited_for(shown, "!document.getElementById('map').hidden && document.getElementById('map').data")
     kinds = shown.execute_script("return document.getElementById('map').data.map(trace => trace.name)")
-    assert {"jump while Ω rises", "jump while Ω falls", "now"} == set(kinds)
+    assert {"jump, sweep up", "jump, sweep down", "now"} == set(kinds)
 
 
 def test_measured_points_lie_over_the_curve(shown, tmp_path):
@@ -635,7 +635,7 @@ class Slow(Explorer):
 
 def test_a_long_computation_tells_how_far_it_is_and_can_be_cancelled(driver):
     resized(driver, 1400, 1100)
-    with served(Slow(ModelSubject(MODEL, "spur-pair"), SPAN, 4)) as server:
+    with served(Slow(EditableInstance(MODEL, "spur-pair"), SPAN, 4)) as server:
         opened(driver, server.address)
         settled(driver)
         before = jumps_shown(driver)

@@ -184,13 +184,14 @@ def test_legend_names_only_what_occurs():
         return [text.get_text() for text in ax.get_legend().get_texts()]
 
     assert names(plot.response(resonance())) == [
-        "no impact", "single-sided", "unstable", "fold (LP)", "grazing contact (GR)"
+        "no impact", "single-sided", "unstable", "jump", "fold (LP)", "grazing contact (GR)"
     ]  # fmt: skip
-    assert names(plot.response(resonance(corners=((),)))) == ["unstable", "fold (LP)"]
-    assert names(plot.response(resonance(multipliers=False), special=False)) == ["no impact", "single-sided"]
+    assert names(plot.response(resonance(corners=((),)))) == ["unstable", "jump", "fold (LP)"]
+    assert names(plot.response(resonance(multipliers=False), special=False)) == ["no impact", "single-sided", "jump"]
     assert plot.response(resonance(), legend=False).get_legend() is None
     ax = plot.response(resonance(), label="one", color="red", special=False)
-    assert names(plot.response(resonance(k3=-0.05), label="two", special=False, ax=ax)) == ["one", "two", "unstable"]
+    plot.response(resonance(k3=-0.05), label="two", special=False, ax=ax)
+    assert names(ax) == ["one", "two", "unstable", "jump"]
     linear = plot.response(resonance(k3=-1e-9, corners=((),)))
     assert linear.get_legend() is None
 
@@ -330,6 +331,9 @@ def test_names_of_the_first_releases_lead_to_what_moved():
         with pytest.warns(DeprecationWarning, match=f"hbgear.{name} is deprecated: use hbgear.plot$"):
             module = getattr(hb, name)
         assert getattr(module, function) is getattr(plot, function)
+
+
+def test_unknown_names_are_refused():
     with pytest.raises(AttributeError, match="no attribute 'plot_nothing'"):
         _ = hb.plot_nothing
 
@@ -594,7 +598,7 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
 @pytest.mark.parametrize("share", [0.27, 0.75])
 def test_a_legend_keeps_clear_of_enlarged_axes(monkeypatch, share):
     """It stands on the axes where there is room, beside them where there is none."""
-    monkeypatch.setattr("hbgear.plot.curves._INSET", (share, share))
+    monkeypatch.setattr("hbgear.plot.curves._INSET_SIZE", (share, share))
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.117), 16), "Omega", (1.5, 0.3))
     ax = hb.plot.response(curve)
     ax.figure.draw_without_rendering()

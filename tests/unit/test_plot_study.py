@@ -49,7 +49,7 @@ def test_envelope_of_a_linear_oscillator(linear):
 def test_frequencies_where_none_is_stable_are_marked(linear):
     gap = {case: np.array([x, y, np.abs(x - 1.0) > 0.1]) for case, (x, y, _) in linear.curves.items()}
     labels = [text.get_text() for text in plot.envelope(replace(linear, curves=gap)).get_legend().get_texts()]
-    assert labels[-1] == "none stable"
+    assert labels[-1] == "no stable motion"
 
 
 def test_both_stable_motions_count_and_the_unstable_one_does_not():
@@ -124,7 +124,7 @@ def test_every_percentile_across_a_fold_is_a_motion_of_some_case(hard):
 def test_envelope_of_cases_that_jump_says_so(hard):
     ax = plot.envelope(hard, points=301)
     words = " ".join(text.get_text() for text in ax.get_legend().get_texts())
-    assert r"while $\Omega$ rises" in words and r"while $\Omega$ falls" in words
+    assert "sweep up" in words and "sweep down" in words
     (share,) = (child for child in ax.child_axes if child.get_label() == "share")
     for line, column, there in zip(share.lines, ("jump_rising", "jump_falling"), (np.greater, np.less), strict=True):
         jumps = hard.table[column][np.isfinite(hard.table[column])]

@@ -20,7 +20,7 @@ from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script
-from hbgear.web.studies import lines_of, told
+from hbgear.web.studies import lines_of, study_section
 
 pytest.importorskip("plotly")
 
@@ -64,7 +64,7 @@ def test_what_is_drawn_is_the_curve(pair):
     X = np.frombuffer(base64.b64decode(drawn["coefficients"]), "<f4").reshape(pair.X.shape)
     np.testing.assert_allclose(X, pair.X, rtol=1e-6, atol=1e-12)
     assert drawn["scales"]["rpm"] == pytest.approx(pair.problem.model.scales.pinion_speed(1.0))
-    dashed = [(first, last) for _, verdict, first, last in drawn["stretches"][0] if verdict == "unstable"]
+    dashed = [(first, last) for _, stability, first, last in drawn["sections"][0] if stability == "unstable"]
     inside = [i for first, last in dashed for i in range(first + 1, last)]
     assert inside and not pair.stable[inside].any()
     assert [jump["x"] for jump in drawn["jumps"]] == [jump.value for jump in pair.jumps()]
@@ -85,6 +85,12 @@ def test_report_has_jumps_accuracy_and_validation(page, pair):
     ):
         assert word in body
     assert "http://" not in body and "https://" not in body  # nothing to be fetched
+
+
+def test_warnings_are_highlighted(pair, monkeypatch):
+    monkeypatch.setattr(hb.Branch, "warnings", ("the errors are large; use more harmonics",))
+    text = hb.report(pair).html
+    assert '<p class="warning">warning: the errors are large; use more harmonics</p>' in text
 
 
 def test_several_curves_with_measured_points_and_a_study(pair, tmp_path):
@@ -121,19 +127,19 @@ def test_results_of_a_study_are_those_of_its_file(scatter):
     np.testing.assert_array_equal(read.jumps, found.jumps)
     for case, curve in found.curves.items():
         np.testing.assert_array_equal(read.curves[case], curve)
-    assert told(read, "a") == told(found, "a")
+    assert study_section(read, "a") == study_section(found, "a")
 
 
 def test_a_study_is_told_in_tables(scatter):
     found, _ = scatter
-    seen = told(found, "study 1")
-    assert seen["summary"] == "3 cases; all of their curves are drawn thin"
+    seen = study_section(found, "study 1")
+    assert seen["summary"] == "3 cases; all of their curves are drawn as thin lines"
     (_, _, distribution), (_, _, jumps) = seen["tables"]
     rows = {row[0]: row[1:] for row in distribution}
     assert rows["zeta"] == ["0.040000", "0.040000", "0.050000", "0.20000", "0.20000"]
     assert rows["jumps"] == ["0", "0", "2", "2", "2"]
     rising = found.jumps[found.jumps[:, 2] > 0]
-    assert jumps[0][:2] == ["rises", "2 of 3"] and jumps[1][:2] == ["falls", "2 of 3"]
+    assert jumps[0][:2] == ["up", "2 of 3"] and jumps[1][:2] == ["down", "2 of 3"]
     assert [float(jumps[0][2]), float(jumps[0][4])] == pytest.approx([rising[:, 1].min(), rising[:, 1].max()], rel=1e-4)
     assert float(jumps[0][5]) == pytest.approx(np.median(rising[:, 3]), rel=1e-3)
     title, headers, rows = seen["cases"]
@@ -149,8 +155,8 @@ def test_many_curves_are_thinned_and_said_so(scatter):
     many = Results(table, np.empty((0, 5)), dict.fromkeys(range(600), curve))
     drawn = lines_of(many, "a")[1:]
     assert len(drawn) == 200 and (drawn[0]["name"], drawn[-1]["name"]) == ("case 0", "case 599")
-    seen = told(many, "a")
-    assert seen["summary"].endswith("200 of 600 of their curves are drawn thin") and len(seen["tables"]) == 1
+    seen = study_section(many, "a")
+    assert seen["summary"].endswith("200 of 600 of their curves are drawn as thin lines") and len(seen["tables"]) == 1
     assert seen["cases"][0] == "the first 500 of 600 cases" and len(seen["cases"][2]) == 500
 
 
@@ -207,7 +213,7 @@ def test_what_cannot_be_reported_is_refused(pair, tmp_path):
         def evaluate(self, X, p):
             return X - p, np.eye(1)
 
-    with pytest.raises(ValueError, match="no curve of periodic motions"):
+    with pytest.raises(ValueError, match="not a branch of periodic motions"):
         hb.report(hb.trace(Line(), "p", (0, 1), np.array([0.0])))
 
 
@@ -263,7 +269,7 @@ def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
 def test_measured_points_need_curves_in_omega(tmp_path):
     (tmp_path / "run.csv").write_text("Omega,x\n1,2")
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "zeta", (0.05, 0.2), at={"Omega": 0.5}, stability=False)
-    with pytest.raises(ValueError, match="a curve is in zeta; measured points need curves in Omega"):
+    with pytest.raises(ValueError, match="a branch is in zeta; measured points need branches in Omega"):
         dots_of(tmp_path / "run.csv", [curve])
 
 

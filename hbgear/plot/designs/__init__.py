@@ -1,1 +1,1 @@
-"""Figures of many designs: studies, sensitivities, fits, bands."""
+"""Figures of studies, sensitivities, fits and uncertainty bands."""

@@ -1,4 +1,4 @@
-"""Response curves with the band in which they lie if parameters scatter: shaded normal to the curve.
+"""Response curves with their uncertainty band for scattered parameters, normal to the curve.
 
 edges of the band:   (Omega, A)(s) +- k S n / sigma   (`hbgear.design.uncertainty.uncertainty_band`)
 """
@@ -27,21 +27,30 @@ if TYPE_CHECKING:
 def band(
     found: ResponseBand, ax: Axes | None = None, *, sigmas: float = 2.0, color: str = "#7a9cc6", legend: bool = True
 ) -> Axes:
-    """A response curve and, shaded, the band in which it lies if parameters scatter.
+    """Draw a response curve and, shaded, its uncertainty band for scattered parameters.
 
     Parameters
     ----------
-    found : of `hbgear.design.response_band`.
-    ax : axes of the same units, to shade the band only: under a curve that is there. By default new ones, with the
-        curve.
-    sigmas : how many standard deviations the band reaches to both sides.
-    color : of the shade.
-    legend : whether to add one.
+    found : ResponseBand
+        Result of `hbgear.design.response_band`.
+    ax : Axes, optional
+        Axes of the same units with a curve, on which only the band is drawn. By default the curve is drawn on new axes.
+    sigmas : float, optional
+        Half width of the band in standard deviations, positive; default 2.
+    color : str, optional
+        Colour of the band.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError
-        If sigmas is not positive, or there is no such colour.
+        If sigmas is not positive, or the colour is unknown.
 
     Examples
     --------
@@ -76,37 +85,38 @@ def band(
 
 
 def _shade(found: ResponseBand, sigmas: float) -> Path:
-    """The band as triangles that all turn the same way: where they overlap, at a sharp fold, they are filled once."""
+    """Return the band as triangles of equal orientation, so that overlaps at a sharp fold are filled once."""
     from matplotlib.path import Path
 
     known = np.isfinite(found.deviation)
     size = np.array(found.size)
     middle = np.column_stack([found.frequency, found.amplitude])[known] / size
     angle = np.unwrap(np.arctan2(found.normal[known, 1], found.normal[known, 0]))
-    rows = np.arange(len(angle))
-    parts = np.ceil(np.abs(np.diff(angle)) / _TURN).astype(int).clip(1)
-    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), rows[-1])
-    middle = np.column_stack([np.interp(at, rows, x) for x in middle.T])
-    angle = np.interp(at, rows, angle)
-    covariance = np.column_stack([np.interp(at, rows, x) for x in found.covariance[known].reshape(-1, 4).T])
+    points = np.arange(len(angle))
+    parts = np.ceil(np.abs(np.diff(angle)) / _MAX_NORMAL_ROTATION).astype(int).clip(1)
+    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), points[-1])
+    middle = np.column_stack([np.interp(at, points, x) for x in middle.T])
+    angle = np.interp(at, points, angle)
+    covariance = np.column_stack([np.interp(at, points, x) for x in found.covariance[known].reshape(-1, 4).T])
     away = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
     u, v = (middle + away) * size, (middle - away) * size
-    corners = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    triangles = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
+    one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
-    corners[turned] = corners[turned][:, ::-1]
-    closed = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
-    return Path(closed, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(corners)))
+    triangles[turned] = triangles[turned][:, ::-1]
+    closed = np.concatenate([triangles, triangles[:, :1]], axis=1).reshape(-1, 2)
+    return Path(closed, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles)))
 
 
-_TURN = 0.1  # rad by which the normal turns at most from one edge of a triangle to the next
+_MAX_NORMAL_ROTATION = 0.1
+"""Largest rotation [rad] of the normal between two edges of a triangle."""
 
 
 def _curve(ax: Axes, found: ResponseBand) -> None:
-    """The curve in the colours of its regimes, dashed where it is unstable."""
+    """Draw the curve in the colours of its regimes, dashed where it is unstable."""
     for (regime, stable), first, last in sections(found.branch, found.element):
         style, width = LINES[stable]
-        rows = slice(first, last + 1)
+        some = slice(first, last + 1)
         name = "_curve" if regime == "unknown" else in_words(regime)
-        ax.plot(found.frequency[rows], found.amplitude[rows], linestyle=style, linewidth=width, color=COLOURS[regime],
+        ax.plot(found.frequency[some], found.amplitude[some], linestyle=style, linewidth=width, color=COLOURS[regime],
                 label=name, gid=f"branch {regime} {stable}")  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a frequency or an amplitude depends on most: a bar for each parameter.
+"""Sensitivities of a frequency or an amplitude as bars, one for each parameter.
 
 change of the quantity [%] = percent of the parameter x dquantity/da a / quantity
 """
@@ -22,20 +22,30 @@ if TYPE_CHECKING:
 def tornado(
     found: Sensitivity, quantity: str = "", ax: Axes | None = None, *, percent: float = 1.0, most: int = 12
 ) -> Axes:
-    """Change of a quantity for a change of each parameter, those that matter most above.
+    """Draw the change of a quantity for a change of each parameter, the largest changes at the top.
 
     Parameters
     ----------
-    found : of `hbgear.sensitivity`.
-    quantity : one of ``found.quantities``; the first by default.
-    ax : axes to draw on; new ones by default.
-    percent : by how much each parameter rises and falls.
-    most : how many parameters are shown.
+    found : Sensitivity
+        Result of `hbgear.analysis.sensitivity`.
+    quantity : str, optional
+        One of ``found.quantities``; default the first.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    percent : float, optional
+        Increase and decrease of each parameter [%], positive; default 1.
+    most : int, optional
+        Largest number of parameters shown; default 12.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     KeyError, ValueError
-        If there are no derivatives of that quantity, or no parameter has an influence.
+        If the quantity has no derivatives, or no parameter has an influence.
 
     Examples
     --------
@@ -46,22 +56,22 @@ def tornado(
     checked("tornado", "percent", percent, POSITIVE)
     counted("tornado: most", most)
     quantity = quantity or found.quantities[0]
-    effects = {name: share for name, share in found.percent(quantity).items() if share and np.isfinite(share)}
+    effects = {name: effect for name, effect in found.percent(quantity).items() if effect and np.isfinite(effect)}
     if not effects:
         raise ValueError(f"no parameter that is not zero changes {quantity} of {found.label}")
     names = list(effects)[:most]
     change = percent * np.array([effects[name] for name in names])
-    rows = np.arange(len(names))
+    positions = np.arange(len(names))
     with styled():
         ax = axes_or_new(ax, (5.4, 1.2 + 0.24 * len(names)))
         for sign, colour, word in ((1, COLOURS["no_impact"], "+"), (-1, COLOURS["single_sided"], "\u2212")):
-            ax.barh(rows, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
+            ax.barh(positions, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
         ax.axvline(0.0, color=GREY, linewidth=0.6)
-        ax.set_yticks(rows, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
+        ax.set_yticks(positions, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
         ax.set_ylim(len(names) - 0.4, -0.6)
         ax.margins(x=0.08)
         ax.set_xlabel(f"change of {quantity} of {found.label} [%]   ({quantity} = {found.size(quantity):.6g})")
         dress(ax)
         ax.tick_params(axis="y", length=0)
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # bars may be anywhere
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # bars may be anywhere on the axes
     return ax

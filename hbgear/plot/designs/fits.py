@@ -1,6 +1,6 @@
-"""Measured sweeps on response curves, and what a fit leaves of them.
+"""Measured sweeps on response curves, and residuals of a fit.
 
-on axes of Omega and the amplitude of the model:   Omega_i = f_i / s,   A_i = d_i / L
+coordinates on axes of Omega and the amplitude of the model:   Omega_i = f_i / s,   A_i = d_i / L
 """
 
 from __future__ import annotations
@@ -23,26 +23,35 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SWEEPS = {1: ("^", COLOURS["no_impact"], "measured, rising"), -1: ("v", COLOURS["single_sided"], "measured, falling")}
-"""Of each direction: marker, colour, name."""
+"""Marker, colour and name of each sweep direction."""
 
 HOLLOW: Any = {"markersize": 3.6, "markerfacecolor": "white", "markeredgewidth": 0.8}
 
 
 @checked_arguments()
 def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Measured points, and measured jumps as vertical lines, on the axes of a response figure.
+    """Draw measured points, and measured jumps as vertical lines, on the axes of a response figure.
 
     Parameters
     ----------
-    data : the measurements.
-    model : its units tell where they lie, if they are in Hz, r/min or metres.
-    ax : axes with a response curve of the same measure; new ones by default.
-    legend : whether to add one.
+    data : Measurements
+        Measured points and jumps.
+    model : Model
+        Model whose scales convert data in Hz, r/min or metres.
+    ax : Axes, optional
+        Axes with a response curve of the same measure; new ones by default.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
     ValueError
-        If the data are in a unit that the model does not know.
+        If the model has no scale for the unit of the data.
 
     Examples
     --------
@@ -71,9 +80,19 @@ def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend
 
 @checked_arguments()
 def fitted(found: Fit) -> Figure:
-    """The fitted response with the data, and below what is left: differences in standard deviations.
+    """Draw the fitted response with the data, and below the residuals in standard deviations.
 
-    Points that no stable motion of the curve reaches are crossed out.
+    Crosses mark points that no stable motion of the curve reaches.
+
+    Parameters
+    ----------
+    found : Fit
+        Result of `hbgear.design.fit`.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Examples
     --------

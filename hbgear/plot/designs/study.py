@@ -1,6 +1,6 @@
-"""Figures of many cases: envelope of the response curves, distribution of the jumps, numbers against parameters.
+"""Figures of studies: envelope of response curves, distribution of jumps, results against parameters.
 
-Functions take the `Cases`, draw on matplotlib axes and return them, in the style of `plot`.
+Functions draw `Cases` on matplotlib axes and return the axes, in the style of `plot`.
 """
 
 from __future__ import annotations
@@ -26,26 +26,44 @@ if TYPE_CHECKING:
 
 
 JUMPS = {
-    "jump_rising": ("^", "-", COLOURS["no_impact"], r"jump while $\Omega$ rises"),
-    "jump_falling": ("v", "-.", COLOURS["single_sided"], r"jump while $\Omega$ falls"),
+    "jump_rising": ("^", "-", COLOURS["no_impact"], "jump, sweep up"),
+    "jump_falling": ("v", "-.", COLOURS["single_sided"], "jump, sweep down"),
 }
-"""Of each direction: marker, line, colour, name."""
+"""Marker, line style, colour and name of the jumps of each sweep direction."""
 
 
 PERCENTILES = (0, 5, 50, 95, 100)
+"""Percentiles of a response over the cases [%]."""
 
 
-_MANY = 2000  # dots in one panel that are kept as pixels
+_MAX_VECTOR_CASES = 2000
+"""Largest number of dots of one panel that is drawn as vectors; larger sets are drawn as pixels."""
 
 
 @checked_arguments()
 def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
-    """Response of slow sweeps over Omega in all cases: least to largest, 5 to 95 percent, median.
+    """Draw the response of slow sweeps over Omega in all cases: full range, 5 to 95 percent, and median.
 
-    Each of these is the motion of one of the cases. Where the sweeps with Omega rising and falling agree in every case
-    they are drawn once, in grey. Elsewhere each has its own colour, and the cases that have jumped by then, those that
-    have not yet and those that never do have their own bands: there need be no motion between them. The median is that
-    of the largest of these parts. Narrow axes above tell the share of cases that have jumped.
+    Each limit is the motion of one of the cases. Where sweeps up and down agree in every case, they are drawn once, in
+    grey. Elsewhere each direction has its colour, and there are separate bands for the cases that have jumped, those
+    that have not jumped yet and those that never jump, because there may be no motion between them. The median is that
+    of the largest of these groups. Narrow axes above show the percentage of cases that have jumped.
+
+    Parameters
+    ----------
+    found : Cases
+        Cases of a study with their curves.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the models have common scales.
+    points : int, optional
+        Number of frequencies; default 600.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
@@ -72,7 +90,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax = axes_or_new(ax, (5.4, 4.2))
         _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
         if not same.all():
-            names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
+            names = {1: "sweep up: 5 to 95 %", -1: "sweep down: 5 to 95 %"}
             for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
                 here, wide = swept[direction], _widened(~same)
                 parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
@@ -81,7 +99,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         if none.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
                 Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
-                hatch="////", linewidth=0, label="none stable",
+                hatch="////", linewidth=0, label="no stable motion",
             )  # fmt: skip
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
@@ -98,12 +116,26 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
 
 @checked_arguments()
 def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
-    """`PERCENTILES` of the response of slow sweeps over the cases, (5, Omega), each that of one of the cases.
+    """Return the `PERCENTILES` of the response of slow sweeps over the cases.
+
+    Parameters
+    ----------
+    found : Cases
+        Cases of a study with their curves.
+    Omega : array_like, shape (n,)
+        Frequencies.
+    direction : {1, -1}, optional
+        Sweep up (default) or down.
+
+    Returns
+    -------
+    ndarray, shape (5, n)
+        Percentiles, each the response of one of the cases.
 
     Raises
     ------
     ValueError
-        If no curve was kept.
+        If the study has no curves; compute them with "curve".
 
     Examples
     --------
@@ -128,7 +160,7 @@ def _percentiles(amplitude: Array) -> Array:
 
 
 def _bands(ax: Axes, Omega: Array, parts: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
-    """Shades of each part of the cases, and the median of the part that is the largest at a frequency."""
+    """Draw bands of each group of cases, and the median of the largest group at each frequency."""
     counts = np.array([np.isfinite(part).sum(axis=0) for part in parts])
     for i, part in enumerate(parts):
         if not counts[i].any():
@@ -143,14 +175,14 @@ def _bands(ax: Axes, Omega: Array, parts: list[Array], colour: str, line: str, n
 
 
 def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
-    """A line with a gap where it passes to another case far away: where it moves farther than the motion of any."""
+    """Return a line with a gap where it changes to a distant case: where its change exceeds that of any single case."""
     moves = np.where(np.isfinite(np.diff(part, axis=1)), np.abs(np.diff(part, axis=1)), 0.0).max(axis=0)
     leaps = np.flatnonzero(np.abs(np.diff(line)) > moves + 0.02 * np.nanmax(part)) + 1
     return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
 
 
 def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
-    """Cases, by frequency, that have made equally many of equally many jumps: those that never jump are a part too."""
+    """Return masks of cases with equal total numbers of jumps and equal numbers made so far, at each frequency."""
     total = jumped.max(axis=1)
     every = np.broadcast_to(total[:, None], jumped.shape)
     pairs = sorted({(float(n), float(k)) for n, k in zip(every.flat, jumped.flat, strict=True)})
@@ -158,7 +190,7 @@ def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
 
 
 def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """With one more on either side, so that neighbouring shades meet."""
+    """Return the mask with one more frequency on each side, so that neighbouring bands meet."""
     out = which.copy()
     out[1:] |= which[:-1]
     out[:-1] |= which[1:]
@@ -166,7 +198,7 @@ def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
-    """Narrow axes above: the share of cases that have jumped by then, for each direction."""
+    """Add narrow axes above with the percentage of cases that have jumped, for each direction."""
     top = ax.inset_axes((0.0, 1.03, 1.0, 0.17), sharex=ax, label="share")
     for here, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
         top.plot(Omega, 100 * (here.jumped > 0).mean(axis=0), line, color=colour, linewidth=1.0, label=label)
@@ -180,13 +212,27 @@ def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
 
 
 def _common(found: Cases) -> dict[str, float]:
-    """Hz and r/min at Omega = 1 if they are the same in all cases."""
+    """Return mesh frequency [Hz] and pinion speed [r/min] at Omega = 1 if they are equal in all cases."""
     return same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
 
 
 @checked_arguments()
 def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -> Axes:
-    """Number of cases over the frequency of their greatest jump, for each direction of a slow sweep.
+    """Draw a histogram of the frequency of the largest jump, for each direction of a slow sweep.
+
+    Parameters
+    ----------
+    found : Cases
+        Cases of a study with their jumps.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the models have common scales.
+    bins : int, optional
+        Largest number of bins; default 30.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Raises
     ------
@@ -220,7 +266,7 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
                 heights = np.histogram(values, edges)[0]
                 ax.stairs(heights, edges, fill=True, color=colour, alpha=0.25, linewidth=0)
                 ax.stairs(heights, edges, color=colour, linestyle=line, linewidth=1.2, label=label)
-            ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
+            ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # space for the legend
             ax.legend(loc="upper left")
         else:
             ax.text(0.5, 0.5, "no jump in any case", transform=ax.transAxes, ha="center")
@@ -235,12 +281,24 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
 
 @checked_arguments()
 def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
-    """Largest peak, jump frequencies and critical values of each case, against each parameter that varies.
+    """Draw the largest peak, the jump frequencies and critical values of each case against each varied parameter.
+
+    Parameters
+    ----------
+    found : Cases
+        Cases of a study.
+    figure : Figure or SubFigure, optional
+        Figure to draw on; a new one by default.
+
+    Returns
+    -------
+    Figure or SubFigure
+        The figure.
 
     Raises
     ------
     ValueError
-        If no parameter that varies is a number, or there is nothing to draw.
+        If no varied parameter is a number, or the study has no peaks, jumps or critical values.
 
     Examples
     --------
@@ -280,7 +338,17 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
 
 @checked_arguments()
 def figures(found: Cases) -> dict[str, Any]:
-    """Each figure there is something to draw for, by name: envelope, jump_distribution, against_parameters.
+    """Draw each figure for which the study has results.
+
+    Parameters
+    ----------
+    found : Cases
+        Cases of a study.
+
+    Returns
+    -------
+    dict of str to Axes or Figure
+        Figures by name: envelope, jump_distribution, against_parameters.
 
     Examples
     --------
@@ -304,7 +372,7 @@ def figures(found: Cases) -> dict[str, Any]:
 
 
 def _rows(found: Cases) -> list[tuple[str, list[str]]]:
-    """Axis label of each row of panels, and the columns of the table drawn there."""
+    """Return the axis label of each row of panels, and the table columns drawn there."""
     rows = []
     if "peak" in found.table:
         rows.append((f"largest {_measure(found)}", ["peak"]))
@@ -318,18 +386,18 @@ def _dots(ax: Axes, found: Cases, name: str, column: str) -> None:
     x, y = found.table[name], found.table[column]
     which = np.isfinite(y)
     ax.plot(x[which], y[which], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
-            markeredgewidth=0, label=label, rasterized=len(x) > _MANY, gid=column)  # fmt: skip
+            markeredgewidth=0, label=label, rasterized=len(x) > _MAX_VECTOR_CASES, gid=column)  # fmt: skip
 
 
 def _legend_of(axes: Any) -> tuple[list[Any], list[str]]:
-    """One entry for each label of any panel."""
+    """Return one legend entry for each label of any panel."""
     entries = {str(line.get_label()): line for ax in axes.flat for line in ax.lines}
     shown = {label: line for label, line in entries.items() if not label.startswith("_")}
     return list(shown.values()), list(shown)
 
 
 def _wrapped(label: str, width: int = 24) -> str:
-    """A label in lines of about this many characters; formulas are not broken."""
+    """Return a label in lines of about ``width`` characters; formulas are not broken."""
     lines = [""]
     for word in re.findall(r"(?:\$[^$]*\$|\S)+", label):
         length = len(re.sub(r"\\\w+", "x", f"{lines[-1]} {word}"))  # a command is about one character
@@ -345,7 +413,7 @@ def _finite(column: Array) -> Array:
 
 
 def _measure(found: Cases) -> str:
-    """Name of the measure and of what it is of."""
+    """Return the name of the measure and of the measured coordinate."""
     return axis_text(found.work.measure, found.model.labels.get("amplitude", "gap (model units)"))
 
 

@@ -1,4 +1,4 @@
-"""Figures of a mesh: stiffness and transmission error over a cycle, and what they do to the response."""
+"""Figures of a mesh: stiffness and transmission error over a mesh cycle, with the response."""
 
 from __future__ import annotations
 
@@ -20,18 +20,26 @@ if TYPE_CHECKING:
 def mesh_cycles(
     cycles: MeshCycle | Sequence[MeshCycle], names: Sequence[str] = (), axes: Sequence[Axes] | None = None
 ) -> Figure:
-    """Mesh stiffness and static transmission error over two mesh cycles, one above the other.
+    """Draw mesh stiffness and, below it, static transmission error over two mesh cycles.
 
     Parameters
     ----------
-    cycles : one or several `MeshCycle`.
-    names : of them, for a legend.
-    axes : two axes to draw on, for stiffness and error; new ones by default.
+    cycles : MeshCycle or sequence of MeshCycle
+        Mesh cycles to draw.
+    names : sequence of str, optional
+        Names of the cycles in a legend, one for each; by default there is no legend.
+    axes : sequence of Axes, optional
+        Two axes to draw on, for stiffness and error; new ones by default.
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Raises
     ------
     ValueError
-        If there are names for some of the cycles only.
+        If the names are not one for each cycle.
 
     Examples
     --------
@@ -69,18 +77,26 @@ def mesh_cycles(
 
 
 def _twice(table: MeshTable, factor: float) -> tuple[Any, Any]:
-    """Points of two cycles."""
+    """Return phases and scaled values of two cycles."""
     return np.concatenate([table.phase, table.phase + 1]), factor * np.concatenate([table.value] * 2)
 
 
 def drive(cycle: MeshCycle, curve: Branch, measure: str = "pp2") -> Figure:
-    """A pair at a glance: mesh stiffness, static transmission error, and the response over the speed.
+    """Draw mesh stiffness, static transmission error and response of a gear pair side by side.
 
     Parameters
     ----------
-    cycle : `MeshCycle`.
-    curve : response in Omega of a model with that mesh.
-    measure : see `Branch.amplitude`.
+    cycle : MeshCycle
+        Mesh cycle of the pair.
+    curve : Branch
+        Branch in Omega of a model with this mesh.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`; default "pp2".
+
+    Returns
+    -------
+    Figure
+        The figure.
 
     Examples
     --------

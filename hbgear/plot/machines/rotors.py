@@ -1,4 +1,4 @@
-"""Figures of rotors: natural frequencies over speed."""
+"""Campbell diagrams of rotors: natural frequencies over speed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,23 @@ if TYPE_CHECKING:
 
 @checked_arguments()
 def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Campbell diagram: natural frequencies over speed, the orders of the excitation, and dots where they meet.
+    """Draw a Campbell diagram: natural frequencies over speed, orders of the excitation, and critical speeds as dots.
 
     Modes of backward whirl are dash-dotted.
 
     Parameters
     ----------
-    found : of `hbgear.campbell`.
-    ax : axes to draw on; new ones by default, with the speeds the model knows above them.
-    legend : whether to tell the orders apart beside the axes.
+    found : Campbell
+        Result of `hbgear.analysis.campbell`.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+    legend : bool, optional
+        Whether to add a legend to the right of the axes; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -43,10 +51,9 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) ->
             ax.plot(found.Omega, column * unit, color=COLOURS["no_impact"], linewidth=1.1,
                     linestyle="-." if word == "backward" else "-",
                     label=_label(word) if first else "_", gid=f"mode {i + 1}")  # fmt: skip
-        reach = (
-            1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
-        )  # what no order comes near is left out
-        top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), reach) or 1.0
+        # modes above 1.5 times the highest order are left out
+        highest = 1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
+        top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), highest) or 1.0
         for i, (name, order) in enumerate(found.orders.items()):
             ax.plot(found.Omega, order * found.Omega * unit, color=BRANCHES[(i + 1) % len(BRANCHES)],
                     linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {name}", gid=f"order {name}")  # fmt: skip
@@ -71,6 +78,6 @@ def _label(word: str) -> str:
 
 
 def _middle(column: Array) -> float:
-    """Median of what is known of a column; nan if nothing is."""
+    """Return the median of the finite values of a column; nan if there are none."""
     known = column[np.isfinite(column)]
     return float(np.median(known)) if len(known) else np.nan

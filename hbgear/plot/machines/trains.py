@@ -1,4 +1,4 @@
-"""Figures of trains and planetary sets: where the wheels are, how they turn and where they touch, and shares."""
+"""Figures of gear trains and planetary sets: layout, senses of rotation, meshes, and load sharing."""
 
 from __future__ import annotations
 
@@ -20,21 +20,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85}
-"""Box behind text on lines."""
+"""Style of the box behind text on lines."""
 
-_ARROW = 0.45  # radius of the arrow of a turning wheel, over that of the wheel
+_ARROW_RADIUS_RATIO = 0.45
+"""Ratio of the radius of the rotation arrow to that of its wheel."""
 
 
 @checked_arguments()
 def train(machine: Train, ax: Axes | None = None) -> Axes:
-    """A train seen along its axes: wheels with their teeth and sense of turning, shafts, bearings, lines of action.
+    """Draw the axial view of a train: wheels with teeth and sense of rotation, shafts, bearings, lines of action.
 
-    Wheels in one place, as of a train that only turns, are drawn side by side in the order in which they mesh.
+    Wheels at the same position, as in a purely torsional train, are drawn side by side in the order of their meshes.
 
     Parameters
     ----------
-    machine : `Train`.
-    ax : axes to draw on; new ones by default.
+    machine : Train
+        Gear train.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -48,21 +56,21 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
     radius = {name: wheel.base_radius / np.cos(0.35) for name, wheel in wheels.items()}
     usual = max(radius.values())
     size = {name: r or 0.25 * usual for name, r in radius.items()}
-    places = _places(machine, size)
+    centres = _centres(machine, size)
     with styled():
         ax = axes_or_new(ax, (5.6, 4.2))
         for shaft in machine.shafts:
-            ends = np.array([places[shaft.first], places[shaft.second]])
+            ends = np.array([centres[shaft.first], centres[shaft.second]])
             ax.plot(*ends.T, "-", color=GREY, linewidth=2.2, zorder=1, label="shaft", gid="shaft")
         for beam in machine.beams:
-            ends = np.array([places[beam.first], places[beam.second]])
+            ends = np.array([centres[beam.first], centres[beam.second]])
             ax.plot(*ends.T, "-", color=GREY, linewidth=4.5, alpha=0.6, zorder=1, label="shaft with mass", gid="beam")
         for i, (mesh, angles) in enumerate(zip(machine.meshes, found.angles, strict=True)):
-            _line_of_action(ax, machine, i, mesh, angles, places, size)
+            _line_of_action(ax, machine, i, mesh, angles, centres, size)
         for bearing in machine.bearings:
-            _bearing(ax, machine, bearing, places[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
+            _bearing(ax, machine, bearing, centres[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
         for name, wheel in wheels.items():
-            _wheel(ax, wheel, places[name], size[name], float(found.speeds[name]))
+            _wheel(ax, wheel, centres[name], size[name], float(found.speeds[name]))
         ax.set_aspect("equal")
         ax.set_xlabel("x [mm]")
         ax.set_ylabel("y [mm]")
@@ -78,14 +86,21 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
 
 @checked_arguments()
 def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
-    """A planetary set seen along its axis: sun, planets at their places, ring and carrier, and how each turns.
+    """Draw the axial view of a planetary set: sun, planets, ring and carrier, with their senses of rotation.
 
-    Beside every planet stand the lags of its meshes with the sun and with the ring, in mesh cycles.
+    The label of each planet contains the lags of its meshes with the sun and with the ring, in mesh cycles.
 
     Parameters
     ----------
-    machine : `PlanetarySet`.
-    ax : axes to draw on; new ones by default.
+    machine : PlanetarySet
+        Planetary set.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -96,35 +111,34 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
 
     per_tooth = 1e3 * machine.r_s / np.cos(np.radians(machine.alpha_s_deg)) / machine.teeth_s  # pitch radius of a tooth
     sun, planet, ring = (per_tooth * z for z in (machine.teeth_s, machine.teeth_p, machine.teeth_r))
-    centre = sun + planet
-    cycles = np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi)
+    distance = sun + planet
+    cycles = np.round(np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi), 6) % 1  # without rounding errors
     speeds = {name: float(speed) for name, speed in machine.speeds.items()}
     with styled():
         ax = axes_or_new(ax, (5.4, 4.6))
-        for name, r in (("sun", sun), ("ring", ring)):
-            _circle(ax, np.zeros(2), r, f"{name}, {_how(machine, name)}", heavy=name == "ring")
-        ax.annotate(
-            f"sun\n{machine.teeth_s} teeth",
-            (0, 0.1 * sun),
-            ha="center",
-            va="bottom",
-            fontsize=8,
-            zorder=5,
-            bbox=_BEHIND,
-        )
-        ax.annotate(f"ring, {machine.teeth_r} teeth", (0, 1.03 * ring), ha="center", va="bottom", fontsize=8)
+        for name, r, teeth in (("sun", sun, machine.teeth_s), ("ring", ring, machine.teeth_r)):
+            _circle(ax, np.zeros(2), r, f"{name} ({teeth} teeth), {_role(machine, name)}", heavy=name == "ring")
+        ax.plot([], [], "-", color=BRANCHES[1], linewidth=1.2, label=f"planets ({machine.teeth_p} teeth)")
         ax.plot(0, 0, "+", color="black", markersize=5)
         for n, psi in enumerate(machine.angles):
-            place = centre * np.array([np.cos(psi), np.sin(psi)])
-            ax.plot(*np.array([[0, 0], place]).T, "-", color=GREY, linewidth=2.2, zorder=1, gid=f"carrier {n + 1}",
-                    label=f"carrier, {_how(machine, 'carrier')}")  # fmt: skip
-            ax.add_patch(Circle(tuple(place), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
-            told = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
-            ax.annotate(told, tuple(place), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
+            centre = distance * np.array([np.cos(psi), np.sin(psi)])
+            ax.plot(*np.array([[0, 0], centre]).T, "-", color=GREY, linewidth=2.2, zorder=1, gid=f"carrier {n + 1}",
+                    label=f"carrier, {_role(machine, 'carrier')}")  # fmt: skip
+            ax.add_patch(Circle(tuple(centre), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
+            text = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
+            ax.annotate(text, tuple(centre), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
             spin = -(speeds["sun"] - speeds["carrier"]) * machine.teeth_s / machine.teeth_p  # in the carrier's frame
-            _arrow(ax, place, 0.62 * planet, spin)
-        for name, r in (("sun", 0.62 * sun), ("ring", 0.96 * ring), ("carrier", centre)):
-            _arrow(ax, np.zeros(2), r, speeds[name])
+            _arrow(ax, centre, 0.62 * planet, spin)
+        free = max(
+            2 * np.pi / len(machine.angles) - 2 * np.arcsin(planet / distance), 0.3
+        )  # angle between planets [rad]
+        between = 0.5 * (machine.angles[-1] + machine.angles[0]) + np.pi  # the arrow of the carrier avoids the planets
+        for name, r, angle in (
+            ("sun", 0.62 * sun, between),
+            ("ring", 0.96 * ring, -1.8),
+            ("carrier", distance, between),
+        ):
+            _arrow(ax, np.zeros(2), r, speeds[name], angle, free if name == "carrier" else 1.2)
         ax.set_title(f"{machine.phasing}; lag of the meshes with sun | ring [cycles]", fontsize=9)
         ax.set_aspect("equal")
         ax.set_xlabel("x [mm]")
@@ -132,30 +146,38 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ax.margins(0.08)
         dress(ax)
         handles = {str(line.get_label()): line for line in ax.lines if not str(line.get_label()).startswith("_")}
-        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     return ax
 
 
-def _how(machine: PlanetarySet, name: str) -> str:
+def _role(machine: PlanetarySet, name: str) -> str:
+    """Return whether a member is fixed, drives or is driven."""
     return "fixed" if name == machine.fixed else "drives" if name == machine.driver else "driven"
 
 
-def _circle(ax: Axes, place: np.ndarray, r: float, label: str, heavy: bool) -> None:
+def _circle(ax: Axes, centre: np.ndarray, r: float, label: str, heavy: bool) -> None:
     theta = np.linspace(0, 2 * np.pi, 200)
-    ax.plot(place[0] + r * np.cos(theta), place[1] + r * np.sin(theta), "-", label=label, zorder=2,
+    ax.plot(centre[0] + r * np.cos(theta), centre[1] + r * np.sin(theta), "-", label=label, zorder=2,
             color=COLOURS["no_impact"] if heavy else BRANCHES[2], linewidth=2.2 if heavy else 1.2)  # fmt: skip
 
 
 @checked_arguments()
 def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
-    """How meshes share a load along a curve: largest force over the mean one of all, a line for each mesh.
+    """Draw load sharing along a branch: largest force of each mesh relative to the mean force of all meshes.
 
-    Solid is stable, dashed unstable. Thin lines are the shares of the mean load, times the number of meshes.
+    Stable sections are solid, unstable ones dashed. Thin lines are the mean forces, relative to the same mean.
 
     Parameters
     ----------
-    found : of `hbgear.analysis.planet_loads`.
-    ax : axes to draw on; new ones by default.
+    found : LoadSharing
+        Result of `hbgear.analysis.load_sharing`.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes.
 
     Examples
     --------
@@ -192,8 +214,8 @@ def _label(curve: Branch) -> str:
     return (layout.labels if layout else {}).get(curve.parameter, curve.parameter)
 
 
-def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
-    """Centres [mm]; side by side, from mesh to mesh, where wheels that mesh are all in one place."""
+def _centres(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
+    """Return the centres [mm]; wheels that all have the same position are set side by side, from mesh to mesh."""
     given = {w.name: 1e3 * np.array([w.x, w.y]) for w in machine.wheels}
     if np.ptp([*given.values()], axis=0).max() > 0:
         return given
@@ -217,57 +239,60 @@ def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
             return {name: placed.get(name, np.zeros(2)) for name in given}
 
 
-def _bearing(ax: Axes, machine: Train, bearing: Any, place: np.ndarray) -> None:
-    """A triangle, open, or a ring of one with clearance; on a line if it sits on the housing."""
+def _bearing(ax: Axes, machine: Train, bearing: Any, centre: np.ndarray) -> None:
+    """Draw a triangle, or a ring for a bearing with clearance; with a line below it if it is on the housing."""
     shape, label = ("o", "bearing with clearance") if bearing.clearance else ("^", "bearing")
-    ax.plot(*place[:, None], shape, color="black", markersize=5, fillstyle="none", label=label)
+    ax.plot(*centre[:, None], shape, color="black", markersize=5, fillstyle="none", label=label)
     if machine.housing and bearing.at in machine.housing.seats:
-        ax.plot(*place[:, None], "_", color="black", markersize=11, markeredgewidth=2.0, label="on the housing")
+        ax.plot(*centre[:, None], "_", color="black", markersize=11, markeredgewidth=2.0, label="on the housing")
 
 
-def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -> None:
-    """A circle with the name, the teeth and an arrow of the sense in which it turns."""
+def _wheel(ax: Axes, wheel: Any, centre: np.ndarray, size: float, speed: float) -> None:
+    """Draw a circle with the name, the number of teeth and an arrow of the sense of rotation."""
     from matplotlib.patches import Circle
 
     r = 1e3 * size
     colour = COLOURS["no_impact"]
     style: Any = {"linestyle": "-" if wheel.teeth else "--", "linewidth": 2.2 if wheel.internal else 1.2}
-    ax.add_patch(Circle(tuple(place), r, fill=False, edgecolor=colour, zorder=2, **style))
-    ax.plot(*place, "+", color="black", markersize=5)
-    told = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
+    ax.add_patch(Circle(tuple(centre), r, fill=False, edgecolor=colour, zorder=2, **style))
+    ax.plot(*centre, "+", color="black", markersize=5)
+    text = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
     ring = wheel.internal
-    ax.annotate(told, (place[0], place[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
+    ax.annotate(text, (centre[0], centre[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
     if wheel.unbalance:
-        there = place + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
+        there = centre + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
         ax.plot(*there[:, None], "o", color="black", markersize=4, label="unbalance")
-    _arrow(ax, place, _ARROW * r if not ring else 0.94 * r, speed)
+    _arrow(ax, centre, _ARROW_RADIUS_RATIO * r if not ring else 0.94 * r, speed)
 
 
-def _arrow(ax: Axes, place: np.ndarray, r: float, speed: float) -> None:
-    """Part of a circle in the sense in which something turns; nothing if it does not."""
+def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float, angle: float = -1.8, extent: float = 1.2) -> None:
+    """Draw an arc around an angle [rad] in the sense of rotation, with its extent [rad]; nothing at zero speed."""
     from matplotlib.patches import FancyArrowPatch
 
     if speed:
         turn = np.sign(speed)
-        begin, end = (place + r * np.array([np.cos(a), np.sin(a)]) for a in (-1.9 - 0.5 * turn, -1.9 + 0.7 * turn))
+        begin, end = (
+            centre + r * np.array([np.cos(a), np.sin(a)])
+            for a in (angle - 0.5 * extent * turn, angle + 0.5 * extent * turn)
+        )
         ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}", zorder=3,
                                      arrowstyle="-|>", mutation_scale=9, color=COLOURS["no_impact"],
                                      linewidth=1.0))  # fmt: skip
 
 
 def _line_of_action(
-    ax: Axes, machine: Train, i: int, mesh: Any, angles: tuple[float, float], places: dict[str, np.ndarray],
+    ax: Axes, machine: Train, i: int, mesh: Any, angles: tuple[float, float], centres: dict[str, np.ndarray],
     size: dict[str, float],
 ) -> None:  # fmt: skip
-    """A line through the pitch point in the direction of the force, and the order and lag of the mesh beside it."""
+    """Draw the line of action through the pitch point; its legend entry has the order and lag of the mesh."""
     found = machine._kinematics
     outer, inner = inner_first(mesh, {wheel.name: wheel for wheel in machine.wheels})
     alpha, phi = angles
     if not np.ptp([(w.x, w.y) for w in machine.wheels], axis=0).max():
-        away = places[inner.name] - places[outer.name]
+        away = centres[inner.name] - centres[outer.name]
         phi = float(np.arctan2(away[1], away[0])) + (np.pi if inner.internal else 0.0)
     r = 1e3 * size[outer.name]
-    pitch = places[outer.name] + r * np.array([np.cos(phi), np.sin(phi)])
+    pitch = centres[outer.name] + r * np.array([np.cos(phi), np.sin(phi)])
     n = np.array([np.sin(alpha), found.sides[i] * np.cos(alpha)])
     n = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]) @ n
     ends = np.array([pitch - 0.55 * r * n, pitch + 0.55 * r * n])

@@ -7,9 +7,9 @@ const hbgear = (() => {
                    "*": "star", X: "x", x: "x-thin-open", "+": "cross-thin-open", p: "pentagon", P: "cross",
                    h: "hexagon", ".": "circle", "<": "triangle-left", ">": "triangle-right" };
   const SANS = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
-  const NARROW = 560, LOW = 400; // pixels of the response below which it is drawn for a phone
+  const NARROW = 560, LOW = 400; // width and height [px] of the response below which the layout is that of a phone
   const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null, printing: false };
-  const PAPER = [700, 440], SMALL = [340, 230]; // pixels of figures on paper, as the style says too
+  const PAPER = [700, 440], SMALL = [340, 230]; // size [px] of printed figures, equal to that in page.css
   let settings = null, busy = false;
 
   const $ = (id) => document.getElementById(id);
@@ -22,7 +22,7 @@ const hbgear = (() => {
     return new Float32Array(bytes.buffer);
   }
 
-  function prepared(curve) { // arrays out of base64, once
+  function prepared(curve) { // decode the base64 arrays once
     if (!curve.c) {
       curve.c = floats(curve.coefficients);
       if (curve.multipliers) {
@@ -33,19 +33,19 @@ const hbgear = (() => {
     return curve;
   }
 
-  function row(curve, i, element) { // a0, a1, b1, ... of an element
+  function coefficientsAt(curve, i, element) { // a0, a1, b1, ... of an element at point i
     const width = 2 * curve.harmonics + 1, start = (i * curve.elements.length + element) * width;
     return prepared(curve).c.subarray(start, start + width);
   }
 
   const elementOf = (curve) => Math.min(state.element, curve.elements.length - 1);
 
-  function sizes(curve) { // the measure that is shown, of every row
+  function sizes(curve) { // the shown measure at each point
     const j = elementOf(curve);
     if (curve.amplitudes[state.measure]) return curve.amplitudes[state.measure][j];
     const k = Number(state.measure.slice(1)) * curve.nu;
     return curve.x.map((_, i) => {
-      const a = row(curve, i, j);
+      const a = coefficientsAt(curve, i, j);
       return k > curve.harmonics ? null : Math.hypot(a[2 * k - 1], a[2 * k]);
     });
   }
@@ -57,12 +57,12 @@ const hbgear = (() => {
     return known || `amplitude of harmonic ${state.measure.slice(1)}`;
   }
 
-  function told(curve, i, y) { // one row in words
+  function pointText(curve, i, y) { // description of one point
     const lines = [`${curve.parameter} = ${short(curve.x[i], 6)}`];
     const { Hz, rpm } = curve.scales;
     if (rpm) lines.push(`${short(curve.x[i] * rpm)} r/min`);
     if (Hz) lines.push(`${short(curve.x[i] * Hz)} Hz mesh`);
-    lines.push(`${state.measure} = ${short(y)}`, curve.verdicts[i]);
+    lines.push(`${state.measure} = ${short(y)}`, curve.stability[i]);
     if (curve.regimes[i] !== "unknown") lines.push(words(curve.regimes[i]));
     if (curve.multipliers) lines.push(`largest |μ| = ${short(curve.multipliers.largest[i])}`);
     return lines;
@@ -74,28 +74,28 @@ const hbgear = (() => {
     const many = state.curves.length > 1, traces = [], legend = new Map(), ink = palette();
     state.curves.forEach((curve, n) => {
       const y = sizes(curve), groups = new Map();
-      const hover = y.map((v, i) => (many ? `<b>${escaped(curve.name)}</b><br>` : "") + told(curve, i, v).join("<br>"));
-      for (const [regime, verdict, first, last] of curve.stretches[elementOf(curve)]) {
-        const key = `${regime}|${verdict}`;
-        if (!groups.has(key)) groups.set(key, { regime, verdict, x: [], y: [], text: [], rows: [] });
+      const hover = y.map((v, i) => (many ? `<b>${escaped(curve.name)}</b><br>` : "") + pointText(curve, i, v).join("<br>"));
+      for (const [regime, stability, first, last] of curve.sections[elementOf(curve)]) {
+        const key = `${regime}|${stability}`;
+        if (!groups.has(key)) groups.set(key, { regime, stability, x: [], y: [], text: [], points: [] });
         const g = groups.get(key);
-        if (g.x.length) { g.x.push(null); g.y.push(null); g.text.push(""); g.rows.push(null); }
+        if (g.x.length) { g.x.push(null); g.y.push(null); g.text.push(""); g.points.push(null); }
         for (let i = first; i <= last; i++) {
-          g.x.push(curve.x[i]); g.y.push(y[i]); g.text.push(hover[i]); g.rows.push([n, i]);
+          g.x.push(curve.x[i]); g.y.push(y[i]); g.text.push(hover[i]); g.points.push([n, i]);
         }
       }
       const own = ink.branches[n % ink.branches.length];
       for (const g of groups.values()) {
         const color = many ? own : ink.regimes[g.regime];
-        const width = many ? (settings.widths[g.regime] * WIDTH[g.verdict]) / 1.4 : WIDTH[g.verdict];
-        traces.push({ x: g.x, y: g.y, text: g.text, customdata: g.rows, mode: "lines", hoverinfo: "text",
-                      line: { color, width, dash: DASH[g.verdict] }, showlegend: false });
+        const width = many ? (settings.widths[g.regime] * WIDTH[g.stability]) / 1.4 : WIDTH[g.stability];
+        traces.push({ x: g.x, y: g.y, text: g.text, customdata: g.points, mode: "lines", hoverinfo: "text",
+                      line: { color, width, dash: DASH[g.stability] }, showlegend: false });
         if (many) entry(legend, `branch ${n}`, curve.name, { color: own, width: 2.5 });
         else if (g.regime !== "unknown") entry(legend, g.regime, words(g.regime), { color, width: 2 });
         if (many && g.regime !== "unknown")
           entry(legend, `~${g.regime}`, words(g.regime), { color: ink.line, width: settings.widths[g.regime] * 1.4 });
-        if (g.verdict === "unstable" || g.verdict === "undecided")
-          entry(legend, `~~${g.verdict}`, g.verdict, { color: ink.line, width: 2, dash: DASH[g.verdict] });
+        if (g.stability === "unstable" || g.stability === "undecided")
+          entry(legend, `~~${g.stability}`, g.stability, { color: ink.line, width: 2, dash: DASH[g.stability] });
       }
     });
     const entries = [...legend.entries()].sort(([a], [b]) => (a.startsWith("~") - b.startsWith("~")) || 0);
@@ -112,10 +112,10 @@ const hbgear = (() => {
     state.curves.forEach((curve, n) => {
       const y = sizes(curve);
       for (const point of curve.special) {
-        if (!kinds.has(point.kind)) kinds.set(point.kind, { point, x: [], y: [], text: [], hover: [], rows: [] });
-        const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.row];
-        k.x.push(point.x); k.y.push(v); k.rows.push([n, point.row]);
-        k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // there are many, and the cross says it
+        if (!kinds.has(point.kind)) kinds.set(point.kind, { point, x: [], y: [], text: [], hover: [], points: [] });
+        const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.index];
+        k.x.push(point.x); k.y.push(v); k.points.push([n, point.index]);
+        k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // grazing points are many and have no label
         k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
                      `<br>${state.measure} = ${short(v)}`);
@@ -123,7 +123,7 @@ const hbgear = (() => {
     });
     placeLabels([...kinds.values()]);
     return [...kinds.values()].map((k) => ({
-      x: k.x, y: k.y, text: k.text, hovertext: k.hover, customdata: k.rows, mode: "markers+text", hoverinfo: "text",
+      x: k.x, y: k.y, text: k.text, hovertext: k.hover, customdata: k.points, mode: "markers+text", hoverinfo: "text",
       textposition: k.side, textfont: { size: 11, color: ink.text }, name: escaped(k.point.meaning),
       cliponaxis: false,
       marker: markerOf(SYMBOL[k.point.marker] || "circle", ink),
@@ -136,32 +136,53 @@ const hbgear = (() => {
   const SIDES = [["top center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0], ["bottom center", 0, -1],
                  ["top right", 1, 1], ["top left", -1, 1], ["bottom right", 1, -1], ["bottom left", -1, -1]];
 
-  function placeLabels(kinds) { // each on a side where it covers no other; where there is none, it is told by hovering only
+  function placeLabels(kinds) { // each on the side where it covers no symbol or label and the fewest points of lines; else only the hover text shows it
     const [low, high] = state.frame || span(), all = kinds.flatMap((k) => k.y).filter((y) => y !== null);
     const bound = topOf() || Infinity, heights = state.curves.flatMap((c) => sizes(c)).filter((y) => y !== null && y <= bound);
     const top = Math.max(...heights, ...all.filter((y) => y <= bound)) || 1;
     const wide = 0.75 * $("response").clientWidth || 700, tall = 0.72 * $("response").clientHeight || 380, taken = [];
     const at = (x, y) => [((x - low) / (high - low)) * wide, (y / top) * tall];
     kinds.forEach((k) => k.x.forEach((x, i) => { const [px, py] = at(x, k.y[i]); taken.push([px - 5, px + 5, py - 5, py + 5]); }));
+    if (state.at) { // the ring of the selected point
+      const [n, i] = state.at, [px, py] = at(state.curves[n].x[i], sizes(state.curves[n])[i]);
+      taken.push([px - 9, px + 9, py - 9, py + 9]);
+    }
+    const lines = drawnPoints().map(([x, y]) => at(x, y));
+    const covered = ([x0, x1, y0, y1]) => lines.filter(([x, y]) => x > x0 && x < x1 && y > y0 && y < y1).length;
     const order = [...kinds].sort((a, b) => (a.point.kind === "GR") - (b.point.kind === "GR"));
     for (const k of order) {
       k.side = [];
       k.text = k.text.map((text, i) => {
         const [px, py] = at(k.x[i], k.y[i]), w = 6.6 * text.length, h = 13;
+        let best = null;
         for (const [side, dx, dy] of SIDES) {
           const x = px + dx * (dy ? w / 2 : w / 2 + 7), y = py + dy * 13, box = [x - w / 2, x + w / 2, y - h / 2, y + h / 2];
-          if (!taken.some((t) => box[0] < t[1] && t[0] < box[1] && box[2] < t[3] && t[2] < box[3])) {
-            taken.push(box); k.side.push(side);
-            return text;
-          }
+          if (taken.some((t) => box[0] < t[1] && t[0] < box[1] && box[2] < t[3] && t[2] < box[3])) continue;
+          const count = covered(box);
+          if (!best || count < best.count) best = { side, box, count };
+          if (!count) break;
         }
-        k.side.push("top center");
-        return "";
+        k.side.push(best ? best.side : "top center");
+        if (best) taken.push(best.box);
+        return best ? text : "";
       });
     }
   }
 
-  function topOf() { // how far up the figure goes where a curve runs off to infinity
+  function drawnPoints() { // points of curves and jump arrows, between which a label does not fit
+    const out = [], PARTS = 5;
+    const line = (x0, y0, x1, y1, parts) => {
+      for (let s = 0; s < parts; s++) out.push([x0 + ((x1 - x0) * s) / parts, y0 + ((y1 - y0) * s) / parts]);
+    };
+    for (const curve of state.curves) {
+      const y = sizes(curve);
+      for (let i = 1; i < y.length; i++) if (y[i - 1] !== null && y[i] !== null) line(curve.x[i - 1], y[i - 1], curve.x[i], y[i], PARTS);
+      for (const jump of curve.jumps.filter((each) => each.after)) line(jump.x, size(curve, jump.before), jump.x, size(curve, jump.after), 60);
+    }
+    return out;
+  }
+
+  function topOf() { // upper limit of the axes if a curve goes to infinity
     const tops = state.curves.map((curve) => curve.top && curve.top[state.measure] && curve.top[state.measure][elementOf(curve)]);
     const known = tops.filter((x) => x);
     return known.length ? Math.max(...known) : null;
@@ -180,14 +201,14 @@ const hbgear = (() => {
 
   const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
 
-  function span() { // of the parameter, with a little room
+  function span() { // range of the parameter with a margin
     const all = state.curves.flatMap((curve) => curve.x).concat(state.behind.flatMap((b) => b.x)).filter((x) => x !== null);
     const low = all.reduce((a, b) => Math.min(a, b)), high = all.reduce((a, b) => Math.max(a, b));
-    const room = 0.02 * (high - low) || 0.05 * Math.abs(high) || 1;
-    return [low - room, high + room];
+    const margin = 0.02 * (high - low) || 0.05 * Math.abs(high) || 1;
+    return [low - margin, high + margin];
   }
 
-  function common(name) { // a scale that holds for all curves
+  function common(name) { // a scale that all curves share
     const all = state.curves.map((curve) => curve.scales[name]);
     return all[0] && all.every((x) => x && Math.abs(x / all[0] - 1) < 1e-9) ? all[0] : null;
   }
@@ -218,7 +239,7 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const shown = state.behind.filter((b) => !b.measure || b.measure === state.measure); // points of another measure lie elsewhere
+    const shown = state.behind.filter((b) => !b.measure || b.measure === state.measure); // points of another measure are not comparable
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const behind = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
@@ -226,11 +247,11 @@ const hbgear = (() => {
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...behind, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
-      data.push({ x: [null], y: [null], mode: "markers", name: "jump of a slow sweep", hoverinfo: "skip",
+      data.push({ x: [null], y: [null], mode: "markers", name: "jump", hoverinfo: "skip",
                   marker: { symbol: "arrow-up", size: 11, color: ink.text } });
     if (state.at) data.push(chosenTrace());
     let above = 0;
-    const low = ($("response").clientHeight || 520) < LOW; // room for one axis only
+    const low = ($("response").clientHeight || 520) < LOW; // space for one axis only
     for (const [scale, title] of [[low ? null : Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
       if (!scale || first.parameter !== "Omega") continue;
       above += 1;
@@ -248,7 +269,7 @@ const hbgear = (() => {
     return { data, layout, scales: [low ? null : Hz, rpm].filter((x) => x) };
   }
 
-  function sized(layout, [width, height]) { // on paper of a size of its own, else as large as its place
+  function sized(layout, [width, height]) { // fixed size on paper, otherwise the size of the container
     Object.assign(layout, state.printing ? { width, height, autosize: false } : { autosize: true });
     return layout;
   }
@@ -274,8 +295,8 @@ const hbgear = (() => {
     if (!div.listens) {
       div.listens = true;
       div.on("plotly_click", (event) => {
-        const rows = event.points.map((p) => p.customdata).find((c) => Array.isArray(c));
-        if (rows) choose(rows[0], rows[1]);
+        const point = event.points.map((p) => p.customdata).find((c) => Array.isArray(c));
+        if (point) choose(point[0], point[1]);
       });
       div.on("plotly_relayout", (event) => {
         const moved = Object.keys(event).some((key) => key.startsWith("xaxis."));
@@ -291,7 +312,7 @@ const hbgear = (() => {
     return done;
   }
 
-  function stepped(event) { // arrow keys go along the curve
+  function stepped(event) { // arrow keys move along the curve
     const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageUp: 10, PageDown: -10 };
     if (!state.at || !(event.key in steps)) return;
     event.preventDefault();
@@ -302,7 +323,7 @@ const hbgear = (() => {
   /* ---- one motion */
 
   function motion(curve, i, element, count) {
-    const a = row(curve, i, element), rate = curve.Omega[i] === null ? 1 : curve.Omega[i] / curve.nu;
+    const a = coefficientsAt(curve, i, element), rate = curve.Omega[i] === null ? 1 : curve.Omega[i] / curve.nu;
     const out = { periods: [], d: [], v: [] };
     for (let s = 0; s <= count; s++) {
       const theta = (2 * Math.PI * s) / count;
@@ -317,9 +338,9 @@ const hbgear = (() => {
     return out;
   }
 
-  function cornerLines(curve, element, d, vertical) {
+  function breakpointLines(curve, element, d, vertical) {
     const low = Math.min(...d), high = Math.max(...d), reach = high - low || 1, ink = palette();
-    return curve.corners[element].filter((x) => low - reach <= x && x <= high + reach).map((x) => ({
+    return curve.breakpoints[element].filter((x) => low - reach <= x && x <= high + reach).map((x) => ({
       type: "line", line: { color: ink.line, width: 1, dash: "dot" }, layer: "below",
       ...(vertical ? { x0: x, x1: x, yref: "paper", y0: 0, y1: 1 } : { y0: x, y1: x, xref: "paper", x0: 0, x1: 1 }),
     }));
@@ -334,10 +355,10 @@ const hbgear = (() => {
   function drawMotion() {
     if (!state.at || !$("time")) return Promise.resolve();
     const [n, i] = state.at, curve = state.curves[n], j = elementOf(curve), ink = palette();
-    const regime = curve.stretches[j].find(([, , first, last]) => first <= i && i <= last)[0];
+    const regime = curve.sections[j].find(([, , first, last]) => first <= i && i <= last)[0];
     const color = state.curves.length > 1 ? ink.branches[n % ink.branches.length] : ink.regimes[regime];
     const m = motion(curve, i, j, Math.min(2048, 16 * curve.harmonics + 256)), line = { color, width: 1.6 };
-    const a = row(curve, i, j), name = curve.motion, unit = curve.unit && curve.unit !== "1" ? "" : " [-]";
+    const a = coefficientsAt(curve, i, j), name = curve.motion, unit = curve.unit && curve.unit !== "1" ? "" : " [-]";
     const order = [], height = [];
     for (let k = 1; k <= curve.harmonics; k++) { order.push(k / curve.nu); height.push(Math.hypot(a[2 * k - 1], a[2 * k])); }
     const top = Math.max(...height) || 1, floor = top * 1e-6, stems = { x: [], y: [] };
@@ -345,12 +366,12 @@ const hbgear = (() => {
     const marks = order.map((x, k) => [x, height[k]]).filter(([, h]) => h >= floor);
     const jobs = [
       small("time", [{ x: m.periods, y: m.d, mode: "lines", line, hoverinfo: "x+y" }],
-            { xaxis: axis("excitation periods [-]"), yaxis: axis(name + unit), shapes: cornerLines(curve, j, m.d, false) }),
+            { xaxis: axis("excitation periods [-]"), yaxis: axis(name + unit), shapes: breakpointLines(curve, j, m.d, false) }),
       small("phase", [{ x: m.d, y: m.v, mode: "lines", line, hoverinfo: "x+y" }],
-            { xaxis: axis(name + unit), yaxis: axis("its velocity d/dt" + unit), shapes: cornerLines(curve, j, m.d, true) }),
+            { xaxis: axis(name + unit), yaxis: axis(`velocity of ${name}${unit}`), shapes: breakpointLines(curve, j, m.d, true) }),
       small("spectrum", [{ x: stems.x, y: stems.y, mode: "lines", line, hoverinfo: "skip" },
                          { x: marks.map((p) => p[0]), y: marks.map((p) => p[1]), mode: "markers", marker: { color, size: 5 }, hoverinfo: "x+y" }],
-            { xaxis: axis("order of the excitation", { rangemode: "tozero" }),
+            { xaxis: axis("frequency / excitation frequency", { rangemode: "tozero" }),
               yaxis: axis(`amplitude of ${name}${unit}`, { type: "log", exponentformat: "power", dtick: 1, minor: { ticks: "" }, range: [Math.log10(floor), Math.log10(3 * top)] }) }),
     ];
     const circle = { x: [], y: [] };
@@ -369,9 +390,9 @@ const hbgear = (() => {
       { ...circle, mode: "lines", line: { color: ink.line, width: 1 }, hoverinfo: "skip" },
       { x: mu.x, y: mu.y, text: mu.text, mode: "markers", hoverinfo: "text", marker: { color: mu.color, size: 7, symbol: "x" } },
     ], { xaxis: axis("Re μ [-]", { range: [-far, far], constrain: "domain" }), yaxis: axis("Im μ [-]", { scaleanchor: "x", range: [-far, far] }) }));
-    const label = curve.special.find((p) => p.row === i);
+    const label = curve.special.find((p) => p.index === i);
     $("chosen").textContent = [label ? `${label.label}, ${label.meaning}` : null, state.curves.length > 1 ? curve.name : null,
-      ...told(curve, i, sizes(curve)[i])].filter((x) => x).join("; ");
+      ...pointText(curve, i, sizes(curve)[i])].filter((x) => x).join("; ");
     return Promise.all(jobs);
   }
 
@@ -383,9 +404,9 @@ const hbgear = (() => {
 
   function firstChoice() { // the largest stable motion of the first curve
     const y = sizes(state.curves[0]);
-    const rows = y.map((v, i) => i).filter((i) => y[i] !== null);
-    const stable = rows.filter((i) => state.curves[0].verdicts[i] === "stable");
-    return [0, (stable.length ? stable : rows).reduce((best, i) => (y[i] > y[best] ? i : best), stable[0] ?? rows[0] ?? 0)];
+    const points = y.map((v, i) => i).filter((i) => y[i] !== null);
+    const stable = points.filter((i) => state.curves[0].stability[i] === "stable");
+    return [0, (stable.length ? stable : points).reduce((best, i) => (y[i] > y[best] ? i : best), stable[0] ?? points[0] ?? 0)];
   }
 
   /* ---- the page */
@@ -417,10 +438,10 @@ const hbgear = (() => {
     return Promise.all([drawResponse(), drawMotion()]);
   }
 
-  function show(curves, motionToo = true) { // other curves in place of those there are
+  function show(curves, motionToo = true) { // replace the curves
     const kept = state.at && state.curves[state.at[0]] ? state.curves[state.at[0]].x[state.at[1]] : null;
     state.curves = curves;
-    if (state.at) { // the row nearest to where the choice was
+    if (state.at) { // the point nearest to the previous selection
       const n = Math.min(state.at[0], curves.length - 1), x = curves[n].x;
       let best = 0;
       if (kept === null) best = firstChoice()[1];
@@ -448,7 +469,7 @@ const hbgear = (() => {
     });
     window.addEventListener("afterprint", () => { state.printing = false; if (before) setTheme(before); redraw(); });
     let form = formOf();
-    window.addEventListener("resize", () => { // a phone that is turned: legend and axes have other places
+    window.addEventListener("resize", () => { // orientation of a phone: legend and axes have other positions
       if (state.printing || formOf() === form || !state.curves.length) return;
       form = formOf();
       redraw();

@@ -1,17 +1,17 @@
-/* The explorer: sliders ask for curves, the newest answer is shown. */
+/* The explorer: sliders request curves, and the page shows the newest result. */
 const explorer = (() => {
   const $ = (id) => document.getElementById(id);
   const session = crypto.randomUUID ? crypto.randomUUID() : String(Math.random());
-  const LONG = 0.4; // seconds of a computation that is worth cancelling when it is overtaken
+  const LONG = 0.4; // time [s] above which a superseded computation is cancelled
   const now = { values: {}, from: 0, to: 0, harmonics: 16 };
-  const timings = []; // milliseconds from a slider to the new curve
+  const timings = []; // time [ms] from the move of a slider to the new curve
   const past = [], future = [];
   let data = null, token = "", flying = 0, quiet = 0, wanted = false, newest = 0, shownSerial = 0, took = 0, before = null, started = 0, last = {};
 
   async function asked(path, body, raw = false) {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(body),
       headers: { "Content-Type": "application/json", "X-Hbgear-Token": token } });
-    if (answer.status === 204) return null; // overtaken or cancelled
+    if (answer.status === 204) return null; // superseded or cancelled
     if (raw && answer.ok) return answer;
     const found = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
     if (!answer.ok) throw new Error(found.error || `the server answered ${answer.status}`);
@@ -22,12 +22,12 @@ const explorer = (() => {
 
   function say(text, wrong = false) {
     $("status").textContent = text;
-    $("status").className = wrong ? "doubt" : "quiet";
+    $("status").className = wrong ? "warning" : "quiet";
   }
 
   /* ---- the curve */
 
-  function compute() { // at once; while a short computation runs, after it
+  function compute() { // immediately, or after a short computation that is running
     if (flying && took < LONG && performance.now() - started < 1000 * LONG) { wanted = true; return Promise.resolve(); }
     return send();
   }
@@ -45,7 +45,7 @@ const explorer = (() => {
       clearTimeout(quiet);
       quiet = setTimeout(() => rest(found, serial), 80);
     } catch (error) {
-      if (serial === newest) say(`${error.message}; the curve that is shown is the one before`, true);
+      if (serial === newest) say(`${error.message}; the previous curve is shown`, true);
     } finally {
       clearTimeout(watch);
       flying -= 1;
@@ -54,25 +54,25 @@ const explorer = (() => {
     }
   }
 
-  async function rest(found, serial) { // what follows the curve once nothing moves: its motion and what is said of it
+  async function rest(found, serial) { // when no slider moves: motion and tables of the curve
     await hbgear.drawMotion();
-    const told = await asked("/details", question()).catch(() => null);
-    if (told && serial === newest) describe(found, told);
+    const details = await asked("/details", question()).catch(() => null);
+    if (details && serial === newest) describe(found, details);
   }
 
-  function describe(found, told) {
+  function describe(found, details) {
     const jumps = found.curves.reduce((sum, curve) => sum + curve.jumps.length, 0);
-    const parts = [told.model, `${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
-                   `${jumps} jump${jumps === 1 ? "" : "s"}`, ...told.tables.flatMap((table) => table.trust)];
+    const parts = [details.model, `${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
+                   `${jumps} jump${jumps === 1 ? "" : "s"}`, ...details.tables.flatMap((table) => table.reliability)];
     if (found.ended) parts.push(found.ended);
-    say(parts.join("; "), parts.some((line) => line.startsWith("doubt")) || Boolean(found.ended));
-    $("python").textContent = told.python;
-    const headers = told.tables[0].jumpTable[0], rows = told.tables.flatMap((table) => table.jumpTable[1]), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    say(parts.join("; "), parts.some((line) => line.startsWith("warning")) || Boolean(found.ended));
+    $("python").textContent = details.python;
+    const headers = details.tables[0].jumpTable[0], rows = details.tables.flatMap((table) => table.jumpTable[1]), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
     const line = (tag, texts) => { const row = document.createElement("tr"); row.append(...texts.map((t) => cell(tag, t))); return row; };
     $("jumps").replaceChildren(...(rows.length ? [line("th", headers), ...rows.map((row) => line("td", row))] : [line("td", ["none"])]));
   }
 
-  async function follow(kind) { // how far a long computation is
+  async function follow(kind) { // progress of a long computation
     const bar = kind === "curve" ? $("work") : null;
     const answer = await fetch(`/progress?session=${session}&kind=${kind}`, { headers: { "X-Hbgear-Token": token } });
     const found = await answer.json();
@@ -102,14 +102,14 @@ const explorer = (() => {
     slider.addEventListener("input", () => { remember(); set(p.name, Number(slider.value)); moved(); });
     slider.addEventListener("change", () => settle(p.name));
     field.addEventListener("change", () => {
-      if (field.value === "" || !isFinite(field.value)) { put(p.name); return; }
+      if (field.value === "" || !isFinite(field.value)) { showValue(p.name); return; }
       remember(); set(p.name, Number(field.value)); moved(); settle();
     });
     p.slider = slider; p.field = field;
     return row;
   }
 
-  function put(name) { // a value into its slider and field
+  function showValue(name) { // in the slider and the field
     const p = data.parameters.find((each) => each.name === name), value = now.values[name];
     if (value < Number(p.slider.min)) p.slider.min = value;
     if (value > Number(p.slider.max)) p.slider.max = value;
@@ -122,7 +122,7 @@ const explorer = (() => {
     return size && (size >= 1e6 || size < 1e-4) ? String(Number(value.toPrecision(7)).toExponential()) : hbgear.short(value, 7);
   }
 
-  function set(name, value) { now.values[name] = value; put(name); }
+  function set(name, value) { now.values[name] = value; showValue(name); }
 
   function moved() { now.moved = performance.now(); compute(); }
 
@@ -130,9 +130,9 @@ const explorer = (() => {
 
   const copy = () => JSON.stringify({ values: now.values, from: now.from, to: now.to, harmonics: now.harmonics });
 
-  function remember() { if (before === null) before = copy(); } // as it was before a slider began to move
+  function remember() { if (before === null) before = copy(); } // state before a slider moves
 
-  function settle(what = "") { // many small moves of one parameter, as by keys, are undone at once
+  function settle(what = "") { // one undo reverts many small moves of one parameter, such as by keys
     const again = what && what === last.what && performance.now() - last.when < 1000;
     if (before !== null && before !== copy()) {
       if (!again) past.push(before);
@@ -158,7 +158,7 @@ const explorer = (() => {
 
   function back(from, to) { last = {}; if (from.length) { to.push(copy()); take(from.pop()); } }
 
-  function link() { // what differs from the start, with the span and the harmonics
+  function link() { // changed values, range and harmonics
     const words = new URLSearchParams();
     for (const p of data.parameters) if (now.values[p.name] !== p.value) words.set(p.name, now.values[p.name]);
     words.set("from", now.from); words.set("to", now.to); words.set("harmonics", now.harmonics);
@@ -210,7 +210,7 @@ const explorer = (() => {
       const found = await asked("/map", { ...question(), axes });
       $("mapstatus").textContent = found ? found.message : "cancelled";
       if (found && found.lines.length) await drawMap(found, axes);
-      if (found && !found.message) $("mapstatus").textContent = "A click on the map takes its values.";
+      if (found && !found.message) $("mapstatus").textContent = "Click on the map to use its values.";
     } catch (error) {
       $("mapstatus").textContent = error.message;
     } finally {
@@ -220,8 +220,8 @@ const explorer = (() => {
 
   async function drawMap(found, axes) {
     const ink = hbgear.palette(), seen = new Set(), div = $("map");
-    const styles = { "jump while Omega rises": { color: ink.regimes.no_impact, dash: "solid" },
-                     "jump while Omega falls": { color: ink.regimes.single_sided, dash: "dashdot" } };
+    const styles = { "jump, sweep up": { color: ink.regimes.no_impact, dash: "solid" },
+                     "jump, sweep down": { color: ink.regimes.single_sided, dash: "dashdot" } };
     const traces = found.lines.map((line) => {
       const first = !seen.has(line.kind);
       seen.add(line.kind);
@@ -229,7 +229,7 @@ const explorer = (() => {
                line: { width: 2, ...(styles[line.kind] || { color: ink.regimes.no_impact }) }, hoverinfo: "x+y+name" };
     });
     const value = (name) => (name === "Omega" ? axes.Omega : now.values[name]);
-    const [x, y] = [value(axes.x[0]), value(axes.y[0])]; // the map of a machine is over parameters of its model
+    const [x, y] = [value(axes.x[0]), value(axes.y[0])]; // the axes of the map of a machine are parameters of its model
     if (x !== undefined && y !== undefined) traces.push({ x: [x], y: [y], mode: "markers", name: "now", hoverinfo: "x+y+name",
                   marker: { symbol: "circle-open", size: 11, color: ink.text, line: { width: 2 } } });
     div.hidden = false;
@@ -262,7 +262,7 @@ const explorer = (() => {
 
   async function overlay(file) {
     try {
-      const bytes = new Uint8Array(await file.arrayBuffer()); // the server knows the encodings
+      const bytes = new Uint8Array(await file.arrayBuffer()); // the server decodes the text
       let binary = "";
       for (let i = 0; i < bytes.length; i += 8192) binary += String.fromCharCode(...bytes.subarray(i, i + 8192));
       const { groups } = await asked("/measured", { ...question(), content: btoa(binary), name: file.name });
@@ -275,7 +275,7 @@ const explorer = (() => {
 
   async function copied(text, what) {
     try { await navigator.clipboard.writeText(text); say(`${what} copied`); }
-    catch { say(`the browser does not let ${what} be copied; it is: ${text}`, true); }
+    catch { say(`the browser does not allow copying ${what}: ${text}`, true); }
   }
 
   function begin(given, settings, secret) {
@@ -284,7 +284,7 @@ const explorer = (() => {
     for (const p of data.parameters) now.values[p.name] = p.value;
     readLink();
     $("parameters").replaceChildren(...data.parameters.map(parameterRow));
-    data.parameters.forEach((p) => put(p.name));
+    data.parameters.forEach((p) => showValue(p.name));
     fill(); fillMap(); buttons();
     for (const [id, key] of [["from", "from"], ["to", "to"], ["harmonics", "harmonics"]])
       $(id).addEventListener("change", (event) => {
@@ -309,7 +309,7 @@ const explorer = (() => {
       event.preventDefault();
       if (event.shiftKey) back(future, past); else back(past, future);
     });
-    $("cancel").addEventListener("click", () => { asked("/cancel", { session, kind: "curve" }); say("cancelled; the curve that is shown is the one before", true); });
+    $("cancel").addEventListener("click", () => { asked("/cancel", { session, kind: "curve" }); say("cancelled; the previous curve is shown", true); });
     $("cancelmap").addEventListener("click", () => asked("/cancel", { session, kind: "map" }));
     $("makemap").addEventListener("click", makeMap);
     document.querySelectorAll("[data-save]").forEach((button) => button.addEventListener("click", () => save(button.dataset.save)));
