@@ -102,7 +102,7 @@ def test_follow_a_doubling_and_a_peak(curve):
 
 def test_what_cannot_be_followed(curve, tmp_path):
     flip = hb.Event("flip", lambda point: abs(point.multipliers[0]) - 1.0)
-    with pytest.raises(ValueError, match="'flip' cannot be followed: its test must use no more of a point than"):
+    with pytest.raises(ValueError, match="'flip' cannot be followed: its test may use only the unknowns"):
         flip.equations(curve.problem, "Omega", curve["LP1"])
     for kind in (CuspEvent, PeriodDoublingMergeEvent):
         point = replace(curve["LP1"], kind=kind.kind, label=f"{kind.kind}1", meaning=kind.meaning, event=kind())
@@ -264,7 +264,7 @@ def test_without_special_points_only_own_events():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: hb.Event("LP", abs), "one that hbgear uses itself"),
+        (lambda: hb.Event("LP", abs), "reserved by hbgear"),
         (lambda: hb.Event("two words", abs), "must be letters"),
         (lambda: hb.Event("", abs), "must be letters"),
         (lambda: hb.Event("limit", 2.0), "needs a function of a point"),
@@ -277,7 +277,7 @@ def test_bad_input(make, words):
 
 
 def test_two_of_one_name(curve):
-    with pytest.raises(ValueError, match="two events are called limit"):
+    with pytest.raises(ValueError, match="two events have the kind limit"):
         hb.trace(curve.problem, "Omega", (1.2, 0.6), events=[LIMIT, LIMIT])
 
 
