@@ -109,7 +109,7 @@ def test_what_cannot_be_followed(curve, tmp_path):
         with pytest.raises(ValueError, match=f"{kind.kind}1 .* cannot be followed in a second parameter"):
             hb.follow(curve, point, "zeta", (0.05, 0.06))
     folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
-    with pytest.raises(ValueError, match="the branch is one of special points already"):
+    with pytest.raises(ValueError, match="the branch is a curve of special points already"):
         hb.follow(folds, curve["LP1"], "F_m", (0.1, 0.11))
     with pytest.raises(TypeError, match="needs the label of a special point"):
         hb.follow(curve, 3, "zeta", (0.05, 0.06))
@@ -125,7 +125,7 @@ def test_a_loaded_curve_knows_the_events_of_its_problem_and_needs_yours(curve, t
     for label, options in (("LP1", {}), ("limit1", {"event": LIMIT})):
         one, other = (hb.follow(c, label, "zeta", (0.05, 0.051), **options) for c in (curve, again))
         np.testing.assert_array_equal(one.X, other.X)
-    with pytest.raises(ValueError, match=r"limit1 has lost the event that located it.*give event="):
+    with pytest.raises(ValueError, match=r"the event that located limit1 is unknown.*give event="):
         hb.follow(again, "limit1", "zeta", (0.05, 0.051))
 
 

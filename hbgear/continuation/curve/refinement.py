@@ -90,8 +90,9 @@ def refine_branch(branch: Branch) -> Branch:
     problem = branch.problem
     finer = None if problem is None else as_problem(problem).refined_problem
     if finer is None:
-        why = "does not have its problem: load it with load(path, problem=HarmonicBalance(...))" if problem is None else (
-            "has the largest number of harmonics already: trace it with fewer")  # fmt: skip
+        why = "has the largest number of harmonics already: trace it with fewer"
+        if problem is None:
+            why = "does not have its problem: load it with load(path, problem=HarmonicBalance(...))"
         raise ValueError(f"a curve is refined with twice the harmonics, and this one {why}")
     if branch.tracked:
         raise ValueError("a curve of special points is not refined: its points state their own errors")

@@ -60,7 +60,7 @@ class NoConvergence(RuntimeError):
 class NewtonSettings:
     """Settings of the corrector.
 
-    Parameters
+    Attributes
     ----------
     tolerance : float, optional
         Largest relative residual |R| / size of a converged point. A trace applies one more iteration to a point whose
