@@ -129,7 +129,7 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
 
     monkeypatch.setattr(verification, "_plain_multipliers", counted)
     monkeypatch.setattr(verification, "_refine_stability", lambda *given: given[4])
-    problem.decided(curve.X, "Omega", curve.values, seen, {})
+    problem.verify_stability(curve.X, "Omega", curve.values, seen, {})
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True
     told = np.array([one["modulus_error"] for one in seen])

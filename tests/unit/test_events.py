@@ -301,4 +301,4 @@ def test_a_root_is_not_the_end_where_a_growing_function_is_less():
     ]
     segment = Segment(problem, "p", {}, *rows, np.ones(2), hb.NewtonSettings())
     found = locate_root(segment, LIMIT, lambda row: (row.value - 0.9) * np.exp(60 * row.value))
-    assert found.located and found.row.value == pytest.approx(0.9, abs=1e-12)
+    assert found.located and found.point.value == pytest.approx(0.9, abs=1e-12)

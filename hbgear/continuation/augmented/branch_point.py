@@ -85,7 +85,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
             now.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
         )  # s[0] is zero if all entries are
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
         """Return the borders at X with the orientation of the previous ones."""
         assert isinstance(base, BranchPointResidual)
         w, V, _ = self._null(linearise(self.problem, X, self.parameter, here), base)

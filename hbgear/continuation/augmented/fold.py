@@ -46,7 +46,7 @@ class FoldProblem(MinimallyAugmentedProblem):
         b, c, largest = borders_of(A)
         return Borders(size / (largest or 1.0), b, c)
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
         """Return the borders at X, with positive products with the previous ones, which keeps the sign of g.
 
         g is det(A) over the bordered determinant. New borders along a curve prevent a zero of this determinant.

@@ -74,7 +74,7 @@ class AugmentedResidual(NamedTuple):
         Its gradient in X.
     g_p : float
         Its derivative in p.
-    moved : tuple of (ndarray, float)
+    derivatives : tuple of (ndarray, float)
         Derivatives of R and g in each requested further parameter.
     """
 
@@ -82,14 +82,14 @@ class AugmentedResidual(NamedTuple):
     g: float
     g_X: Array
     g_p: float
-    moved: tuple[tuple[Array, float], ...]
+    derivatives: tuple[tuple[Array, float], ...]
 
 
 def parameter_derivative_and_jacobian(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], name: str
 ) -> tuple[Array, Matrix]:
     """Return the derivatives of R and dR/dX in a parameter, by finite differences."""
-    near = problem.beside(here, 2)
+    near = problem.perturbed(here, 2)
     dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at))
     return dR, dJ
 
@@ -207,10 +207,10 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         out = copy.copy(self)
         out._fixed(problem=inner)
         if renewing:
-            out._fixed(base=out.base_at(X, here) if self.base is None else out.renewed(self.base, X, here))
+            out._fixed(base=out.base_at(X, here) if self.base is None else out.update_borders(self.base, X, here))
         return out
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
         """Return borders for points near X that keep the weight and the sign of g."""
         return base
 
@@ -255,16 +255,7 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         return Solution(U, math.nan, Evaluation(R, A, np.zeros(len(U)), size), steps, norm(R) / size)
 
     def stepped(self, U: Array, parameters: Mapping[str, float], steps: int) -> tuple[Self, Array]:
-        """Apply a fixed number of undamped Newton steps.
-
-        Parameters
-        ----------
-        U : ndarray, shape (n + 1,)
-            Guess of (X, p).
-        parameters : mapping of str to float
-            Values of the other parameters.
-        steps : int
-            Number of steps.
+        """Apply a fixed number of undamped Newton steps to a guess U = (X, p).
 
         Returns
         -------
@@ -369,19 +360,7 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         return U[:-1], {self.parameter: float(U[-1])}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Return the unknowns (X, p) of this problem.
-
-        Parameters
-        ----------
-        X : ndarray, shape (n,)
-            Unknowns of the solution.
-        parameters : mapping of str to float
-            All parameters.
-
-        Returns
-        -------
-        ndarray, shape (n + 1,)
-            The unknowns.
+        """Return the unknowns (X, p) of this problem, from X of shape (n,) and all parameters.
 
         Raises
         ------
@@ -426,7 +405,7 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         here = {**parameters, **own}
         extra = self.extra(X, here, names, self.base or replace(self.base_at(X, here), weight=1.0))
         J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)
-        moved = np.array([np.append(dR, dg) for dR, dg in extra.moved]).reshape(len(names), len(X) + 1)
+        moved = np.array([np.append(dR, dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
         return Evaluation(np.append(extra.now.R, extra.g), J, np.zeros(len(X) + 1), extra.now.size), moved
 
 

@@ -187,7 +187,7 @@ def _parameter_derivatives(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]
 ) -> Array:
     """Return R_a (A, n) in each parameter."""
-    rows = [problem.moved(X, name, here) for name in names]
+    rows = [problem.parameter_derivative(X, name, here) for name in names]
     return np.array(rows).reshape(len(names), len(X))
 
 

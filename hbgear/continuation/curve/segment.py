@@ -40,8 +40,8 @@ class CurvePoint:
         Number of iterations of the corrector.
     step : float
         Size of the step to this point.
-    heading : int
-        Parameter direction: +1 if the parameter increases along the curve, -1 if it decreases. On a section of constant
+    parameter_direction : int
+        +1 if the parameter increases along the curve, -1 if it decreases. On a section of constant
         parameter it keeps its last value.
     observed : dict
         Monitored quantities; see `ContinuationProblem.observe`.
@@ -53,7 +53,7 @@ class CurvePoint:
     residual: float
     iterations: int
     step: float = 0.0
-    heading: int = 0
+    parameter_direction: int = 0
     observed: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -199,7 +199,7 @@ class Segment:
     def slopes(self) -> tuple[Array, Array]:
         """Derivatives du/ds at both ends in the fraction s: tangents whose scaled length is `length`."""
         length = self.length
-        a, b = (length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
+        a, b = (length / norm(end.tangent / self.scale) * end.tangent for end in (self.a, self.b))
         return a, b
 
     def guess(self, s: float | Array) -> Array:
@@ -252,7 +252,7 @@ class Segment:
         """Return the segment between two other points a and b of the same curve."""
         return replace(self, a=a, b=b)
 
-    def place(self, u: Array) -> float:
+    def fraction_of(self, u: Array) -> float:
         """Return the fraction of the segment at the orthogonal projection of a point onto it.
 
         Parameters
@@ -285,7 +285,7 @@ class Segment:
         """
         chord = (self.b.u - self.a.u) / self.scale
         offset = (known.u - self.a.u) / self.scale
-        length, s = norm(chord), self.place(known.u)
+        length, s = norm(chord), self.fraction_of(known.u)
         if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > MAX_CHORD_DISTANCE * length:
             return False
         try:
@@ -373,19 +373,19 @@ def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, before: 
     """
     solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    heading = parameter_direction(float(unit[-1] / scale[-1]), before.heading if before else 0)
-    return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, heading)
+    direction = parameter_direction(float(unit[-1] / scale[-1]), before.parameter_direction if before else 0)
+    return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, direction)
 
 
 def resolve_at_resolution(
-    row: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
+    point: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
     settings: NewtonSettings, still: bool = False,
 ) -> CurvePoint:  # fmt: skip
     """Return a point at the resolution of another problem.
 
     Parameters
     ----------
-    row : CurvePoint
+    point : CurvePoint
         The point.
     problem : ContinuationProblem
         The other problem.
@@ -411,11 +411,11 @@ def resolve_at_resolution(
     NoConvergence, numpy.linalg.LinAlgError
         If the corrector fails.
     """
-    X, direction = problem.resized(row.X), np.append(problem.resized(row.tangent[:-1]), row.tangent[-1])
-    normal = np.append(np.zeros(len(X)), row.heading or 1.0) if still else normal_of(direction, scale)
+    X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
+    normal = np.append(np.zeros(len(X)), point.parameter_direction or 1.0) if still else normal_of(direction, scale)
     normal = normal / np.linalg.norm(normal)
-    point = correct(problem, np.append(X, row.value), normal, name, parameters, settings)
-    return point_along(point, scale, row.step, row)
+    solved = correct(problem, np.append(X, point.value), normal, name, parameters, settings)
+    return point_along(solved, scale, point.step, point)
 
 
 def rescaled(scale: Array, problem: ContinuationProblem, size: int) -> Array:

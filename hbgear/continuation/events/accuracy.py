@@ -131,7 +131,7 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     if not segment.problem.comparisons or any(rough):
         return found
     work = work or Work(math.inf)
-    unit = segment.problem.unit_of(segment.name, found.row.value)
+    unit = segment.problem.unit_of(segment.name, found.point.value)
     goal, problem, failures, error = accuracy * unit, segment.problem, 0, math.inf
     while True:
         moved: list[tuple[ContinuationProblem, MovedPoint]] = []
@@ -159,12 +159,12 @@ def _deviation(segment: Segment, found: LocatedEvent) -> float:
     """Return the distance of the multipliers of a point from the values that its event requires; 0 if unknown."""
     if not found.located or "multipliers" not in segment.a.observed or found.event.deviation(np.empty(0, complex)) == 0:
         return 0.0
-    there = found.sharp or RefinedLocation(segment.problem, found.row)
-    if not there.row.observed:
-        there.row.observed.update(
-            observe_all(there.problem, there.row.u[None], segment.name, segment.parameters, True)[0]
+    there = found.sharp or RefinedLocation(segment.problem, found.point)
+    if not there.point.observed:
+        there.point.observed.update(
+            observe_all(there.problem, there.point.u[None], segment.name, segment.parameters, True)[0]
         )
-    multipliers = there.row.observed.get("multipliers", np.full(1, math.nan))
+    multipliers = there.point.observed.get("multipliers", np.full(1, math.nan))
     return 0.0 if np.isnan(multipliers).any() else found.event.deviation(multipliers)
 
 
@@ -240,7 +240,7 @@ def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: Continu
             return second if second.distance < first.distance else first
     if found.located and isinstance(found.event, FoldEvent):
         try:
-            change = _fold_shift(segment, found.sharp.row if found.sharp else found.row, problem)
+            change = _fold_shift(segment, found.sharp.point if found.sharp else found.point, problem)
             return MovedPoint(found.value + change, 0.0, lambda: _on_segment(segment, found, problem).sharp())
         except (NoConvergence, np.linalg.LinAlgError):
             pass
@@ -249,8 +249,8 @@ def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: Continu
 
 def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint | None:
     """Return the point by Newton's method on its equations at another resolution; None if it fails."""
-    now = found.sharp or RefinedLocation(segment.problem, found.row)
-    row, here = now.row, {**segment.parameters, segment.name: now.row.value}
+    now = found.sharp or RefinedLocation(segment.problem, found.point)
+    row, here = now.point, {**segment.parameters, segment.name: now.point.value}
     start = np.append(problem.resized(row.X), row.value)
     try:
         point = SpecialPoint(
@@ -300,7 +300,7 @@ def _left_segment(segment: Segment, found: LocatedEvent, moved: MovedPoint) -> b
     if moved.distance <= SAME_SEGMENT_FRACTION * segment.length:
         return False
     sharp = moved.sharp()
-    return sharp is not None and not 0 <= segment.place(_resized(segment, sharp.row)) <= 1
+    return sharp is not None and not 0 <= segment.fraction_of(_resized(segment, sharp.point)) <= 1
 
 
 def _on_segment(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint:
@@ -317,9 +317,9 @@ def _on_segment(segment: Segment, found: LocatedEvent, problem: ContinuationProb
         return _NOT_FOUND
     if not points:
         return _NOT_FOUND
-    row = min(points, key=lambda p: abs(again.place(p.row.u) - found.s)).row
+    row = min(points, key=lambda p: abs(again.fraction_of(p.point.u) - found.s)).point
     return MovedPoint(
-        row.value, _distance(segment, row, (found.sharp or found).row), lambda: RefinedLocation(problem, row)
+        row.value, _distance(segment, row, (found.sharp or found).point), lambda: RefinedLocation(problem, row)
     )
 
 

@@ -32,12 +32,12 @@ class BranchPointEvent(Event):
         pass
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        return np.zeros((len(rows), 0))
+        return np.zeros((len(points), 0))
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        orientation = np.array([row.orientation for row in rows])
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        orientation = np.array([point.orientation for point in points])
         changed: Array = orientation[1:] != orientation[:-1]
         return changed
 
@@ -99,14 +99,18 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
 
 def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
     """Return a branch point refined by Newton's method on its equations, if the result solves the problem too."""
-    u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
+    u, here = rough.point.u, {**segment.parameters, segment.name: rough.point.value}
     try:
         U = BranchPointProblem(segment.problem, segment.name).located(u, here).X
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
-    row = singular(segment, U, rough.row)
+    point = singular(segment, U, rough.point)
     near = np.linalg.norm((U - u) / segment.scale) <= MAX_REFINEMENT_FRACTION * segment.length
-    return replace(rough, row=row) if rough.located and near and row.residual <= segment.settings.tolerance else rough
+    return (
+        replace(rough, point=point)
+        if rough.located and near and point.residual <= segment.settings.tolerance
+        else rough
+    )
 
 
 MAX_REFINEMENT_FRACTION = 1e-3
@@ -116,15 +120,15 @@ MAX_REFINEMENT_FRACTION = 1e-3
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
     """Return the signed bordered determinant as a function of a point, relative to its size at the first point."""
 
-    def logdet(row: CurvePoint) -> tuple[float, float]:
-        here = {**segment.parameters, segment.name: row.value}
-        now = linearise(segment.problem, row.X, segment.name, here)
-        return slogdet(bordered(now.dR_dX, now.dR_dp, row.tangent / segment.scale**2))
+    def logdet(point: CurvePoint) -> tuple[float, float]:
+        here = {**segment.parameters, segment.name: point.value}
+        now = linearise(segment.problem, point.X, segment.name, here)
+        return slogdet(bordered(now.dR_dX, now.dR_dp, point.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]
 
-    def value(row: CurvePoint) -> float:
-        sign, log = logdet(row)
+    def value(point: CurvePoint) -> float:
+        sign, log = logdet(point)
         return sign * float(np.exp(min(log - reference, 50.0)))
 
     return value

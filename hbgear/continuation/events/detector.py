@@ -119,11 +119,11 @@ class EventDetector:
         """
         return tuple(e for e in self.passing if self.problem.smooth or not isinstance(e, FoldEvent))
 
-    def sign_changes(self, rows: Sequence[CurvePoint]) -> list[int]:
+    def sign_changes(self, points: Sequence[CurvePoint]) -> list[int]:
         """Return the numbers i of the segments from point i to i + 1 on which a test function changes sign."""
-        some = np.zeros(len(rows) - 1, dtype=bool)
+        some = np.zeros(len(points) - 1, dtype=bool)
         for event in self.passing:
-            some |= self.changes(event, rows) > 0
+            some |= self.changes(event, points) > 0
         segments: list[int] = np.flatnonzero(some).tolist()
         return segments
 
@@ -141,22 +141,22 @@ class EventDetector:
         found = [one for event in self.terminal for one in event.find(segment)]
         return min(found, key=lambda one: one.s, default=None)
 
-    def touching(self, rows: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
+    def touching(self, points: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
         """Return candidates for even numbers of crossings: by segment, the events, each with a fraction s."""
         found: dict[int, list[tuple[Event, float]]] = {}
         for event in self.searched:
-            for segment, s in event.close(rows, self.values(event, rows), scale):
+            for segment, s in event.near_zeros(points, self.values(event, points), scale):
                 found.setdefault(segment, []).append((event, s))
         return found
 
-    def changes(self, event: Event, rows: Sequence[CurvePoint]) -> np.ndarray:
+    def changes(self, event: Event, points: Sequence[CurvePoint]) -> np.ndarray:
         """Return `Event.sign_changes` of points, which are stored with them."""
         changes: np.ndarray = column(
-            rows, (event, "changes"), lambda: event.sign_changes(rows, self.values(event, rows))
+            points, (event, "changes"), lambda: event.sign_changes(points, self.values(event, points))
         )
         return changes
 
-    def values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
+    def values(self, event: Event, points: Sequence[CurvePoint]) -> Array:
         """Return `Event.values` of points, which are stored with them."""
-        values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+        values: Array = column(points, event, lambda: event.values(points, self.problem, self.name, self.fixed))
         return values

@@ -2,8 +2,8 @@
 
 A test function that crosses zero an even number of times within one segment has equal signs at both ends. Detection by
 sign changes misses these events. The search finds candidate segments on which a test function comes close to zero
-(`Event.close`). It computes additional points there until a sign change appears, the test function is no longer close
-to zero, or `MAX_POINTS_PER_EVENT` points were added. Known special points divide their segment.
+(`Event.near_zeros`). It computes additional points there until a sign change appears, the test function is no longer
+close to zero, or `MAX_POINTS_PER_EVENT` points were added. Known special points divide their segment.
 """
 
 from __future__ import annotations
@@ -59,20 +59,20 @@ class SampledCurve:
 
     Attributes
     ----------
-    rows : Points
+    points : Points
         Points of the curve and special points.
-    places : list of (int, float)
+    positions : list of (int, float)
         Position of each point: number of the segment and fraction on it.
     kinds : list of str
         Kind of each special point; empty for other points.
-    holds : mapping of int to str
+    replaced_kinds : mapping of int to str
         Kinds of the replaced special points, by the number of the segment between the two points on either side.
     """
 
-    rows: Points
-    places: list[Position]
+    points: Points
+    positions: list[Position]
     kinds: list[str]
-    holds: Mapping[int, str]
+    replaced_kinds: Mapping[int, str]
 
     @classmethod
     def through(
@@ -82,40 +82,40 @@ class SampledCurve:
 
         The function ``between`` solves for the point at a fraction of a segment; it returns None if that fails.
         """
-        every = {(i, 0.0): (row, "") for i, row in enumerate(rows)}
+        every = {(i, 0.0): (point, "") for i, point in enumerate(rows)}
         order, held = sorted([*every, *points]), dict[Position, str]()
         for before, position, after in zip(order, order[1:], order[2:], strict=False):
             if position in points:
-                row, event = points[position].row, points[position].event
+                point, event = points[position].point, points[position].event
                 sides = _points_on_both_sides(before, position, after, between) if event.needs_two_sides else {}
-                every.update(sides or {position: (row, event.kind)})
+                every.update(sides or {position: (point, event.kind)})
                 if sides:
                     held[min(sides)] = event.kind
-        places = sorted(every)
-        holds = {k: held[position] for k, position in enumerate(places) if position in held}
-        path = Points(every[position][0] for position in places) if points else rows
-        return cls(path, places, [every[position][1] for position in places], holds)
+        positions = sorted(every)
+        replaced_kinds = {k: held[position] for k, position in enumerate(positions) if position in held}
+        path = Points(every[position][0] for position in positions) if points else rows
+        return cls(path, positions, [every[position][1] for position in positions], replaced_kinds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
         """Return the segment that contains part k of the sampled curve, and the fractions of the ends of the part."""
-        (segment_number, low), (following, high) = self.places[k : k + 2]
+        (segment_number, low), (following, high) = self.positions[k : k + 2]
         return segment_number, low, high if following == segment_number else 1.0
 
-    def hints(self, detector: EventDetector, rows: Points, scale: Array) -> dict[int, list[Candidate]]:
+    def near_zero_candidates(self, detector: EventDetector, rows: Points, scale: Array) -> dict[int, list[Candidate]]:
         """Return candidates by part: from the sampled curve, and from the points without the special points."""
-        found = detector.touching(self.rows, scale)
-        if self.rows is rows:
+        found = detector.touching(self.points, scale)
+        if self.points is rows:
             return found
-        for segment_number, hints in detector.touching(rows, scale).items():
-            for event, s in hints:
-                k = bisect.bisect(self.places, (segment_number, s)) - 1
+        for segment_number, further in detector.touching(rows, scale).items():
+            for event, s in further:
+                k = bisect.bisect(self.positions, (segment_number, s)) - 1
                 _, low, high = self.ends(k)
                 fraction, candidates = (s - low) / (high - low), found.setdefault(k, [])
                 if all(other is not event or abs(fraction - at) > SAME_CANDIDATE_DISTANCE for other, at in candidates):
                     candidates.append((event, fraction))
         return found
 
-    def unseen(self, detector: EventDetector, rows: Points) -> dict[int, list[tuple[int, Event]]]:
+    def unmatched_sign_changes(self, detector: EventDetector, rows: Points) -> dict[int, list[tuple[int, Event]]]:
         """Return the segments on which test functions change sign more often than the known special points explain.
 
         For each segment, the parts of the sampled curve with an unexplained sign change are returned, each with its
@@ -123,17 +123,17 @@ class SampledCurve:
         more accurate equations may have moved the point there.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
-        if self.rows is rows:
+        if self.points is rows:
             return found
-        segments = [segment_number for segment_number, _ in self.places]
+        segments = [segment_number for segment_number, _ in self.positions]
         ends = {
             segment_number
             for segment_number, kind in zip(segments, self.kinds, strict=True)
             if kind in STABILITY_CHANGING_KINDS
         }
         for event in detector.searched:
-            changes = detector.changes(event, self.rows)
-            held = [k for k, kind in self.holds.items() if kind == event.kind]
+            changes = detector.changes(event, self.points)
+            held = [k for k, kind in self.replaced_kinds.items() if kind == event.kind]
             known = np.flatnonzero(detector.changes(event, rows)).tolist()
             uncertain = set(known) - {segments[k] for k in held}
             uncertain -= ends if event.needs_two_sides else set()  # other kinds change its number as well
@@ -160,12 +160,17 @@ def _points_on_both_sides(
         s + SIDE_POINT_FRACTION * (end - s): between(segment_number, s + SIDE_POINT_FRACTION * (end - s))
         for end in ends
     }
-    rows = {(segment_number, at): (row, "") for at, row in sides.items() if row is not None}
+    rows = {(segment_number, at): (point, "") for at, point in sides.items() if point is not None}
     return rows if len(rows) == len(ends) else {}
 
 
 def find_even_crossings(
-    detector: EventDetector, segment: Segment, hints: Sequence[Candidate], solved: Solved, path: SampledCurve, k: int
+    detector: EventDetector,
+    segment: Segment,
+    candidates: Sequence[Candidate],
+    solved: Solved,
+    path: SampledCurve,
+    k: int,
 ) -> list[tuple[Segment, LocatedEvent]]:
     """Search part of a sampled curve for events that happen an even number of times.
 
@@ -175,7 +180,7 @@ def find_even_crossings(
         Events and their test functions.
     segment : Segment
         Segment between the ends of the part.
-    hints : sequence of (Event, float)
+    candidates : sequence of (Event, float)
         Candidate events, each with a fraction of the segment.
     solved : callable
         Function ``(segment, s) -> CurvePoint or None`` that solves for a point on the segment.
@@ -190,19 +195,19 @@ def find_even_crossings(
         Special points, each with the segment on which it was located.
     """
     first, kinds = min(k, 1), path.kinds[k : k + 2]
-    rows = path.rows[k - first : k + 3]  # with one point on either side
-    places = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
+    rows = path.points[k - first : k + 3]  # with one point on either side
+    positions = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
     known = len(detector.sign_changes(rows))
-    for event, s in hints:
-        _bisect_candidate(detector, segment, event, s, solved, places, rows)
+    for event, s in candidates:
+        _bisect_candidate(detector, segment, event, s, solved, positions, rows)
     segments = detector.sign_changes(rows)
     if len(segments) <= known:
         return []
     out: list[tuple[Segment, LocatedEvent]] = []
     for i in segments:
-        if not 0 <= places[i] < 1:
+        if not 0 <= positions[i] < 1:
             continue
-        part, low, length = segment.part(rows[i], rows[i + 1]), places[i], places[i + 1] - places[i]
+        part, low, length = segment.part(rows[i], rows[i + 1]), positions[i], positions[i + 1] - positions[i]
         for point in detector.find(part):
             s = low + point.s * length
             end = kinds[0] if s < END_POINT_FRACTION else kinds[1] if s > 1 - END_POINT_FRACTION else ""
@@ -239,30 +244,30 @@ def _bisect_candidate(
     event: Event,
     s: float,
     solved: Solved,
-    places: list[float],
+    positions: list[float],
     rows: list[CurvePoint],
 ) -> None:
-    """Add points to the rows of a segment, the first one at s, until the event changes sign or is no longer close.
+    """Add points to a segment, the first one at s, until the event changes sign or is no longer close.
 
-    ``places`` holds the fraction of each point: 0 and 1 for the ends, any value outside for the points beyond them.
+    ``positions`` contains the fraction of each point: 0 and 1 for the ends, any value outside for points beyond.
     """
     before = np.count_nonzero(detector.changes(event, rows))
     for _ in range(MAX_POINTS_PER_EVENT):
-        if not 0 < s < 1 or s in places:
+        if not 0 < s < 1 or s in positions:
             return
-        row = solved(segment, s)
-        if row is None:
+        point = solved(segment, s)
+        if point is None:
             return
-        i = bisect.bisect(places, s)
-        places.insert(i, s)
-        rows.insert(i, row)
+        i = bisect.bisect(positions, s)
+        positions.insert(i, s)
+        rows.insert(i, point)
         values = detector.values(event, rows)
         near = [
             (segment_number, at)
-            for segment_number, at in event.close(rows, values, segment.scale)
-            if 0 <= places[segment_number] < 1
+            for segment_number, at in event.near_zeros(rows, values, segment.scale)
+            if 0 <= positions[segment_number] < 1
         ]
         if not near or np.count_nonzero(detector.changes(event, rows)) > before:
             return
         segment_number, fraction = near[0]
-        s = places[segment_number] + fraction * (places[segment_number + 1] - places[segment_number])
+        s = positions[segment_number] + fraction * (positions[segment_number + 1] - positions[segment_number])

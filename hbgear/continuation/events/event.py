@@ -5,7 +5,7 @@
 An `Event` is one kind of special point. It detects the segments between neighbouring points of a curve on which its
 test function tau changes sign. It locates the special point there, by default as a bracketed root of tau along the
 segment; each iterate is corrected onto the curve. Two events on one segment leave no sign change. Where a test function
-comes close to zero (`Event.close`), additional points are computed on the segment (`even_crossings`).
+comes close to zero (`Event.near_zeros`), additional points are computed on the segment (`even_crossings`).
 
 LP  fold: dR/dX is singular, the parameter direction changes (`FoldEvent`); CP, a cusp, on a curve of folds.
     Newton's method on {R = 0, g = 0} with the bordered determinant g, or a bracketed root of the tangent.
@@ -57,12 +57,12 @@ class RefinedLocation:
     ----------
     problem : ContinuationProblem
         The problem with more unknowns.
-    row : CurvePoint
+    point : CurvePoint
         The point.
     """
 
     problem: ContinuationProblem
-    row: CurvePoint
+    point: CurvePoint
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class LocatedEvent:
         The kind of special point.
     s : float
         Fraction of the segment, from 0 to 1. More accurate equations may locate the point slightly beyond an end.
-    row : CurvePoint
+    point : CurvePoint
         The point.
     located : bool
         Whether the location converged.
@@ -91,7 +91,7 @@ class LocatedEvent:
 
     event: Event
     s: float
-    row: CurvePoint
+    point: CurvePoint
     located: bool
     note: str = ""
     error: float = math.nan
@@ -101,7 +101,7 @@ class LocatedEvent:
     @property
     def value(self) -> float:
         """The most accurate value of the parameter."""
-        return self.sharp.row.value if self.sharp else self.row.value
+        return self.sharp.point.value if self.sharp else self.point.value
 
 
 class Event:
@@ -193,13 +193,13 @@ class Event:
         return value
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
         """Return the test functions at P points of a curve.
 
         Parameters
         ----------
-        rows : sequence of CurvePoint
+        points : sequence of CurvePoint
             Points.
         problem : ContinuationProblem
             The problem.
@@ -213,14 +213,14 @@ class Event:
         ndarray, shape (P, T)
             Values of T functions that change sign at the event. T may be 0.
         """
-        return np.array([[self.test(build_point(problem, name, fixed, row))] for row in rows])
+        return np.array([[self.test(build_point(problem, name, fixed, point))] for point in points])
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         """Return the smallest number of events on each segment between successive points.
 
         Parameters
         ----------
-        rows : sequence of CurvePoint
+        points : sequence of CurvePoint
             P points.
         values : ndarray, shape (P, T)
             Result of `values`.
@@ -232,12 +232,12 @@ class Event:
         """
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
-    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return the segments on which a test function may cross zero an even number of times.
 
         Parameters
         ----------
-        rows : sequence of CurvePoint
+        points : sequence of CurvePoint
             P points.
         values : ndarray, shape (P, T)
             Result of `values`.
@@ -249,7 +249,7 @@ class Event:
         list of (int, float)
             Number of each segment, and the fraction at which the test function is closest to zero.
         """
-        return near_zeros(values, lengths(rows, scale)) if values.shape[1] else []
+        return near_zeros(values, lengths(points, scale)) if values.shape[1] else []
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the located events of this kind on a segment.
@@ -265,8 +265,8 @@ class Event:
             The events; empty if the test function does not change sign.
         """
 
-        def test(row: CurvePoint) -> float:
-            return self.test(build_point(segment.problem, segment.name, dict(segment.parameters), row))
+        def test(point: CurvePoint) -> float:
+            return self.test(build_point(segment.problem, segment.name, dict(segment.parameters), point))
 
         return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
@@ -355,7 +355,7 @@ class Event:
         """
         return None
 
-    def ending(self, name: str, value: float) -> tuple[Status, str]:
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
         """Return status and message of a trace that ends at this event.
 
         Parameters
@@ -386,25 +386,25 @@ RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
 """Kinds reserved by hbgear, which events of users cannot have."""
 
 
-def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
+def column(points: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
     """Return the result of ``make`` for points; `Points`, which do not change, store it under the name."""
-    return rows.column(name, make) if isinstance(rows, Points) else make()
+    return points.column(name, make) if isinstance(points, Points) else make()
 
 
-def unknowns(rows: Sequence[CurvePoint]) -> Array:
+def unknowns(points: Sequence[CurvePoint]) -> Array:
     """Return the unknowns and parameters u, (P, n + 1), of P points."""
-    u: Array = column(rows, "u", lambda: np.array([row.u for row in rows]))
+    u: Array = column(points, "u", lambda: np.array([point.u for point in points]))
     return u
 
 
-def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
+def lengths(points: Sequence[CurvePoint], scale: Array) -> Array:
     """Return the scaled lengths (P - 1,) of the segments between P points."""
 
     def make() -> Array:
-        u = unknowns(rows)
+        u = unknowns(points)
         return norms((u[1:] - u[:-1]) / scale)
 
-    out: Array = column(rows, ("lengths", scale.tobytes()), make)
+    out: Array = column(points, ("lengths", scale.tobytes()), make)
     return out
 
 
@@ -453,13 +453,13 @@ def locate_root(
     LocatedEvent
         The special point. If the corrector fails, the end with the smaller test function, which is not located.
     """
-    rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
+    points: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
 
     def value(s: float) -> float:
         if s not in values:
-            rows[s] = rows[s] if s in rows else segment.at(s)
-            values[s] = test(rows[s])
+            points[s] = points[s] if s in points else segment.at(s)
+            values[s] = test(points[s])
         return values[s]
 
     def value_or_zero(s: float) -> float:
@@ -471,18 +471,18 @@ def locate_root(
             if value(low) * value(high) >= 0:
                 raise
             weight = value(low) / (value(low) - value(high))
-            rows[s], values[s] = _interpolated_point(segment, rows[low], rows[high], weight), 0.0
+            points[s], values[s] = _interpolated_point(segment, points[low], points[high], weight), 0.0
             return 0.0
 
     try:
         root = find_root_bracketed(value_or_zero, 0.0, 1.0, fine, first)
         near = [x for x in values if abs(x - root) <= ROUNDING_FRACTION]
         s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last value may be rounding error
-        return LocatedEvent(event, s, rows[s], True, note)
+        return LocatedEvent(event, s, points[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
-        return LocatedEvent(event, s, rows[s], False, note)
+        return LocatedEvent(event, s, points[s], False, note)
 
 
 def _interpolated_point(segment: Segment, a: CurvePoint, b: CurvePoint, weight: float) -> CurvePoint:

@@ -28,21 +28,25 @@ class FoldEvent(Event):
         pass
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        return np.zeros((len(rows), 0))
+        return np.zeros((len(points), 0))
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        direction = np.array([row.heading for row in rows])
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        direction = np.array([point.parameter_direction for point in points])
         changed: np.ndarray = direction[1:] * direction[:-1] < 0
         return changed
 
-    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return the segments on which dp/ds of the cubic Hermite polynomial comes close to zero.
 
         dp/ds = a + b s + c s^2,   smallest at s = -b / 2c
         """
-        p, length, tangents = unknowns(rows)[:, -1], lengths(rows, scale), np.array([row.tangent for row in rows])
+        p, length, tangents = (
+            unknowns(points)[:, -1],
+            lengths(points, scale),
+            np.array([point.tangent for point in points]),
+        )
         slope = tangents[:, -1] / norms(tangents / scale)
         begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
         b, c = rise - 4 * begin - 2 * end, 3 * (begin + end) - rise
@@ -60,7 +64,7 @@ class FoldEvent(Event):
         the root of the tangent component is bracketed.
         """
         a, b = segment.a, segment.b
-        if a.heading * b.heading >= 0:
+        if a.parameter_direction * b.parameter_direction >= 0:
             return []
         if a.tangent[-1] * b.tangent[-1] >= 0:  # the fold lies on a section of constant parameter
             return [LocatedEvent(self, 0.0, a, True)]
@@ -76,7 +80,7 @@ class FoldEvent(Event):
         first = (
             math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)
         )  # at a breakpoint a fold may lie anywhere
-        return [locate_root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
+        return [locate_root(segment, self, lambda point: float(point.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return FoldProblem(problem, parameter)
@@ -121,7 +125,7 @@ def far_side_of_fold(segment: Segment, value: float) -> Array:
         If the parameter does not return to this value, or the corrector fails.
     """
     behind = segment.part(segment.at(fold_on_segment(segment)), segment.b)
-    found = locate_root(behind, FoldEvent(), lambda row: row.value - value, fine=1e-9)
+    found = locate_root(behind, FoldEvent(), lambda point: point.value - value, fine=1e-9)
     if not found.located:
-        raise NoConvergence("the curve does not return to this parameter value", found.row.X, segment.parameters, [])
-    return found.row.u
+        raise NoConvergence("the curve does not return to this parameter value", found.point.X, segment.parameters, [])
+    return found.point.u

@@ -135,11 +135,11 @@ class Stepper:
 
     def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""
-        out, n, heading = [], len(scale), before.heading
+        out, n, direction = [], len(scale), before.parameter_direction
         moves = (found[:, 2 * n - 1] / scale[-1]).tolist()
         for row, move, (step, sign, iterations, residual) in zip(found, moves, found[:, 2 * n :].tolist(), strict=True):
-            heading = parameter_direction(move, heading)
-            out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, heading))
+            direction = parameter_direction(move, direction)
+            out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, direction))
         return out
 
     def _single_step(
