@@ -62,7 +62,7 @@ def follow(
     Raises
     ------
     TypeError
-        If the branch is not a `Branch`, or the point is neither a label nor a `SpecialPoint`.
+        If the branch is not a `Branch`, or the point is not a label or a `SpecialPoint`.
     KeyError
         If the label does not exist.
     ValueError

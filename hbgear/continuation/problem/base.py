@@ -251,7 +251,7 @@ class ContinuationProblem:
 
     @property
     def refined_problem(self) -> ContinuationProblem | None:
-        """The problem with about twice the unknowns; None if there is none (default)."""
+        """The problem with about twice the unknowns; None (default) if it does not exist."""
         return None
 
     @property

@@ -128,7 +128,7 @@ def newton_status(
     first : float
         Smallest residual of the previous iterates.
     best : float
-        Residual of a converged iterate, inf if there is none.
+        Residual of a converged iterate, inf if there is not any.
     iteration : int
         Number of the iteration.
     tolerance : float

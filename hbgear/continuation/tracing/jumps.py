@@ -257,7 +257,7 @@ def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: Ne
 def _point_on_new_branch(
     branch: Branch, point: SpecialPoint, side: int, away: float, settings: NewtonSettings
 ) -> Point | None:
-    """Return the monitored solution at a distance from a branch point on the new branch; None if there is none."""
+    """Return the monitored solution at a distance from a branch point on the new branch; None if it does not exist."""
     event = event_of(branch, point)
     left = event.branch_direction(branch, point, side) if event else None
     if left is None:
