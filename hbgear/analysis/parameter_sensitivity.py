@@ -363,7 +363,7 @@ def _expanded_at(
     problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int
 ) -> ContinuationProblem:
     """Return `_with_cache_size` with receptances expanded about the parameters of the point."""
-    return _with_balance(problem, point, lambda balance: balance.beside(here, sets))
+    return _with_balance(problem, point, lambda balance: balance.perturbed(here, sets))
 
 
 def _with_balance(

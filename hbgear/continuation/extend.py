@@ -1,4 +1,4 @@
-"""Going on from where a trace ended."""
+"""Extension of a branch beyond the point at which its trace ended."""
 
 from __future__ import annotations
 
@@ -24,27 +24,37 @@ from hbgear.continuation.tracing.trace import trace
 def extend(
     branch: Branch, span: tuple[float, float] | None = None, *, problem: AnyProblem | None = None, **options: Any
 ) -> Branch:
-    """Follow a curve on from its last row, the way it was going; the rows that were there and the new ones in one.
+    """Continue the trace of a branch from its last point, and return all points in one branch.
 
-    Special points are numbered on and jumps sought on the whole. The new part does not know the old one: a closed
-    curve that stopped before it closed goes round once more, to the row it was extended from.
+    The numbering of special points continues, and jumps are searched on the whole branch. The trace does not detect
+    that it meets the existing points: a closed curve that was interrupted is traced once around, up to the point from
+    which it was extended.
 
     Parameters
     ----------
-    branch : a branch that ended early, or at the end of a span that was too short.
-    span : of the parameter; by default that of the trace.
-    problem : what to go on with, if not the branch's own, such as a `HarmonicBalance` of more harmonics; the rows that
-        were there stay what they are, with zeros for the harmonics they do not have.
-    options : passed to `trace`, such as ``steps=StepControl(max_points=5000)``, which counts the new points only.
+    branch : Branch
+        Branch that ended early, or at the end of a span that was too short.
+    span : (float, float), optional
+        Span of the parameter. The default is the span of the branch.
+    problem : HarmonicBalance, ContinuationProblem or object with ``evaluate``, optional
+        Problem of the new points, for example with more harmonics. The existing points are kept and padded with zeros.
+        The default is the problem of the branch.
+    **options
+        Arguments of `trace`, such as ``steps=StepControl(max_points=5000)``, which counts the new points only.
+
+    Returns
+    -------
+    Branch
+        The existing and the new points.
 
     Raises
     ------
     TypeError
-        If it is no branch.
+        If the branch is not a `Branch`.
     ValueError
-        If the branch has lost its problem, has fewer than two rows, closed, or leaves the span where it ends.
+        If the branch does not have its problem, has fewer than two points, is closed, or ends where it leaves the span.
     NoConvergence
-        If its last row is no solution of the problem.
+        If its last point is not a solution of the problem.
 
     Examples
     --------
@@ -55,12 +65,12 @@ def extend(
     >>> len(part), whole.message
     (10, 'Omega = 1.6 reached')
     """
-    if problem is None:  # a file tells that of a response curve, not of one of special points
+    if problem is None:  # a file stores the problem of a response curve, not of a curve of special points
         problem = branch.problem if "curve" in branch.meta else branch.require_problem()
     if problem is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:
-        raise ValueError(f"the branch has {len(branch)} rows; need two, which tell which way it goes: trace it anew")
+        raise ValueError(f"the branch has {len(branch)} points; its direction needs two: trace it again")
     if span is None:
         span = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
     first, last = span
@@ -76,18 +86,19 @@ def extend(
 
 
 def _check_end(branch: Branch, first: float, last: float) -> None:
+    """Raise ValueError if there is nothing to trace beyond the last point."""
     if branch.status in (Status.CLOSED, Status.MERGED, Status.UNBOUNDED):
-        raise ValueError(f"the branch ends where it should ({branch.message}); there is nothing to go on to")
+        raise ValueError(f"the branch is complete ({branch.message}); there is nothing to extend")
     before, end = branch.values[-2:]
     low, high = sorted((first, last))
     if not low <= end <= high or (end in (low, high) and not low <= 2 * end - before <= high):
         raise ValueError(
-            f"the branch ends at {branch.parameter} = {end:.6g}, going out of the span ({first:g}, {last:g}); "
+            f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span ({first:g}, {last:g}); "
             "give a longer span"
         )
 
 
 def _unknowns(problem: Any, branch: Branch, i: int) -> Array:
-    """Unknowns of a row as the problem has them."""
-    asked = as_problem(problem)
-    return asked.join(asked.from_point(branch[i]), branch.parameters_at(i))
+    """Return the unknowns of point i in the form of the problem."""
+    adapted = as_problem(problem)
+    return adapted.join(adapted.from_point(branch[i]), branch.parameters_at(i))

@@ -1,4 +1,7 @@
-"""Special points followed in a second parameter."""
+"""Two-parameter continuation: curves of special points.
+
+R(X, p) = 0,   g(X, p) = 0        X and p unknown, a second parameter varies
+"""
 
 from __future__ import annotations
 
@@ -27,32 +30,44 @@ def follow(
     event: Event | None = None,
     **options: Any,
 ) -> Branch:
-    """Follow a special point of a branch in a second parameter.
+    """Trace the curve of a special point in a second parameter.
 
         R(X, p) = 0,   g(X, p) = 0           unknowns X and p, the parameter of the branch; see `Event.equations`
 
-    The same as `trace` of the equations of that kind: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
-    `GrazingProblem` for GR, `AmplitudeExtremum`
-    for PK, and for an event of your own its test; with the unknowns of the point, if those are more than the branch's.
+    The equations depend on the kind of the point: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
+    `NeimarkSackerProblem` for NS, `GrazingProblem` for GR, `AmplitudeExtremum` for PK, and the test function for an
+    event of the user. They have the number of unknowns with which the point was located.
 
     Parameters
     ----------
-    branch : a branch that still knows its problem.
-    point : label of one of its special points, or the point itself, such as ``hb.analysis.peaks(branch)[0]``.
-    parameter, span : the second parameter, and from where to where.
-    event : the event that located the point, if the branch was loaded from a file and the event is your own and not
-        registered.
-    options : passed to `trace`.
+    branch : Branch
+        Branch with its problem.
+    point : str or SpecialPoint
+        Label of a special point, or the point itself, such as ``hb.analysis.peaks(branch)[0]``.
+    parameter : str
+        Name of the second parameter.
+    span : (float, float)
+        First and last value of the second parameter.
+    event : Event, optional
+        Event that located the point. It is required for an event of the user that is not
+        registered if the branch was loaded from a file.
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        Curve of special points.
 
     Raises
     ------
     TypeError
-        If it is no branch, or the point is neither label nor special point.
+        If the branch is not a `Branch`, or the point is not a label or a `SpecialPoint`.
     KeyError
-        If there is no such label.
+        If the label does not exist.
     ValueError
-        If no equations are known for that kind (BP, CP, EP), the branch is one of special points itself, or it has
-        lost its problem or the point its event.
+        If there are no equations for this kind (BP, CP, EP), the branch is a curve of special points itself, or its
+        problem or the event of the point is unknown.
 
     Examples
     --------
@@ -68,14 +83,16 @@ def follow(
         raise ValueError("following needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     problem = as_problem(branch.problem)
     if problem.unknown_parameters:
-        raise ValueError("the branch is one of special points already; follow points of a curve in one parameter")
-    meant = event or event_of(branch, here) or event_of_kind(here.kind)
-    if meant is None:
-        raise ValueError(f"{here.label} has lost the event that located it, as what comes from a file has: give event= "
-                         "or register it with hb.continuation.register_event")  # fmt: skip
-    if meant.kind != here.kind:
-        raise ValueError(f"event '{meant.kind}' did not locate {here.label}; give the one that did")
-    equations = meant.equations(as_problem(problem.at_resolution_of(here)).original, branch.parameter, here)
+        raise ValueError("the branch is a curve of special points already; follow a point of a curve in one parameter")
+    chosen = event or event_of(branch, here) or event_of_kind(here.kind)
+    if chosen is None:
+        raise ValueError(
+            f"the event that located {here.label} is unknown, because files do not store it: give event= or register "
+            "it with hb.continuation.register_event"
+        )
+    if chosen.kind != here.kind:
+        raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
+    equations = chosen.equations(as_problem(problem.at_resolution_of(here)).original, branch.parameter, here)
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "

@@ -1,4 +1,4 @@
-"""Branch switching: onto the other curve that passes a special point.
+"""Branch switching: trace of the other curve through a special point.
 
 References
 ----------
@@ -22,29 +22,40 @@ from hbgear.continuation.tracing.trace import trace
 def switch(
     branch: Branch, label: str, span: tuple[float, float] | None = None, *, side: int = 1, **options: Any
 ) -> Branch:
-    """Trace the branch that crosses another one at a special point.
+    """Trace the branch that leaves another one at a special point.
 
-    At BP it leaves across the traced curve, within the null space of [dR/dX, dR/dp]. At PD the motion takes twice the
-    period: the new branch has ``nu`` doubled and the harmonics to match, and leaves along the null vector of the
-    half-integer block.
+    At a branch point (BP) the new branch leaves across the traced curve, within the null space of [dR/dX, dR/dp]. At a
+    period doubling (PD) the period doubles: the new branch has twice the value of ``nu`` and the corresponding
+    harmonics, and leaves along the null vector of the half-integer block.
 
     Parameters
     ----------
-    branch : a branch that still knows its problem.
-    label : a point on it at which another branch leaves: PD or BP.
-    span : of the parameter; by default the range of the branch. The new branch ends where it leaves the span,
-        closes, or joins the old one again.
-    side : +1 or -1, the direction in which to leave. At PD both give the same motion, one period apart.
-    options : passed to `trace`.
+    branch : Branch
+        Branch with its problem.
+    label : str
+        Label of a PD or BP of the branch.
+    span : (float, float), optional
+        Span of the parameter. The default is the range of the branch. The new branch ends where it leaves the span,
+        closes, or meets the old one again.
+    side : {1, -1}, optional
+        Direction in which the new branch leaves. At a PD both directions give the same motion, shifted by one period.
+        The default is 1.
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        The new branch.
 
     Raises
     ------
     TypeError
-        If it is no branch, or the label is no text.
+        If the branch is not a `Branch`, or the label is not a str.
     KeyError
-        If there is no such label.
+        If the label does not exist.
     ValueError
-        If no other branch leaves there, or the branch has lost its problem.
+        If no other branch leaves at the point, or the branch does not have its problem.
 
     Examples
     --------
@@ -62,8 +73,8 @@ def switch(
     if span is None:
         span = (float(branch.values.min()), float(branch.values.max()))
     event = event_of(branch, point)
-    left = event.branch_direction(branch, point, side) if event else None
-    if left is not None:
-        problem, start = left
+    departure = event.branch_direction(branch, point, side) if event else None
+    if departure is not None:
+        problem, start = departure
         return trace(problem, branch.parameter, span, start, **options)
     raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP")

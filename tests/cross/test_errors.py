@@ -129,7 +129,7 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
 
     monkeypatch.setattr(verification, "_plain_multipliers", counted)
     monkeypatch.setattr(verification, "_refine_stability", lambda *given: given[4])
-    problem.decided(curve.X, "Omega", curve.values, seen, {})
+    problem.verify_stability(curve.X, "Omega", curve.values, seen, {})
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True
     told = np.array([one["modulus_error"] for one in seen])
@@ -275,13 +275,13 @@ def test_of_two_answers_beyond_a_piece_the_nearer_one_is_the_point(monkeypatch, 
 
     def answer(moved):
         u = np.append(finer.resized(rows[0].X), rows[0].value + moved)
-        return accuracy.Moved(rows[0].value + moved, moved, lambda: RefinedLocation(finer, replace(rows[0], u=u)))
+        return accuracy.MovedPoint(rows[0].value + moved, moved, lambda: RefinedLocation(finer, replace(rows[0], u=u)))
 
     answers = [answer(1e-4), answer(8e-3)]
     by_equations, by_pieces = answers if near == "equations" else answers[::-1]
     monkeypatch.setattr(accuracy, "_by_equations", lambda *_: by_equations)
-    monkeypatch.setattr(accuracy, "_by_pieces", lambda *_: by_pieces)
-    monkeypatch.setattr(accuracy, "_left", lambda *_: True)
+    monkeypatch.setattr(accuracy, "_on_segment", lambda *_: by_pieces)
+    monkeypatch.setattr(accuracy, "_left_segment", lambda *_: True)
     assert accuracy.estimate_error(arc, found, 1e-9).value == rows[0].value + 1e-4
 
 

@@ -145,7 +145,7 @@ def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_har
     for point in (curve[i] for i in rows):
         seen = problem.observe(point.X, True, **point.parameters) | {"determinant": 0, "contradicts": True}
         rest = {name: value for name, value in point.parameters.items() if name != "Omega"}
-        problem.decided(point.X[None], "Omega", np.array([point.parameters["Omega"]]), [seen], rest)
+        problem.verify_stability(point.X[None], "Omega", np.array([point.parameters["Omega"]]), [seen], rest)
         shot = hb.time.shoot(model, point.parameters["Omega"], state_of(problem, point.X, **point.parameters))
         assert np.abs(seen["multipliers"]).max() == pytest.approx(np.abs(shot.multipliers).max(), abs=1e-3)
 
@@ -160,6 +160,6 @@ def test_multipliers_of_a_motion_without_contact_have_no_error_and_no_warning():
     seen = problem.observe(X, True, Omega=0.5) | {"determinant": 1, "contradicts": True}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        problem.decided(X[None], "Omega", np.array([0.5]), [seen], {})
+        problem.verify_stability(X[None], "Omega", np.array([0.5]), [seen], {})
     assert seen["error"] == 0 and seen["modulus_error"] <= 1e-7
     np.testing.assert_allclose(np.abs(seen["multipliers"]), np.exp(-0.05 * 2 * np.pi / 0.5), rtol=1e-9)

@@ -251,7 +251,7 @@ def stopped_in_the_second(error):
 
 def test_an_interruption_keeps_all_curves():
     curve = hb.trace(Broken(), "p", (0.0, 3.0), progress=stopped_in_the_second(KeyboardInterrupt))
-    assert curve.status is Status.INTERRUPTED and "while the rest of the span was looked at" in curve.message
+    assert curve.status is Status.INTERRUPTED and "while the rest of the span was searched" in curve.message
     assert curve.values[-1] == 0.0 and [len(other) for other in curve.others] == [20]
 
 

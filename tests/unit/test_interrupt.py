@@ -519,7 +519,7 @@ class Stopped(hb.HarmonicBalance):
 def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
     """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
     monkeypatch.setattr(
-        "hbgear.continuation.tracing.stepper._WORK", 64 * 22**3
+        "hbgear.continuation.tracing.stepper.MAX_MULTIPLICATIONS_PER_CALL", 64 * 22**3
     )  # fewer rows at once, as of large machines
     span, steps, looked = hb.SpurPair.default_span, hb.StepControl(max_step=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)

@@ -186,8 +186,8 @@ def test_a_stride_is_bounded():
     """At most so many rows a call, fewer of large problems, so that Ctrl-C is heard."""
     small, large = HarmonicBalance(Duffing(), 3), HarmonicBalance(Duffing(), 150)
     steps = StepControl(first_step=1e-4, max_step=1e-4)
-    assert len(stride_of(small, steps, small.start(0.5), 1e-4, (0.4, 1.6)).rows) == 128
-    assert len(stride_of(large, steps, large.start(0.5), 1e-4, (0.4, 1.6)).rows) < 32
+    assert len(stride_of(small, steps, small.start(0.5), 1e-4, (0.4, 1.6)).points) == 128
+    assert len(stride_of(large, steps, large.start(0.5), 1e-4, (0.4, 1.6)).points) < 32
 
 
 @pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])

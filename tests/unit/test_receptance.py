@@ -261,7 +261,7 @@ def test_structures_next_to_one_are_exact_in_differences(name):
     """A free rotation, modes that repeat, loads and directions that change: against differences of fourth order."""
     model = DoubleHelicalPair(zeta=0.05)
     problem, Omega, s = HarmonicBalance(model, 5), 0.83, 0.01 + 1j * np.array([-0.4, 0.3, 1.1])
-    beside, value = problem.beside({}, 4), (model.parameters | model.entries)[name]
+    beside, value = problem.perturbed({}, 4), (model.parameters | model.entries)[name]
     h = 1e-5 * problem.unit_of(name, value)
     one = not value  # at the end of its range
     near = [of_balance(beside, name, value + side * h, Omega, s) for side in ((0, 1, 2) if one else (-1, 1))]
@@ -285,7 +285,7 @@ def test_stability_next_to_a_structure_is_that_of_itself():
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.05), 5)
     X = problem.start(Omega=1.1)
     here = {"Omega": 1.1, "k_gz": 1.1e8}
-    mu = [one.multipliers(X, **here) for one in (problem, problem.beside({}, 4))]
+    mu = [one.multipliers(X, **here) for one in (problem, problem.perturbed({}, 4))]
     np.testing.assert_allclose(mu[1], mu[0], atol=1e-9)
 
 
@@ -297,7 +297,7 @@ def test_a_load_beside_a_balanced_one_is_refused():
         element = Element([1, -1], Backlash(1.0, k), name="mesh", damping=0.1)
         return System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [element], Load([drive, -0.3], {1: [0.1, -0.1]}))
 
-    beside = HarmonicBalance(pair(), 3).beside({}, 4)
+    beside = HarmonicBalance(pair(), 3).perturbed({}, 4)
     assert beside.compiled({"k": 1.00001}).structure is beside.compiled({}).structure  # its matrices do not change
     for problem in (beside, HarmonicBalance(pair(), 3)):
         with pytest.raises(UnbalancedLoadError, match="nothing holds"):
@@ -325,6 +325,6 @@ def test_differences_where_a_load_swings_what_moves_freely():
                 np.concatenate([part.ravel() for part in one.compiled({name: value + h}).receptance.at(0.8)])
                 for h in steps
             ]
-            for one, steps in ((problem.beside({}, 2), (1e-5, -1e-5)), (problem, (1e-4, -1e-4)))
+            for one, steps in ((problem.perturbed({}, 2), (1e-5, -1e-5)), (problem, (1e-4, -1e-4)))
         )
         np.testing.assert_allclose((near[0] - near[1]) / 2e-5, (far[0] - far[1]) / 2e-4, atol=1e-6)

@@ -158,7 +158,7 @@ def test_a_segment_of_no_length():
     row = CurvePoint(u, tangent, 1, 0.0, 1)
     segment = Segment(problem, "Omega", {}, row, row, np.ones(len(u)), hb.NewtonSettings())
     with np.errstate(all="raise"):
-        assert segment.at(0.5) is row and segment.place(u) == 0.0
+        assert segment.at(0.5) is row and segment.fraction_of(u) == 0.0
         np.testing.assert_allclose(segment.guess(0.5), u)
         assert not segment.passes(CurvePoint(u + 1.0, tangent, 1, 0.0, 1))
 

@@ -124,7 +124,7 @@ def test_a_curve_closes_in_its_own_direction_only():
     assert tracer.loop.ends.closes(last, first)
 
     def turned(row):
-        return replace(row, tangent=-row.tangent, heading=-row.heading)
+        return replace(row, tangent=-row.tangent, parameter_direction=-row.parameter_direction)
 
     assert not tracer.loop.ends.closes(turned(first), turned(last))
 

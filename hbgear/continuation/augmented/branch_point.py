@@ -1,16 +1,17 @@
-"""Branch points as a problem of their own: where two curves of solutions cross.
+"""Branch-point equations: points at which two curves of solutions cross.
 
     (1 - b b^T) R(X, p) + b k g_1(X, p) = 0,   k g_2(X, p) = 0           unknowns U = (X, p)
 
-A = [dR/dX, dR/dp], n by n + 1, loses a rank there. Its bordered matrix does not,
+The rank of A = [dR/dX, dR/dp], n by n + 1, is n - 1 at a branch point. Its bordered matrix is regular,
 
     [A    b] [V  ]   [0]            [A^T  C] [w]   [0]
     [C^T  0] [g^T] = [1]            [b^T  0] [g] = [1]
 
-with one column b and two rows C^T: g = (g_1, g_2) is zero where A has a null space of two dimensions, spanned by V, the
-tangents of both curves in it, and dg_j = -w^T dA V_j. These are two equations more for one unknown more: for R, whose
-rows depend on each other there, is one too many. What is left out of it, b^T R, is the imperfection that would break
-the crossing up. A symmetry of the system keeps it zero; solutions of which it is not are no branch points.
+with one column b and two rows C^T. g = (g_1, g_2) is zero if the null space of A has two dimensions. The columns of V
+span this null space, which contains the tangents of both curves, and dg_j = -w^T dA V_j. The two equations g = 0 add
+one unknown only, because the rows of A are linearly dependent at the point: the component b^T R is left out. This
+component is the imperfection that would separate the two curves. A symmetry of the system keeps it zero. A solution
+with b^T R != 0 is not a branch point.
 
 References
 ----------
@@ -36,17 +37,21 @@ from hbgear.continuation.problem.finite_differences import parameter_derivatives
 
 @dataclass(frozen=True)
 class BranchPointResidual(Borders):
-    """The base of a branch point: its borders b (n,) and c (n + 1, 2), and the scale (n + 1,) of (X, p)."""
+    """Borders of the branch-point equations.
+
+    Attributes
+    ----------
+    scale : ndarray, shape (n + 1,)
+        Scales of (X, p). The borders have the shapes (n,) for b and (n + 1, 2) for c.
+    """
 
     scale: Array | None = None
 
 
 class BranchPointProblem(MinimallyAugmentedProblem):
-    """Branch points (BP) of a curve: two curves cross where [dR/dX, dR/dp] loses a rank; see the module.
+    """Equations of branch points (BP): two curves cross where [dR/dX, dR/dp] is rank-deficient; see the module.
 
-    Parameters
-    ----------
-    problem, parameter : as for `MinimallyAugmentedProblem`.
+    The arguments are the problem and the parameter of the curve, as for `MinimallyAugmentedProblem`.
 
     Raises
     ------
@@ -55,7 +60,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
 
     Examples
     --------
-    Where the motion of a hard spring stops being symmetric, followed in its damping:
+    The branch point at which the motion of a hardening spring loses its symmetry, for a range of damping ratios:
 
     >>> import hbgear as hb
     >>> problem = hb.HarmonicBalance(hb.Duffing(k3=1.0, F=20.0), 9)
@@ -70,25 +75,25 @@ class BranchPointProblem(MinimallyAugmentedProblem):
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
         now = linearise(self.problem, X, self.parameter, here)
         if not dense(now.dR_dX):
-            raise ValueError("branch points are solved for with dense matrices only; reduce the problem")
+            raise ValueError("branch points require dense matrices; reduce the problem")
         scale = np.full(len(X) + 1, self.problem.solution_norm(X) or 1.0)
         scale[-1] = self.problem.unit_of(self.parameter, here[self.parameter])
         u, s, vt = scipy.linalg.svd(_matrix(now) * scale)
-        if len(s) > 1 and s[-2] <= _SIMPLE * s[0]:
-            raise ValueError("more than two curves cross here: it is no simple branch point")
+        if len(s) > 1 and s[-2] <= MIN_SECOND_SINGULAR_VALUE * s[0]:
+            raise ValueError("more than two curves cross here: the point is not a simple branch point")
         return BranchPointResidual(
             now.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
-        )  # all zero exactly at a crossing
+        )  # s[0] is zero if all entries are
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
-        """Borders renewed at X, in the sense of the old ones."""
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Return the borders at X with the orientation of the previous ones."""
         assert isinstance(base, BranchPointResidual)
         w, V, _ = self._null(linearise(self.problem, X, self.parameter, here), base)
         u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
         return BranchPointResidual(base.weight, w / norm(w), u @ vt, base.scale)
 
     def _null(self, now: Evaluation, base: Borders) -> tuple[Array, Array, Array]:
-        """w (n,), V (n + 1, 2), scaled, and g (2,); see the module."""
+        """Return w (n,), V (n + 1, 2) in scaled unknowns, and g (2,); see the module."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.c is not None
         n = len(base.b)
         B = np.zeros((n + 2, n + 2))
@@ -98,48 +103,53 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         return left[:n], right[: n + 1], right[-1]
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.scale is not None
         now = linearise(self.problem, X, self.parameter, here)
         w, V, g = self._null(now, base)
         V, k, b = V * base.scale[:, None], base.weight, base.b
 
         def moved(name: str) -> tuple[Array, Array]:
-            """Derivatives of R and g in a parameter."""
+            """Return the derivatives of R and g in a parameter."""
             dR, dA = parameter_derivatives(self.problem, name, here, lambda at: self._both(X, at))
             return dR, -k * (w @ dA @ V)
 
         g, g_X, g_p = k * g, k * self._slopes(X, here, w, V), moved(self.parameter)[1]
         first = Evaluation(
-            _instead(b, now.R, g[0]), _instead(b, as_dense(now.dR_dX), g_X[0]), _instead(b, now.dR_dp, g_p[0]), now.size
+            _with_component(b, now.R, g[0]),
+            _with_component(b, as_dense(now.dR_dX), g_X[0]),
+            _with_component(b, now.dR_dp, g_p[0]),
+            now.size,
         )
-        others = tuple((_instead(b, dR, dg[0]), float(dg[1])) for dR, dg in map(moved, names))
+        others = tuple((_with_component(b, dR, dg[0]), float(dg[1])) for dR, dg in map(moved, names))
         return AugmentedResidual(first, float(g[1]), g_X[1], float(g_p[1]), others)
 
     def _slopes(self, X: Array, here: dict[str, float], w: Array, V: Array) -> Array:
-        """Gradients (2, n) of g in X: -w^T (R_XX v + R_Xp r) for each (v, r) of V."""
+        """Return the gradients (2, n) of g in X: -w^T (R_XX v + R_Xp r) for each column (v, r) of V."""
         out = []
         for *v, rate in V.T:
-            moves = any(v)  # else all that changes along it is the parameter
+            moves = any(v)  # otherwise only the parameter changes along the column
             along, across = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **here)
             out.append(-rate * (w @ across) - (w @ along if moves else 0.0))
         return np.array(out)
 
     def _both(self, X: Array, at: dict[str, float]) -> tuple[Array, Array]:
+        """Return R and [dR/dX, dR/dp]."""
         now = linearise(self.problem, X, self.parameter, at)
         return now.R, _matrix(now)
 
 
-_SIMPLE = 1e-7  # second singular value, relative to the largest, below which the null space has three dimensions
+MIN_SECOND_SINGULAR_VALUE = 1e-7
+"""Second smallest singular value, relative to the largest, below which the null space has three dimensions."""
 
 
-def _instead(b: Array, of: Array, value: Array) -> Array:
-    """(1 - b b^T) of, and the value in the place of b^T of."""
+def _with_component(b: Array, of: Array, value: Array) -> Array:
+    """Return a vector or matrix whose component along b is replaced by a value."""
     out: Array = of + np.multiply.outer(b, value - b @ of)
     return out
 
 
 def _matrix(now: Evaluation) -> Array:
-    """[dR/dX, dR/dp] (n, n + 1)."""
+    """Return [dR/dX, dR/dp], (n, n + 1)."""
     out: Array = np.column_stack([as_dense(now.dR_dX), now.dR_dp])
     return out

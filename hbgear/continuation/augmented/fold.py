@@ -19,15 +19,13 @@ from hbgear.continuation.problem.evaluation import FOLD, Locating
 
 
 class FoldProblem(MinimallyAugmentedProblem):
-    """Folds (LP) of a curve: g is the bordered determinant of dR/dX; see the module.
+    """Equations of folds (LP) of a curve: g is the bordered determinant of dR/dX; see `minimally_augmented`.
 
-    Parameters
-    ----------
-    problem, parameter : as for `MinimallyAugmentedProblem`.
+    The arguments are the problem and the parameter of the curve, as for `MinimallyAugmentedProblem`.
 
     Examples
     --------
-    The curve of a fold in the damping, from a fold of a response curve:
+    The curve of a fold for a range of damping ratios, from a fold of a response curve:
 
     >>> import hbgear as hb
     >>> problem = hb.HarmonicBalance(hb.SpurPair(), 8)
@@ -40,7 +38,7 @@ class FoldProblem(MinimallyAugmentedProblem):
     turning_kind = "CP"
 
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
-        """See `Augmented.compiled`."""
+        """Return the compiled Newton iteration; see `MinimallyAugmentedProblem.compiled`."""
         return self.problem.compiled_locator(self.parameter, parameters, FOLD)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
@@ -48,10 +46,10 @@ class FoldProblem(MinimallyAugmentedProblem):
         b, c, largest = borders_of(A)
         return Borders(size / (largest or 1.0), b, c)
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
-        """Borders renewed at X, with positive products with the old ones, so that the sign of g is kept.
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Return the borders at X, with positive products with the previous ones, which keeps the sign of g.
 
-        g is det(A) over the bordered determinant, which must not vanish on the way; a curve that goes far renews it.
+        g is det(A) over the bordered determinant. New borders along a curve prevent a zero of this determinant.
         """
         assert base.b is not None and base.c is not None
         A, _ = self.matrix(X, here)
@@ -62,12 +60,12 @@ class FoldProblem(MinimallyAugmentedProblem):
         return Borders(base.weight, b, c)
 
     def matrix(self, X: Array, here: dict[str, float]) -> tuple[Matrix, float]:
-        """The matrix that is singular at the point, and the size of the terms of R."""
+        """Return the matrix that is singular at the point, and the size of the terms of R."""
         now = linearise(self.problem, X, "", here)
         return now.dR_dX, now.size
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
         v, w, g = null_vectors(now.dR_dX, base.b, base.c)
@@ -78,9 +76,21 @@ class FoldProblem(MinimallyAugmentedProblem):
         return AugmentedResidual(now, k * g, -k * (w @ along), -k * float(w @ (across @ v)), moved)
 
     def direction(self, U: Array, **parameters: float) -> int:
-        """+1 if the solutions of this fold exist below it only, -1 if above: the sense in which a sweep meets it.
+        """Return +1 if the solutions exist below the fold only, -1 if above: the direction of a sweep that reaches it.
 
-        Along the curve p'' = -(w^T R_XX v v) / (w^T R_p) at a fold.
+        At a fold p'' = -(w^T R_XX v v) / (w^T R_p) along the curve.
+
+        Parameters
+        ----------
+        U : ndarray, shape (n + 1,)
+            Unknowns (X, p) of the fold.
+        **parameters
+            Values of the other parameters.
+
+        Returns
+        -------
+        int
+            The direction.
         """
         X, own = self.split(U)
         here = {**parameters, **own}

@@ -19,12 +19,18 @@ from hbgear.continuation.results.point import Point
 
 
 class ScalarConditionProblem(MinimallyAugmentedProblem):
-    """Points at which a function of the point is zero: g = test(point), its gradient by central differences.
+    """Equations of points at which a function of the point is zero.
+
+        R(X, p) = 0,   g = test(point) = 0           gradient of g by central differences
 
     Parameters
     ----------
-    problem, parameter : as for `MinimallyAugmentedProblem`.
-    test : a smooth function of a `Point`, whose unknowns, parameters and problem it may use.
+    problem : ContinuationProblem or object with ``evaluate``
+        The problem.
+    parameter : str
+        Parameter of the curve.
+    test : callable
+        Smooth function of a `Point`. It may use unknowns, parameters and problem.
 
     Examples
     --------
@@ -53,7 +59,19 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         return Borders(linearise(self.problem, X, "", here).size)
 
     def value(self, X: Array, here: dict[str, float]) -> float:
-        """The function at X with all parameters.
+        """Return the value of the function.
+
+        Parameters
+        ----------
+        X : ndarray, shape (n,)
+            Unknowns.
+        here : dict of str to float
+            All parameters.
+
+        Returns
+        -------
+        float
+            The value.
 
         Raises
         ------
@@ -66,11 +84,11 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         )  # fmt: skip
         value = float(self.test(point))
         if not math.isfinite(value):
-            raise ValueError(f"the function of the level is {value} at {point}; it must be finite")
+            raise ValueError(f"the test function is {value} at {point}; it must be finite")
         return value
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         h = STEP * max(1e-3, norm(X))
         gradient = np.empty(len(X))
@@ -79,12 +97,19 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             e[i] = h
             gradient[i] = (self.value(X + e, here) - self.value(X - e, here)) / (2 * h)
         k = base.weight
-        moved = tuple((linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name)) for name in names)
+        derivatives = tuple(
+            (linearise(self.problem, X, name, here).dR_dp, k * self._parameter_derivative(X, here, name))
+            for name in names
+        )
         return AugmentedResidual(
-            now, k * self.value(X, here), k * gradient, k * self._moved(X, here, self.parameter), moved
+            now,
+            k * self.value(X, here),
+            k * gradient,
+            k * self._parameter_derivative(X, here, self.parameter),
+            derivatives,
         )
 
-    def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
-        """Derivative of the function in a parameter."""
-        (moved,) = parameter_derivatives(self.problem, name, here, lambda at: (self.value(X, at),))
-        return float(moved)
+    def _parameter_derivative(self, X: Array, here: dict[str, float], name: str) -> float:
+        """Return the derivative of the function in a parameter."""
+        (derivatives,) = parameter_derivatives(self.problem, name, here, lambda at: (self.value(X, at),))
+        return float(derivatives)

@@ -1,8 +1,8 @@
-"""Special points as problems of their own: the equations of the solution and one more.
+"""Minimally augmented equations of special points: the equations of the solution and one scalar equation.
 
-    R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p), p the parameter in which the curve was traced
+    R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p), p the parameter of the curve
 
-so that the same Newton locates them and the same trace follows them in a second parameter.
+The same Newton's method locates special points, and the same continuation traces them in a second parameter.
 
 `FoldProblem`: g is the bordered determinant of A = dR/dX. With borders b and c that are not orthogonal to the null
 vectors,
@@ -10,17 +10,16 @@ vectors,
     [A    b] [v]   [0]            [A^T  c] [w]   [0]
     [c^T  0] [g] = [1]            [b^T  0] [g] = [1]
 
-are regular where A is singular, and by Cramer's rule g = det A / det [A b; c^T 0]: zero exactly where A is singular,
-as smooth as A, and with the derivative dg = -w^T dA v. In the notation of Govaerts (2000, ch. 3) b and c border the
-matrix, v and w are the vectors that become its right and left null vectors. The borders are those of one point
-(`ContinuationProblem.with_borders_at`): the left and right singular vectors of its least singular value, so that there
-g is that value
-with the sign of det A. A problem without a base takes each point as its own, and g is this signed value everywhere.
-Either way it depends on nothing that was asked before.
+are regular where A is singular. By Cramer's rule g = det A / det [A b; c^T 0]. It is zero exactly where A is singular,
+is as smooth as A, and has the derivative dg = -w^T dA v. In the notation of Govaerts (2000, ch. 3) b and c border the
+matrix; v and w become its right and left null vectors. The borders are the left and right singular vectors of the
+smallest singular value of A at one point (`ContinuationProblem.with_borders_at`). At this point g is the smallest
+singular value with the sign of det A. A problem without fixed borders uses the borders of each point, and g is this
+signed value everywhere. In both cases g does not depend on previous evaluations.
 
-`ScalarConditionProblem`: g is any function of the point, its gradient by central differences.
+`ScalarConditionProblem`: g is any function of the point, with a gradient by central differences.
 
-The derivative of g needs second derivatives of R only in one direction (`problem.Curved`).
+The derivative of g requires second derivatives of R in one direction only (`ContinuationProblem.curvature`).
 
 References
 ----------
@@ -63,31 +62,49 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, So
 
 
 class AugmentedResidual(NamedTuple):
-    """The equations of the solution and g, and their derivatives.
+    """Values and derivatives of the augmented equations.
 
-    now : R with its derivatives in X and p. g, g_X, g_p : g with its own. moved : derivatives of R and g in each of
-    the further parameters that were asked for.
+    Attributes
+    ----------
+    now : Evaluation
+        R with its derivatives in X and p.
+    g : float
+        Value of the added equation.
+    g_X : ndarray, shape (n,)
+        Its gradient in X.
+    g_p : float
+        Its derivative in p.
+    derivatives : tuple of (ndarray, float)
+        Derivatives of R and g in each requested further parameter.
     """
 
     now: Evaluation
     g: float
     g_X: Array
     g_p: float
-    moved: tuple[tuple[Array, float], ...]
+    derivatives: tuple[tuple[Array, float], ...]
 
 
 def parameter_derivative_and_jacobian(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], name: str
 ) -> tuple[Array, Matrix]:
-    """Derivatives of R and dR/dX in a parameter."""
-    near = problem.beside(here, 2)
+    """Return the derivatives of R and dR/dX in a parameter, by finite differences."""
+    near = problem.perturbed(here, 2)
     dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at))
     return dR, dJ
 
 
 @dataclass(frozen=True)
 class Borders:
-    """What the added equation refers to: its weight, which gives g the size of R, and the borders b and c, if any."""
+    """Fixed data of the added equation.
+
+    Attributes
+    ----------
+    weight : float
+        Factor that gives g the size of R.
+    b, c : ndarray or None
+        Borders of the matrix; None for an equation without borders.
+    """
 
     weight: float
     b: Array | None = None
@@ -95,16 +112,23 @@ class Borders:
 
 
 class MinimallyAugmentedProblem(ContinuationProblem):
-    """A problem with one more unknown parameter and one more equation; immutable.
+    """Base class of equations of special points: one more unknown and one more equation. Instances are immutable.
 
     Parameters
     ----------
-    problem : the problem whose special points are meant.
-    parameter : the parameter of the curve they lie on; it becomes the last unknown. By default the problem's usual one.
+    problem : ContinuationProblem or object with ``evaluate``
+        Problem that has the special points.
+    parameter : str, optional
+        Parameter of the curve, which becomes the last unknown. The default is `ContinuationProblem.usual_parameter`.
+
+    Raises
+    ------
+    ValueError
+        If the parameter is not given and the problem has no usual one.
     """
 
     smooth = False
-    batch_size = 1  # special points of curves of special points take long to find: Ctrl-C waits for one row at most
+    batch_size = 1  # special points on curves of special points are expensive: Ctrl-C waits for one point at most
     problem: ContinuationProblem
     parameter: str
     base: Borders | None = None
@@ -114,32 +138,65 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         problem = as_problem(problem)
         parameter = parameter or problem.usual_parameter
         if not parameter:
-            raise ValueError(f"{type(self).__name__} needs the parameter of the curve its points lie on, such as 'p'")
+            raise ValueError(
+                f"{type(self).__name__} needs the parameter of the curve that has the special points, such as 'p'"
+            )
         problem.check_parameter(parameter)
         self._fixed(problem=problem, parameter=parameter)
 
     def _fixed(self, **values: Any) -> None:
-        """Attributes of a problem that is being made: the only way to set them."""
+        """Set attributes. This is used in constructors and for copies only."""
         vars(self).update(values)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError(f"{type(self).__name__} cannot be changed; make another one with another {name}")
+        raise AttributeError(f"{type(self).__name__} cannot be changed; create another one with the new {name}")
 
     # ---- the added equation
 
     @abstractmethod
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """R and g at X with all parameters, and their derivatives, in further parameters too."""
+        """Return R and g with their derivatives.
+
+        Parameters
+        ----------
+        X : ndarray, shape (n,)
+            Unknowns of the solution.
+        here : dict of str to float
+            All parameters.
+        names : sequence of str
+            Further parameters in which derivatives are computed.
+        base : Borders
+            Borders of the added equation.
+
+        Returns
+        -------
+        AugmentedResidual
+            Values and derivatives.
+        """
 
     @abstractmethod
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        """The base that a point is for itself."""
+        """Return the borders defined by a point itself."""
 
     def with_borders_at(self, U: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
-        """The same problem with the base of the point U; as it is if it has one, unless that is to be renewed.
+        """Return the problem with the borders of the point U.
 
-        The problem within, if it is one of special points too, is based likewise: null vectors are known but for their
-        sign, which a base of its own at each end of a difference would turn.
+        If `problem` consists of equations of special points too, its borders are fixed as well. Otherwise the signs of
+        its null vectors could differ between the two points of a finite difference.
+
+        Parameters
+        ----------
+        U : ndarray, shape (n + 1,)
+            Unknowns (X, p).
+        parameters : mapping of str to float
+            Values of the other parameters.
+        renew : bool, optional
+            Whether existing borders are replaced. The default is False.
+
+        Returns
+        -------
+        MinimallyAugmentedProblem
+            A copy, or the problem itself if it keeps its borders.
         """
         X, own = self.split(U)
         here = {**parameters, **own}
@@ -150,28 +207,42 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         out = copy.copy(self)
         out._fixed(problem=inner)
         if renewing:
-            out._fixed(base=out.base_at(X, here) if self.base is None else out.renewed(self.base, X, here))
+            out._fixed(base=out.base_at(X, here) if self.base is None else out.update_borders(self.base, X, here))
         return out
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
-        """A base for points near X that keeps the weight and the sign of g."""
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Return borders for points near X that keep the weight and the sign of g."""
         return base
 
     # ---- locating
 
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
-        """Newton on these equations without Python, if the problem has it."""
+        """Return a compiled Newton iteration for these equations; by default None."""
         return None
 
     def located(
         self, U: Array, parameters: Mapping[str, float], settings: NewtonSettings = NewtonSettings()
     ) -> Solution:
-        """The special point near U by Newton, one step further than its tolerance asks for.
+        """Locate the special point near U by Newton's method, with one more iteration after convergence.
+
+        Parameters
+        ----------
+        U : ndarray, shape (n + 1,)
+            Guess of (X, p).
+        parameters : mapping of str to float
+            Values of the other parameters.
+        settings : NewtonSettings, optional
+            Settings of Newton's method.
+
+        Returns
+        -------
+        Solution
+            The special point.
 
         Raises
         ------
         NoConvergence, numpy.linalg.LinAlgError
-            If it does not converge.
+            If the iteration does not converge.
         """
         compiled = self.compiled(parameters)
         if compiled is None:
@@ -180,11 +251,18 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         U, R, A = np.array(U), np.empty(len(U)), np.empty((len(U), len(U)))
         steps, size = compiled(U, 0, settings.tolerance, 4 * settings.max_iterations, R, A)
         if steps < 0:
-            raise NoConvergence("Newton found no special point", U, parameters, [norm(R) / size])
+            raise NoConvergence("Newton's method found no special point", U, parameters, [norm(R) / size])
         return Solution(U, math.nan, Evaluation(R, A, np.zeros(len(U)), size), steps, norm(R) / size)
 
     def stepped(self, U: Array, parameters: Mapping[str, float], steps: int) -> tuple[Self, Array]:
-        """So many Newton steps from U, whatever they lead to, and the same problem with a base there, if it needs one.
+        """Apply a fixed number of undamped Newton steps to a guess U = (X, p).
+
+        Returns
+        -------
+        problem : MinimallyAugmentedProblem
+            The problem with borders at U, if it needs borders.
+        U : ndarray, shape (n + 1,)
+            Last iterate, converged or not.
 
         Raises
         ------
@@ -207,28 +285,28 @@ class MinimallyAugmentedProblem(ContinuationProblem):
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """What it was made with besides problem and parameter."""
+        """Arguments of the constructor after problem and parameter."""
         return ()
 
     @property
     def refined_problem(self) -> Self | None:
-        """The same special points of the problem with more unknowns."""
+        """The equations of the refined problem."""
         finer = self.problem.refined_problem
         return None if finer is None else type(self)(finer, self.parameter, *self.arguments)
 
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
-        """The same special points of the problems that its solutions are compared with."""
+        """The equations of the problems for comparisons, with their weights."""
         others = self.problem.comparisons
         return tuple((type(self)(other, self.parameter, *self.arguments), weight) for other, weight in others)
 
     def resized(self, X: Array) -> Array:
-        """Unknowns (X, p) with the X of this problem."""
+        """Return unknowns (X, p) with the number of unknowns of this problem."""
         return np.append(self.problem.resized(X[:-1]), X[-1])
 
     @property
     def unknown_parameters(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Parameters that are unknowns here."""
+        """The parameter of the curve."""
         return (self.parameter,)
 
     @property
@@ -238,12 +316,12 @@ class MinimallyAugmentedProblem(ContinuationProblem):
 
     @property
     def size(self) -> int | None:  # type: ignore[override]
-        """Number of unknowns; None if the problem does not say its own."""
+        """Number of unknowns; None if the problem does not state it."""
         return None if self.problem.size is None else self.problem.size + 1
 
     @property
     def layout(self) -> LayoutProtocol | None:
-        """How X, the solution's part of the unknowns, is to be read."""
+        """Layout of X, the unknowns of the solution."""
         return self.problem.layout
 
     @property
@@ -251,11 +329,11 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         return self.problem.singular_hint
 
     def describe(self) -> dict[str, Any]:
-        """Header of a saved branch."""
+        """Return the data for the header of a file."""
         return {**self.problem.describe(), "curve": {"of": type(self).__name__, "in": self.parameter}}
 
     def check_parameter(self, name: str) -> None:
-        """Refuse a parameter that is unknown to the problem or already an unknown."""
+        """Raise an error if the parameter is unknown to the problem or is an unknown already."""
         if name == self.parameter:
             raise ValueError(
                 f"a {type(self).__name__} in {name} cannot be followed in {name} again; choose a second parameter"
@@ -263,77 +341,94 @@ class MinimallyAugmentedProblem(ContinuationProblem):
         self.problem.check_parameter(name)
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
-        """Nothing is said of curves of special points."""
+        """Do nothing: there are no warnings for curves of special points."""
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
-        """As of the problem."""
+        """Return the required parameters of the problem that are not known."""
         return self.problem.missing([*known, self.parameter])
 
     def range_of(self, name: str) -> Range:
-        """Values a parameter may have."""
+        """Return the admissible values of a parameter."""
         return self.problem.range_of(name)
 
     def is_expensive(self, name: str) -> bool:
-        """As of the problem."""
+        """Return whether a new value of the parameter is expensive for the problem."""
         return self.problem.is_expensive(name)
 
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
-        """X of the problem and the parameter that belongs to it."""
+        """Return X of the problem, and the parameter among the unknowns by name."""
         return U[:-1], {self.parameter: float(U[-1])}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Unknowns (X, parameter) of this problem.
+        """Return the unknowns (X, p) of this problem, from X of shape (n,) and all parameters.
 
         Raises
         ------
         ValueError
-            If the motion has another number of harmonics.
+            If the solution has another number of unknowns than the problem.
         """
         size = self.problem.size
         if size is not None and len(X) != size:
             raise ValueError(
-                f"the start has {len(X)} coefficients, this problem {size}: follow special points with the harmonics "
-                "of the curve they are on, such as FoldProblem(curve.problem, 'Omega')"
+                f"the start has {len(X)} coefficients, this problem {size}: use the problem of the curve that has "
+                "the special points, such as FoldProblem(curve.problem, 'Omega')"
             )
         return np.append(X, parameters[self.parameter])
 
     def from_point(self, point: Point) -> Array:
-        """X of a point of another problem of the kind."""
+        """Return X of a point of a related problem."""
         return self.problem.from_point(point)
 
     def solution_norm(self, U: Array) -> float:
-        """Size of the solution, which scales the arclength."""
+        """Return the norm of the solution, which scales the arclength."""
         return self.problem.solution_norm(U[:-1])
 
     def observe(self, X: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
-        """Regime and error of the solution; X are the unknowns U = (X, p) here."""
+        """Return regime and error of the solution; the argument X holds the unknowns (X, p)."""
         X, own = self.split(X)
         here = {**parameters, **own}
-        seen = self.problem.observe_many(X[None], self.parameter, np.array([here[self.parameter]]), False, **{
+        observed = self.problem.observe_many(X[None], self.parameter, np.array([here[self.parameter]]), False, **{
             k: v for k, v in here.items() if k != self.parameter})[0]  # fmt: skip
-        return {k: seen[k] for k in ("regime", "error") if k in seen}
+        return {k: observed[k] for k in ("regime", "error") if k in observed}
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        """{R, g} (n + 1,), its Jacobian in (X, p) and its derivative in a further parameter; X are U = (X, p) here."""
+        """Return {R, g} (n + 1,), its Jacobian and its derivative in a further parameter.
+
+        The argument X holds the unknowns (X, p).
+        """
         now, moved = self.linearised(X, (name,) if name else (), **parameters)
         return now._replace(dR_dp=moved[0]) if name else now
 
     def linearised(self, X: Array, names: Sequence[str], **parameters: float) -> tuple[Evaluation, Array]:
-        """As `linearise` without a name, and the derivatives (len(names), n + 1) of {R, g} in many parameters."""
+        """Return {R, g} with its Jacobian, and the derivatives (A, n + 1) of {R, g} in A further parameters."""
         X, own = self.split(X)
         here = {**parameters, **own}
         extra = self.extra(X, here, names, self.base or replace(self.base_at(X, here), weight=1.0))
         J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)
-        moved = np.array([np.append(dR, dg) for dR, dg in extra.moved]).reshape(len(names), len(X) + 1)
+        moved = np.array([np.append(dR, dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
         return Evaluation(np.append(extra.now.R, extra.g), J, np.zeros(len(X) + 1), extra.now.size), moved
 
 
 def borders_of(A: Matrix) -> tuple[Array, Array, float]:
-    """Borders b and c for a matrix that is nearly singular, and its size.
+    """Return the borders b and c of a nearly singular matrix, and its norm.
 
-    The left and right singular vectors of the least singular value, of signs for which g has the sign of det A. Of a
-    large or sparse matrix by inverse iteration, b ~ A^-T c and c ~ A^-1 b, each solved for in a bordered matrix, which
-    is regular where A is not.
+    The borders are the left and right singular vectors of the smallest singular value. Their signs are chosen so that g
+    has the sign of det A. For large or sparse matrices they are computed by inverse iteration, b ~ A^-T c and
+    c ~ A^-1 b, with a bordered matrix, which is regular where A is singular.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+
+    Returns
+    -------
+    b : ndarray, shape (n,)
+        Border column.
+    c : ndarray, shape (n,)
+        Border row.
+    norm : float
+        Largest singular value, or the 1-norm of a large or sparse matrix.
     """
     sign = -1.0 if slogdet(A)[0] > 0 else 1.0
     if dense(A) and len(A) <= SMALL:
@@ -345,14 +440,28 @@ def borders_of(A: Matrix) -> tuple[Array, Array, float]:
 
 
 def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
-    """Left and right singular vector of the least singular value of a matrix, whatever their signs.
+    """Return the left and the right singular vector of the smallest singular value, by inverse iteration.
 
-    By inverse iteration, at most so many times: 200 are enough where two singular values differ by 5 %, a few near a
-    fold. With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0,
-    A (g x - s v) = g y: the direction of A^-1 y without division by g, which is zero where A is singular.
+    With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0,
+    A (g x - s v) = g y. This gives the direction of A^-1 y without division by g, which is zero where A is singular.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse, real or complex matrix.
+    most : int, optional
+        Maximum number of iterations. The default is 200, which suffices if the two smallest singular values differ by
+        5 %. Near a fold a few iterations suffice.
+
+    Returns
+    -------
+    b : ndarray, shape (n,)
+        Left singular vector, of any sign.
+    c : ndarray, shape (n,)
+        Right singular vector, of any sign.
     """
     n = A.shape[0]
-    first = np.random.default_rng(0).normal(size=(2, n))  # not orthogonal to the null vectors, whatever they are
+    first = np.random.default_rng(0).normal(size=(2, n))  # random vectors, which are not orthogonal to the null vectors
     b, c = first[0] / norm(first[0]), first[1] / norm(first[1])
     lu = Factors(bordered(A, b, c))
     corner = np.zeros(n + 1)
@@ -363,18 +472,36 @@ def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
         x, y = lu.solve(np.append(b, 0.0)), lu.adjoint_solve(np.append(c, 0.0))
         new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g.conj() * y[:-1] - y[-1] * left[:-1]
         new_b, new_c = new_b / norm(new_b), new_c / norm(new_c)
-        turned = max(1.0 - abs(np.vdot(new_b, b)), 1.0 - abs(np.vdot(new_c, c)))
+        change = max(1.0 - abs(np.vdot(new_b, b)), 1.0 - abs(np.vdot(new_c, c)))
         b, c = new_b, new_c
-        if turned < _STEADY:
+        if change < CONVERGED_VECTOR_CHANGE:
             break
     return b, c
 
 
-_STEADY = 1e-15  # one minus the cosine of the angle by which the vectors still turn
+CONVERGED_VECTOR_CHANGE = 1e-15
+"""Convergence threshold of inverse iteration: one minus the cosine of the angle between successive vectors."""
 
 
 def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
-    """v, w and g of a matrix with borders b and c; see the module."""
+    """Return v, w and g of a matrix with borders b and c; see the module.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+    b, c : ndarray, shape (n,)
+        Borders.
+
+    Returns
+    -------
+    v : ndarray, shape (n,)
+        Vector that is the right null vector where A is singular.
+    w : ndarray, shape (n,)
+        Vector that is the left null vector where A is singular.
+    g : float
+        Test function, zero where A is singular.
+    """
     B, e = bordered(A, b, c), np.zeros((len(b) + 1, 1))
     e[-1] = 1.0
     if dense(B) and len(B) <= SMALL:

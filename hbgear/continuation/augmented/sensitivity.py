@@ -5,15 +5,15 @@
     R = 0 and g = 0 along the curve:     dp/da = -(g along dX/da, a) / (g along dX/dp, p),   J regular there
     R(X, p, a) = 0,  a curve:            [J R_p; b^T] d(X, p)/da = -(R_a, 0),   b towards its next point
 
-each from one factorisation for all parameters a. A fold, for one, moves by dp/da = -(w . R_a) / (w . R_p), w the left
-null vector of J, which is the last row of the second.
+One factorisation serves all parameters a. For example, the sensitivity of a fold is dp/da = -(w . R_a) / (w . R_p)
+with the left null vector w of J; this is the last row of the second equation.
 
-A branch point survives a change of a parameter only if that is no imperfection, w . R_a = 0. Where two curves cross,
-J v = 0 and R_p = J z, and with t_1 = (v, 0), t_2 = (-z, 1), both tangent to curves,
+A branch point persists under a change of a parameter only if the change is no imperfection, w . R_a = 0. At a branch
+point J v = 0 and R_p = J z, and with t_1 = (v, 0), t_2 = (-z, 1), both tangent to curves,
 
     R + b s = 0,   w . d(R_U t_1) = 0,   w . d(R_U t_2) = 0         unknowns (X, p, s)
 
-s the imperfection.
+where s is the imperfection.
 
 References
 ----------
@@ -34,30 +34,38 @@ from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
 
 Value = Callable[[Array, dict[str, float]], float]
-"""A smooth function of the unknowns and all parameters."""
+"""Type of a smooth function of the unknowns and all parameters."""
 
 
 class Slopes(NamedTuple):
-    """Derivatives X (A, n) of the unknowns and p (A,) of the curve's parameter in A parameters."""
+    """Derivatives in A parameters.
+
+    Attributes
+    ----------
+    X : ndarray, shape (A, n)
+        Derivatives of the unknowns.
+    p : ndarray, shape (A,)
+        Derivatives of the parameter of the curve.
+    """
 
     X: Array
     p: Array
 
 
 def of_solution(problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]) -> Slopes:
-    """Of a solution whose parameter is held.
+    """Return the derivatives of a solution at a fixed parameter of the curve.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If it is a fold.
+        If the solution is a fold.
     """
     J = Factors(problem.evaluate(X, **here)[1])
-    return Slopes(_answers(J, _moved(problem, X, here, names)), np.zeros(len(names)))
+    return Slopes(_minus_solutions(J, _parameter_derivatives(problem, X, here, names)), np.zeros(len(names)))
 
 
 def tangent(problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str) -> Array:
-    """dX/dp (n,) along the curve in its parameter, of a solution that is no fold."""
+    """Return dX/dp (n,) along the curve at a solution that is not a fold."""
     now = linearise(problem, X, parameter, here)
     return -Factors(now.dR_dX).solve(now.dR_dp)
 
@@ -70,9 +78,10 @@ def of_curve(
     ahead: Array,
     names: Sequence[str],
 ) -> tuple[Array, Slopes]:
-    """The direction (n + 1,) of a curve at U = (X, p), folds included, and how it is displaced, normal to ``ahead``.
+    """Return the direction (n + 1,) of a curve at U = (X, p), and its displacement orthogonal to ``ahead``.
 
-    A displacement along the curve itself moves no curve: what is added along its direction is of no account.
+    The point may be a fold. A displacement along the curve does not change the curve, so that this component is
+    arbitrary.
 
     Raises
     ------
@@ -82,18 +91,18 @@ def of_curve(
     X = U[:-1]
     now = linearise(problem, X, parameter, here)
     M = Factors(bordered(now.dR_dX, now.dR_dp, ahead))
-    direction = -_answers(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
-    moved = _moved(problem, X, here, names)
-    slopes = _answers(M, np.column_stack([moved, np.zeros(len(names))]))
+    direction = -_minus_solutions(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
+    moved = _parameter_derivatives(problem, X, here, names)
+    slopes = _minus_solutions(M, np.column_stack([moved, np.zeros(len(names))]))
     return direction, Slopes(slopes[:, :-1], slopes[:, -1])
 
 
 def of_special(
     equations: MinimallyAugmentedProblem, U: Array, here: Mapping[str, float], names: Sequence[str]
 ) -> Slopes:
-    """Of a special point that has equations of its own, U = (X, p)."""
+    """Return the derivatives of a special point U = (X, p) that is defined by augmented equations."""
     now, moved = equations.with_borders_at(U, here).linearised(U, names, **here)
-    slopes = _answers(Factors(now.dR_dX), moved)
+    slopes = _minus_solutions(Factors(now.dR_dX), moved)
     return Slopes(slopes[:, :-1], slopes[:, -1])
 
 
@@ -105,7 +114,7 @@ def of_crossing(
     names: Sequence[str],
     value: Value,
 ) -> Slopes:
-    """Of a point that is no fold, at which a function of it passes zero along the curve."""
+    """Return the derivatives of a zero of a function along a curve, at a point that is not a fold."""
     t = tangent(problem, X, here, parameter)
     X_a = of_solution(problem, X, here, names).X
     rate = along(problem, X, here, value, t, parameter)
@@ -116,7 +125,7 @@ def of_crossing(
 def along(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], value: Value, dX: Array, name: str
 ) -> float:
-    """Derivative of a function of the point along dX (n,) for a change of the parameter by one."""
+    """Return the derivative of a function of the point along dX (n,) per unit change of a parameter."""
     at = here[name]
     (moved,) = parameter_derivatives(problem, name, here, lambda there: (value(X + (there[name] - at) * dX, there),))
     return float(moved)
@@ -125,7 +134,7 @@ def along(
 def of_branch_point(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> Slopes:
-    """Of a point at which two curves cross; nan in parameters of which a change parts the curves."""
+    """Return the derivatives of a branch point; nan in parameters whose change separates the curves."""
     now = linearise(problem, X, parameter, here)
     J, n = as_dense(now.dR_dX), len(X)
     b, c, _ = borders_of(J)
@@ -134,21 +143,24 @@ def of_branch_point(
     tangents = (np.append(v, 0.0), np.append(-z, 1.0))
     M = np.zeros((n + 2, n + 2))
     M[:n, :n], M[:n, n], M[:n, n + 1] = J, now.dR_dp, b
-    M[n:, : n + 1] = [_bend(problem, X, here, parameter, w, t) for t in tangents]
-    rhs = np.array([_parted(problem, X, here, parameter, name, w, tangents) for name in names]).reshape(-1, n + 2)
-    slopes = _answers(Factors(M), rhs)
-    kept = np.abs(slopes[:, -1]) <= _PERFECT * np.array([norm(row[:n]) + 1e-300 for row in rhs]) / norm(b)
+    M[n:, : n + 1] = [_curvature_row(problem, X, here, parameter, w, t) for t in tangents]
+    rhs = np.array([_crossing_derivatives(problem, X, here, parameter, name, w, tangents) for name in names]).reshape(
+        -1, n + 2
+    )
+    slopes = _minus_solutions(Factors(M), rhs)
+    kept = np.abs(slopes[:, -1]) <= IMPERFECTION_ROUNDING * np.array([norm(row[:n]) + 1e-300 for row in rhs]) / norm(b)
     slopes[~kept] = np.nan
     return Slopes(slopes[:, :n], slopes[:, n])
 
 
-_PERFECT = 1e-6  # share of a change of the equations that is no imperfection but rounding
+IMPERFECTION_ROUNDING = 1e-6
+"""Imperfection, relative to the derivative of the equations, below which it is rounding error."""
 
 
-def _bend(
+def _curvature_row(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, w: Array, t: Array
 ) -> Array:
-    """Derivative (n + 1,) of w . [J R_p] t in (X, p), which is that of w . [J R_p] along t."""
+    """Return the derivative (n + 1,) of w . [J R_p] t in (X, p), by differences of w . [J R_p] along t."""
     h = STEP * max(1e-3, norm(X)) / norm(t)
     plus, minus = (
         linearise(problem, X + s * t[:-1], parameter, {**here, parameter: here[parameter] + s * t[-1]}) for s in (h, -h)
@@ -157,11 +169,11 @@ def _bend(
     return np.append(w @ change[0], w @ change[1]) / (2 * h)
 
 
-def _parted(
+def _crossing_derivatives(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, name: str, w: Array,
     tangents: Sequence[Array],
 ) -> Array:  # fmt: skip
-    """R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
+    """Return R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
 
     def parts(at: dict[str, float]) -> tuple[Array, ...]:
         now = linearise(problem, X, parameter, at)
@@ -171,14 +183,16 @@ def _parted(
     return np.append(dR, dg)
 
 
-def _moved(problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]) -> Array:
-    """R_a (A, n) in each parameter."""
-    rows = [problem.moved(X, name, here) for name in names]
+def _parameter_derivatives(
+    problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]
+) -> Array:
+    """Return R_a (A, n) in each parameter."""
+    rows = [problem.parameter_derivative(X, name, here) for name in names]
     return np.array(rows).reshape(len(names), len(X))
 
 
-def _answers(J: Factors, rows: Array) -> Array:
-    """-J^-1 of each row (A, n).
+def _minus_solutions(J: Factors, rows: Array) -> Array:
+    """Return -J^-1 r for each row r of an array (A, n).
 
     Raises
     ------
@@ -187,7 +201,7 @@ def _answers(J: Factors, rows: Array) -> Array:
     """
     if not len(rows):
         return rows
-    answers: Array = -J.solve(rows.T).T
-    if not np.isfinite(answers).all():
+    solutions: Array = -J.solve(rows.T).T
+    if not np.isfinite(solutions).all():
         raise np.linalg.LinAlgError("singular matrix")
-    return answers
+    return solutions

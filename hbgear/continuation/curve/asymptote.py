@@ -1,11 +1,11 @@
-"""Where a curve runs off to infinity.
+"""Vertical asymptotes: values of the parameter at which solutions tend to infinity.
 
-Far out equations whose terms grow no faster than their unknowns become homogeneous, and a curve without bound nears
+    R_inf(y, p) = lim R(r y, p) / r = 0,   |y| = 1,   r = |X| -> inf
 
-    R_inf(y, p) = lim R(r y, p) / r = 0,   |y| = 1
-
-as r = |X| -> inf. With u = 1 / r it is a smooth curve (y, p) of u that ends at u = 0. A row belongs to such a curve if
-its tangent, followed to u = 0, meets a solution of these equations: up to terms of the second order in u.
+Equations whose terms grow at most linearly with the unknowns become homogeneous far from the origin. An unbounded curve
+approaches a solution (y, p) of the limit equations. With u = 1 / r it is a smooth curve (y, p)(u) that ends at u = 0. A
+point belongs to such a curve if its tangent, extrapolated to u = 0, meets a solution of the limit equations up to terms
+of second order in u.
 """
 
 from __future__ import annotations
@@ -20,37 +20,63 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 
-_ITERATIONS = 12
+MAX_ITERATIONS = 12
+"""Maximum number of Newton iterations on the limit equations."""
 
 
-_RANK = 1e-9  # singular values, relative to the largest, that are rounding
+ROUNDING_SINGULAR_VALUE = 1e-9
+"""Singular value, relative to the largest one, below which it is rounding error."""
 
 
-_REST = 0.02  # what a curve far out may leave of R_inf, as a relative change of the parameter
+MAX_LIMIT_RESIDUAL = 0.02
+"""Residual of the limit equations at a point, as a relative parameter change, above which it is not far enough out."""
 
 
-_NEAR = 0.3  # distance to the asymptote in (y, p), that in p relative, from which it is looked for
+MAX_ASYMPTOTE_DISTANCE = 0.3
+"""Extrapolated distance from the asymptote in (y, p), with relative p, up to which the asymptote is computed."""
 
 
-_CURVED = 0.2  # share of it by which the tangent may miss
+MAX_TANGENT_MISS = 0.2
+"""Largest distance between extrapolation and asymptote, relative to the extrapolated distance."""
 
 
-_EXACT = 1e-11  # the same of a solution; a sharp resonance that is finite leaves more
+SOLUTION_RESIDUAL = 1e-11
+"""Residual of a solution of the limit equations, as a relative parameter change. Finite resonances leave more."""
 
 
 def vertical_asymptote(
-    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], row: CurvePoint
+    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
 ) -> float | None:
-    """The value of the parameter at which the curve, on its way at a row, runs off to infinity; None if it does not."""
+    """Return the value of the parameter at which a curve tends to infinity ahead of a point.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    name : str
+        Name of the continuation parameter.
+    fixed : mapping of str to float
+        Values of the other parameters.
+    point : CurvePoint
+        Last point of the curve.
+
+    Returns
+    -------
+    float or None
+        Value of the parameter; None if the curve does not approach an asymptote.
+    """
     try:
-        return _ahead(problem, name, fixed, row)
-    except (ValueError, np.linalg.LinAlgError):  # out of the range of a model, or of numbers
+        return _asymptote_ahead(problem, name, fixed, point)
+    except (ValueError, np.linalg.LinAlgError):  # a model refuses the value, or numbers overflow
         return None
 
 
-def _ahead(problem: ContinuationProblem, name: str, fixed: Mapping[str, float], row: CurvePoint) -> float | None:
-    X, p, r = row.X, row.value, norm(row.X)
-    outward = float(X @ row.tangent[:-1]) / r if r else 0.0
+def _asymptote_ahead(
+    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
+) -> float | None:
+    """Return the asymptote as `vertical_asymptote` does; errors of the model are raised."""
+    X, p, r = point.X, point.value, norm(point.X)
+    outward = float(X @ point.tangent[:-1]) / r if r else 0.0
     if not outward > 0:
         return None
     known = problem.recession(X, {**fixed, name: p})
@@ -58,30 +84,33 @@ def _ahead(problem: ContinuationProblem, name: str, fixed: Mapping[str, float], 
         return None
     far, size = as_problem(known), abs(p) or 1.0
     now = linearise(far, X, name, {**fixed, name: p})
-    if not norm(now.R) < _REST * size * norm(now.dR_dp):
+    if not norm(now.R) < MAX_LIMIT_RESIDUAL * size * norm(now.dR_dp):
         return None
-    # the tangent of (y, p) as a curve of u leads, for what is left of u, to dX/dr and p + r dp/dr
-    ahead, value = row.tangent[:-1] / outward, p + r * float(row.tangent[-1]) / outward
-    left = float(np.hypot(norm(ahead - X / r), (value - p) / size))
-    found = _solved(far, name, fixed, ahead, value) if left < _NEAR else None
+    # extrapolated to u = 0, the tangent of (y, p)(u) leads to y = dX/dr and p + r dp/dr
+    ahead, value = point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
+    distance = float(np.hypot(norm(ahead - X / r), (value - p) / size))
+    found = _limit_solution(far, name, fixed, ahead, value) if distance < MAX_ASYMPTOTE_DISTANCE else None
     if found is None:
         return None
     missed = float(np.hypot(norm(found[0] - ahead), (found[1] - value) / size))
-    return found[1] if missed < _CURVED * left else None
+    return found[1] if missed < MAX_TANGENT_MISS * distance else None
 
 
-def _solved(
+def _limit_solution(
     far: ContinuationProblem, name: str, fixed: Mapping[str, float], y: Array, p: float
 ) -> tuple[Array, float] | None:
-    """Newton on R_inf(y, p) = 0 across y, by least squares: undamped motions may have any phase."""
+    """Solve R_inf(y, p) = 0 by Newton's method orthogonal to y; return None if it fails.
+
+    Steps are least-squares solutions, because the phase of undamped motions is arbitrary.
+    """
     allowed, size = far.range_of(name), abs(p) or 1.0
     across = y = y / norm(y)
-    for _ in range(_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         now = linearise(far, y, name, {**fixed, name: p})
-        if norm(now.R) <= _EXACT * size * norm(now.dR_dp):
+        if norm(now.R) <= SOLUTION_RESIDUAL * size * norm(now.dR_dp):
             return y, p
         A = np.block([[now.dR_dX, now.dR_dp[:, None]], [across[None], np.zeros((1, 1))]])
-        step = np.linalg.lstsq(A, np.append(now.R, 0.0), rcond=_RANK)[0]
+        step = np.linalg.lstsq(A, np.append(now.R, 0.0), rcond=ROUNDING_SINGULAR_VALUE)[0]
         y, p = y - step[:-1], p - float(step[-1])
         if p not in allowed or not norm(y) > 0:
             return None

@@ -1,4 +1,4 @@
-"""From the rows of a trace to the `Branch` the user gets."""
+"""Construction of the results: a `Branch` and its special points from the points of a trace."""
 
 from __future__ import annotations
 
@@ -44,7 +44,17 @@ class Found(Protocol):
 
 @dataclass(frozen=True)
 class SpecialPointMark:
-    """A special point found on the way: the number of its row, what was found, and its bracket."""
+    """Position of a special point in a branch.
+
+    Attributes
+    ----------
+    index : int
+        Number of its point.
+    found : Found
+        The special point.
+    interval : (float, float)
+        Values of the parameter at the neighbouring points.
+    """
 
     index: int
     found: Found
@@ -55,30 +65,54 @@ def build_branch(
     problem: ContinuationProblem,
     name: str,
     fixed: dict[str, float],
-    rows: list[CurvePoint],
+    points: list[CurvePoint],
     marks: list[SpecialPointMark],
     status: Status,
     message: str,
     settings: dict[str, Any],
 ) -> Branch:
-    """The branch of these rows, without jumps.
+    """Return the branch of the points of a trace, without jumps.
 
-    Rows with fewer unknowns than the problem has are padded; unknowns that are parameters go to ``tracked``. Where only
-    some rows were observed, the multipliers of the others are nan and their regimes unknown.
+    Points with fewer unknowns than the problem are padded with zeros. Unknowns that are parameters are stored in
+    ``tracked``. Points that were not monitored have multipliers nan and unknown regimes.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem with the largest number of unknowns.
+    name : str
+        Name of the continuation parameter.
+    fixed : dict of str to float
+        Values of the other parameters.
+    points : list of CurvePoint
+        Points, special points among them.
+    marks : list of SpecialPointMark
+        Positions of the special points.
+    status : Status
+        Reason why the trace ended.
+    message : str
+        The same in one sentence.
+    settings : dict
+        Settings of the trace, for the header of a file.
+
+    Returns
+    -------
+    Branch
+        The branch.
     """
-    unknowns, values, own = _unknowns(problem, rows)
-    mu = _column(rows, "multipliers", math.nan + 0j)
-    regime = _column(rows, "regime", np.int8(-1))
-    regime = np.zeros((len(rows), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
+    unknowns, values, tracked = _unknowns(problem, points)
+    mu = _column(points, "multipliers", math.nan + 0j)
+    regime = _column(points, "regime", np.int8(-1))
+    regime = np.zeros((len(points), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
         found, kind = mark.found, mark.found.event.kind
         count[kind] = count.get(kind, 0) + 1
         if found.sharp is not None:
-            known = point_fields(found.sharp.problem, name, fixed, found.sharp.row)
+            known = point_fields(found.sharp.problem, name, fixed, found.sharp.point)
         else:
-            known = point_fields(problem, name, fixed, rows[mark.index]) | {
+            known = point_fields(problem, name, fixed, points[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
             }  # fmt: skip
         known["problem"] = problem.original
@@ -88,14 +122,14 @@ def build_branch(
         values=values,
         X=unknowns,
         fixed=dict(fixed),
-        tracked={k: np.array([here[k] for here in own]) for k in problem.unknown_parameters},
+        tracked={k: np.array([here[k] for here in tracked]) for k in problem.unknown_parameters},
         multipliers=mu,
-        iterations=np.array([r.iterations for r in rows]),
-        residual=np.array([r.residual for r in rows]),
+        iterations=np.array([r.iterations for r in points]),
+        residual=np.array([r.residual for r in points]),
         regime=regime,
-        error=np.array([r.observed.get("error", math.nan) for r in rows]),
-        step=np.array([r.step for r in rows]),
-        modulus_error=np.array([r.observed.get("modulus_error", math.nan) for r in rows]),
+        error=np.array([r.observed.get("error", math.nan) for r in points]),
+        step=np.array([r.step for r in points]),
+        modulus_error=np.array([r.observed.get("modulus_error", math.nan) for r in points]),
         special=tuple(special),
         jump_records=(),
         status=status,
@@ -110,19 +144,38 @@ def build_branch(
     )
 
 
-def _unknowns(problem: ContinuationProblem, rows: list[CurvePoint]) -> tuple[Array, Array, list[dict[str, float]]]:
-    """Unknowns of rows (P, n), their values of the parameter (P,), and the parameters among the unknowns of each."""
-    if not problem.unknown_parameters and {len(row.u) - 1 for row in rows} == {problem.size}:
-        u = np.array([row.u for row in rows])
+def _unknowns(problem: ContinuationProblem, points: list[CurvePoint]) -> tuple[Array, Array, list[dict[str, float]]]:
+    """Return the unknowns (P, n) and parameter values (P,) of points, and the parameters among the unknowns."""
+    if not problem.unknown_parameters and {len(point.u) - 1 for point in points} == {problem.size}:
+        u = np.array([point.u for point in points])
         return u[:, :-1].copy(), u[:, -1].copy(), []
-    X, own = zip(*(problem.split(row.X) for row in rows), strict=True)
-    return np.array(X), np.array([row.value for row in rows]), list(own)
+    X, tracked = zip(*(problem.split(point.X) for point in points), strict=True)
+    return np.array(X), np.array([point.value for point in points]), list(tracked)
 
 
 def build_special_point(
     found: Found, known: dict[str, Any], label: str, index: int, interval: tuple[float, float]
 ) -> SpecialPoint:
-    """What was found at a row, with what is known of its motion: `point_fields`."""
+    """Return the special point of a branch.
+
+    Parameters
+    ----------
+    found : Found
+        The located special point.
+    known : dict
+        Fields of the point; see `point_fields`.
+    label : str
+        Label, such as "LP1".
+    index : int
+        Number of its point in the branch.
+    interval : (float, float)
+        Values of the parameter at the neighbouring points.
+
+    Returns
+    -------
+    SpecialPoint
+        The special point.
+    """
     return SpecialPoint(
         **known | {"error": found.error}, truncation=known["error"], label=label, kind=found.event.kind, index=index,
         located=found.located, interval=interval, note=found.note, meaning=found.event.meaning,
@@ -130,36 +183,36 @@ def build_special_point(
     )  # fmt: skip
 
 
-def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:
-    """What was observed of all rows (P, length), ``nothing`` of those that were not; None if none was."""
-    seen = [row.observed.get(name) for row in rows]
-    lengths = {len(x) for x in seen if x is not None}
+def _column(points: list[CurvePoint], name: str, missing: Any) -> Array | None:
+    """Return a monitored quantity of all points, (P, length), ``missing`` where unknown; None if unknown everywhere."""
+    observed = [point.observed.get(name) for point in points]
+    lengths = {len(x) for x in observed if x is not None}
     if not lengths:
         return None
-    none = np.full(max(lengths), nothing)
-    column: Array = np.array([x if x is not None and len(x) == len(none) else none for x in seen])
+    blank = np.full(max(lengths), missing)
+    column: Array = np.array([x if x is not None and len(x) == len(blank) else blank for x in observed])
     return column
 
 
-def build_point(problem: ContinuationProblem, name: str, fixed: dict[str, float], row: CurvePoint) -> Point:
-    """The `Point` a row stands for."""
-    return Point(**point_fields(problem, name, fixed, row))
+def build_point(problem: ContinuationProblem, name: str, fixed: dict[str, float], point: CurvePoint) -> Point:
+    """Return a point of a trace as a `Point`."""
+    return Point(**point_fields(problem, name, fixed, point))
 
 
 def point_fields(
-    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], row: CurvePoint
+    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
 ) -> dict[str, Any]:
-    """What a `Point` says of a row."""
-    X, own = problem.split(row.X)
-    mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
+    """Return the fields of the `Point` of a point of a trace."""
+    X, tracked = problem.split(point.X)
+    mu, regime = point.observed.get("multipliers"), point.observed.get("regime", ())
     return {
         "X": X,
-        "parameters": {**fixed, **own, name: row.value},
-        "residual": row.residual,
-        "iterations": row.iterations,
+        "parameters": {**fixed, **tracked, name: point.value},
+        "residual": point.residual,
+        "iterations": point.iterations,
         "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
         "regime": np.asarray(regime, dtype=np.int8),
-        "error": row.observed.get("error", math.nan),
+        "error": point.observed.get("error", math.nan),
         "layout": problem.layout,
         "problem": problem.original,
     }

@@ -1,9 +1,9 @@
-"""The rows of a curve with more unknowns, each at the solution nearest to it, and what that changes.
+"""Refinement of a branch: each point is solved again with more unknowns, at the nearest solution.
 
     [J R_p] S y = -R,  y of least norm,   R, J, R_p with more unknowns, S the sizes of solution and parameter
 
-A curve may turn at a row, so the parameter moves as well. The difference of anything read from both is an estimate of
-its error, as long as errors fall fast enough with the number of unknowns.
+The parameter changes as well, because the point may be a fold. The difference of a result between both branches
+estimates its error if errors decrease fast enough with the number of unknowns.
 """
 
 from __future__ import annotations
@@ -22,22 +22,46 @@ from hbgear.continuation.problem.base import ContinuationProblem, linearise, obs
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
 
+MAX_ITERATIONS = 12
+"""Maximum number of Newton iterations at a point."""
+
+RESIDUAL_TOLERANCE = 1e-11
+"""Largest relative residual of a refined point."""
+
 
 def nearest_solution(
     problem: ContinuationProblem, X: Array, name: str, here: Mapping[str, float]
 ) -> tuple[Array, float]:
-    """The solution (X, p) nearest to a guess: Newton with the shortest steps in X and p over their sizes.
+    """Return the solution (X, p) nearest to a guess, by Newton's method with steps of least norm.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    X : ndarray, shape (n,)
+        Guess of the unknowns.
+    name : str
+        Name of the continuation parameter.
+    here : mapping of str to float
+        All parameters, with the guess of the continuation parameter.
+
+    Returns
+    -------
+    X : ndarray, shape (n,)
+        Unknowns.
+    value : float
+        Value of the parameter.
 
     Raises
     ------
     NoConvergence
-        If there is none.
+        If the iteration does not converge.
     """
     at, scale = dict(here), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
     scale[-1] = problem.unit_of(name, here[name])
-    for _ in range(12):
+    for _ in range(MAX_ITERATIONS):
         now = linearise(problem, X, name, at)
-        if norm(now.R) <= 1e-11 * now.size:
+        if norm(now.R) <= RESIDUAL_TOLERANCE * now.size:
             return X, at[name]
         Q, R = scipy.linalg.qr((np.column_stack([now.dR_dX, now.dR_dp]) * scale).T, mode="economic")
         step = scale * (Q @ scipy.linalg.solve_triangular(R, -now.R, trans=1))
@@ -46,28 +70,46 @@ def nearest_solution(
 
 
 def refine_branch(branch: Branch) -> Branch:
-    """See `Branch.refined`."""
+    """Return a branch with twice the harmonics; see `Branch.refined`.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with its problem.
+
+    Returns
+    -------
+    Branch
+        Branch with the same number of points, nan where no solution was found.
+
+    Raises
+    ------
+    ValueError
+        If the branch does not have its problem, has the largest number of harmonics or consists of special points.
+    """
     problem = branch.problem
     finer = None if problem is None else as_problem(problem).refined_problem
     if finer is None:
-        why = "has lost its problem: load it with load(path, problem=HarmonicBalance(...))" if problem is None else (
-            "has as many harmonics as are solved for: trace it with fewer")  # fmt: skip
+        why = "has the largest number of harmonics already: trace it with fewer"
+        if problem is None:
+            why = "does not have its problem: load it with load(path, problem=HarmonicBalance(...))"
         raise ValueError(f"a curve is refined with twice the harmonics, and this one {why}")
     if branch.tracked:
         raise ValueError("a curve of special points is not refined: its points state their own errors")
     finer = as_problem(finer)
-    rows = [_row(finer, branch, i) for i in range(len(branch))]
-    X, values = np.array([X for X, _ in rows]), np.array([value for _, value in rows])
-    known, seen = np.isfinite(values), _blank(branch)
-    for i, told in zip(np.flatnonzero(known), _observed(finer, branch, X[known], values[known]), strict=True):
-        for name in seen.keys() & told.keys():
-            seen[name][i] = told[name]
+    solutions = [_solution(finer, branch, i) for i in range(len(branch))]
+    X, values = np.array([X for X, _ in solutions]), np.array([value for _, value in solutions])
+    known, observed = np.isfinite(values), _blank(branch)
+    for i, quantities in zip(np.flatnonzero(known), _observed(finer, branch, X[known], values[known]), strict=True):
+        for name in observed.keys() & quantities.keys():
+            observed[name][i] = quantities[name]
     return replace(
-        branch, X=X, values=values, layout=finer.layout, problem=finer.original, others=(), full_motion=None, **seen
+        branch, X=X, values=values, layout=finer.layout, problem=finer.original, others=(), full_motion=None, **observed
     )
 
 
-def _row(finer: ContinuationProblem, branch: Branch, i: int) -> tuple[Array, float]:
+def _solution(finer: ContinuationProblem, branch: Branch, i: int) -> tuple[Array, float]:
+    """Return unknowns and parameter of point i at the higher resolution; nan if there is no solution."""
     guess = finer.resized(branch.X[i])
     try:
         return nearest_solution(finer, guess, branch.parameter, branch.parameters_at(i))
@@ -76,7 +118,7 @@ def _row(finer: ContinuationProblem, branch: Branch, i: int) -> tuple[Array, flo
 
 
 def _blank(branch: Branch) -> dict[str, Any]:
-    """What is stored of each row beside the solution, not yet known."""
+    """Return arrays for the monitored quantities of each point, filled with the values for unknown quantities."""
     names = ("regime", "error", "modulus_error", *(["multipliers"] if branch.multipliers is not None else []))
     out = {name: np.array(getattr(branch, name)) for name in names}
     for name, array in out.items():
@@ -85,5 +127,6 @@ def _blank(branch: Branch) -> dict[str, Any]:
 
 
 def _observed(finer: ContinuationProblem, branch: Branch, X: Array, values: Array) -> list[dict[str, Any]]:
-    rows = np.column_stack([X, values])
-    return observe_all(finer, rows, branch.parameter, dict(branch.fixed), branch.multipliers is not None)
+    """Return the monitored quantities of solutions X (P, n) at the higher resolution."""
+    u = np.column_stack([X, values])
+    return observe_all(finer, u, branch.parameter, dict(branch.fixed), branch.multipliers is not None)

@@ -1,7 +1,9 @@
-"""One piece of a solution curve: scaled unknowns, tangents, and points between two rows.
+"""Points and segments of a curve: scaled unknowns, tangents, and points between two neighbouring points.
 
-A row is u = (X, lambda). Lengths and angles are measured in scaled unknowns u / scale, so that a step, a turning angle
-and a distance mean the same whatever the units of X and lambda.
+    u = (X, p),   |du|^2 = sum_i (du_i / scale_i)^2
+
+Lengths and angles are measured in the scaled unknowns u / scale, so that steps, angles and distances do not depend on
+the units of X and of the parameter p.
 """
 
 from __future__ import annotations
@@ -20,14 +22,29 @@ from hbgear.continuation.solvers.corrector import CorrectedPoint, correct, corre
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
 
 
-@dataclass(slots=True, eq=False)  # not frozen, for that makes it three times as dear to make one
+@dataclass(slots=True, eq=False)  # not frozen: frozen instances take three times as long to create
 class CurvePoint:
-    """A converged point of a curve with what the curve does there; it is not changed.
+    """Converged point of a curve, with its tangent. Only ``observed`` is filled later.
 
-    u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
-    sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds. heading: whether
-    lambda rises (+1) or falls (-1) along the curve, or last did before a stretch on which it stands still. residual and
-    iterations of the corrector; step: distance to the prediction it came from; observed: what the problem says of it.
+    Attributes
+    ----------
+    u : ndarray, shape (n + 1,)
+        Unknowns X and the parameter.
+    tangent : ndarray, shape (n + 1,)
+        Tangent du/ds in unscaled unknowns, of unit length in scaled unknowns.
+    orientation : int
+        Sign of det [dR/dX dR/dp; tangent^T]. It changes at branch points and not at folds.
+    residual : float
+        Relative residual.
+    iterations : int
+        Number of iterations of the corrector.
+    step : float
+        Size of the step to this point.
+    parameter_direction : int
+        +1 if the parameter increases along the curve, -1 if it decreases. On a section of constant
+        parameter it keeps its last value.
+    observed : dict
+        Monitored quantities; see `ContinuationProblem.observe`.
     """
 
     u: Array
@@ -36,7 +53,7 @@ class CurvePoint:
     residual: float
     iterations: int
     step: float = 0.0
-    heading: int = 0
+    parameter_direction: int = 0
     observed: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -53,26 +70,46 @@ class CurvePoint:
     def determinant(self) -> int:
         """Sign of det(dR/dX), 0 where it vanishes up to rounding.
 
-        By Cramer's rule it is that of det [J R_lambda; tangent] times the component of the tangent in lambda.
+        By Cramer's rule it is the sign of det [dR/dX dR/dp; tangent^T] times the component of the tangent in p.
         """
-        moves = float(self.tangent[-1])
-        if abs(moves) <= _SINGULAR and abs(moves) <= _SINGULAR * norm(self.tangent):
+        change, rounding = float(self.tangent[-1]), TANGENT_ROUNDING
+        if abs(change) <= rounding and abs(change) <= rounding * norm(self.tangent):
             return 0
-        return self.orientation if moves > 0 else -self.orientation
+        return self.orientation if change > 0 else -self.orientation
 
 
-_SINGULAR = 1e-12  # component of the tangent in lambda, over its norm, that is rounding
+TANGENT_ROUNDING = 1e-12
+"""Component of the tangent in the parameter, relative to its norm, below which it is rounding error."""
 
 
 class Points(list[CurvePoint]):
-    """Rows of a curve that do not change any more, of which columns are made once."""
+    """Points of a curve that do not change any more. Quantities computed from all points are stored.
 
-    def __init__(self, rows: Iterable[CurvePoint]) -> None:
-        super().__init__(rows)
+    Parameters
+    ----------
+    points : iterable of CurvePoint
+        The points.
+    """
+
+    def __init__(self, points: Iterable[CurvePoint]) -> None:
+        super().__init__(points)
         self._columns: dict[Any, Any] = {}
 
     def column(self, name: Any, make: Callable[[], Any]) -> Any:
-        """What is kept by that name; made when it is first asked for."""
+        """Return the quantity stored under a name; compute it at the first call.
+
+        Parameters
+        ----------
+        name : hashable
+            Name of the quantity.
+        make : callable
+            Function without arguments that computes it.
+
+        Returns
+        -------
+        object
+            The quantity.
+        """
         if name not in self._columns:
             self._columns[name] = make()
         return self._columns[name]
@@ -80,10 +117,20 @@ class Points(list[CurvePoint]):
 
 @dataclass(frozen=True)
 class BranchStart:
-    """Where a branch begins, and which way: X, parameters, and the direction (n + 1,) in (X, lambda).
+    """Start of a branch: a solution and the direction of the branch.
 
-    away : whether another branch leaves at a special point, X, where its equations are singular.
-    event : the event of that point, which happens again where the branch closes.
+    Attributes
+    ----------
+    X : ndarray, shape (n,)
+        Unknowns.
+    parameters : dict of str to float
+        All parameters.
+    direction : ndarray, shape (n + 1,)
+        Direction in (X, p).
+    away : bool
+        Whether the branch leaves another one at a special point, where the equations are singular. The default is True.
+    event : Event or None
+        Event of the special point, which happens again where the branch closes.
     """
 
     X: Array
@@ -94,17 +141,45 @@ class BranchStart:
 
 
 def normal_of(direction: Array, scale: Array) -> Array:
-    """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
+    """Return the normal of the plane that is orthogonal to a direction in scaled unknowns.
+
+    Parameters
+    ----------
+    direction : ndarray, shape (n + 1,)
+        Direction in unscaled unknowns.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+        Normal in unscaled unknowns.
+    """
     scaled: Array = direction / scale**2
     return scaled
 
 
 @dataclass(frozen=True)
 class Segment:
-    """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
+    """Curve between two neighbouring points a and b.
 
-    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b. Two special points can lie at one
-    place, and the segment between them has no length: then ``at`` returns a.
+    Points between them are guessed by cubic Hermite interpolation and corrected orthogonally to b - a. A segment
+    between two coinciding special points has zero length.
+
+    Attributes
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    name : str
+        Name of the continuation parameter.
+    parameters : mapping of str to float
+        Values of the other parameters.
+    a, b : CurvePoint
+        First and last point.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    settings : NewtonSettings
+        Settings of the corrector.
     """
 
     problem: ContinuationProblem
@@ -117,24 +192,45 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """Length of the chord, scaled."""
+        """Scaled distance of the ends."""
         return norm((self.b.u - self.a.u) / self.scale)
 
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
-        """du/ds at both ends: the tangents, as long as the chord in the scales of the piece."""
+        """Derivatives du/ds at both ends in the fraction s: tangents whose scaled length is `length`."""
         length = self.length
-        a, b = (length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
+        a, b = (length / norm(end.tangent / self.scale) * end.tangent for end in (self.a, self.b))
         return a, b
 
     def guess(self, s: float | Array) -> Array:
-        """Hermite interpolation of u, or of several at places (k, 1)."""
+        """Return the Hermite interpolation of u at a fraction s, or at several fractions.
+
+        Parameters
+        ----------
+        s : float or ndarray, shape (k, 1)
+            Fractions.
+
+        Returns
+        -------
+        ndarray, shape (n + 1,) or (k, n + 1)
+            Interpolated unknowns.
+        """
         (begin, end), square, rest = self.slopes, s * s, 1.0 - s
         value = square * (3.0 - 2.0 * s)
         return (1.0 - value) * self.a.u + value * self.b.u + s * rest * (rest * begin - s * end)
 
     def at(self, s: float) -> CurvePoint:
-        """Corrected row at the fraction s of the chord.
+        """Return the corrected point at a fraction of the segment.
+
+        Parameters
+        ----------
+        s : float
+            Fraction, 0 at a and 1 at b.
+
+        Returns
+        -------
+        CurvePoint
+            The point; a for a segment of zero length.
 
         Raises
         ------
@@ -145,7 +241,7 @@ class Segment:
             return self.a
         normal = normal_of(self.b.u - self.a.u, self.scale)
         u = self.guess(s)
-        # put the guess on the plane at exactly the fraction s of the chord
+        # move the guess onto the plane at exactly the fraction s
         along = (1 - s) * self.a.u + s * self.b.u
         chord = self.b.u - self.a.u
         u = u + chord * (normal @ (along - u)) / (normal @ chord)
@@ -153,22 +249,44 @@ class Segment:
         return point_along(correct(self.problem, u, normal, self.name, self.parameters, self.settings), self.scale)
 
     def part(self, a: CurvePoint, b: CurvePoint) -> Segment:
-        """The curve between two rows on it."""
+        """Return the segment between two other points a and b of the same curve."""
         return replace(self, a=a, b=b)
 
-    def place(self, u: Array) -> float:
-        """The fraction of the chord at which u lies beside it; 0 if the segment has no length."""
+    def fraction_of(self, u: Array) -> float:
+        """Return the fraction of the segment at the orthogonal projection of a point onto it.
+
+        Parameters
+        ----------
+        u : ndarray, shape (n + 1,)
+            Unknowns of the point.
+
+        Returns
+        -------
+        float
+            The fraction; 0 for a segment of zero length.
+        """
         if self.length == 0.0:
             return 0.0
         chord = (self.b.u - self.a.u) / self.scale
         return float(chord @ ((u - self.a.u) / self.scale) / (chord @ chord))
 
     def passes(self, known: CurvePoint) -> bool:
-        """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
+        """Return whether the segment passes through a known point.
+
+        Parameters
+        ----------
+        known : CurvePoint
+            The known point, with its tangent.
+
+        Returns
+        -------
+        bool
+            Whether the nearest point of the segment coincides with the known curve.
+        """
         chord = (self.b.u - self.a.u) / self.scale
         offset = (known.u - self.a.u) / self.scale
-        length, s = norm(chord), self.place(known.u)
-        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * length:
+        length, s = norm(chord), self.fraction_of(known.u)
+        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > MAX_CHORD_DISTANCE * length:
             return False
         try:
             there = self.at(s)
@@ -176,8 +294,14 @@ class Segment:
             return False
         gap, along = (there.u - known.u) / self.scale, known.tangent / self.scale
         across = gap - along * (gap @ along) / (along @ along)
-        return float(np.linalg.norm(across)) < 1e-3 * length
+        return float(np.linalg.norm(across)) < SAME_CURVE_DISTANCE * length
 
+
+MAX_CHORD_DISTANCE = 0.1
+"""Distance of a known point from the straight line a to b, relative to the length, above which it is not compared."""
+
+SAME_CURVE_DISTANCE = 1e-3
+"""Distance of two points across the curve, relative to the length of the segment, below which they coincide."""
 
 SAME_POINT_TOLERANCE = 1e-6
 """Relative distance of two points below which they are equal up to rounding."""
@@ -189,17 +313,36 @@ def are_equal(u: Array, v: Array) -> bool:
 
 
 def cosine(a: CurvePoint, b: CurvePoint, scale: Array) -> float:
-    """Cosine of the angle between the tangents of two rows, up to their lengths."""
+    """Return the cosine of the angle between the tangents of two points, which have unit length in scaled unknowns."""
     return float((a.tangent / scale) @ (b.tangent / scale))
 
 
-_STILL = 1e-7  # component of the scaled tangent in lambda that is rounding
+CONSTANT_PARAMETER_SLOPE = 1e-7
+"""Component of the scaled tangent in the parameter below which it is rounding error."""
 
 
 def point_from_solution(
     solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: CurvePoint | None = None
 ) -> CurvePoint:
-    """Point of a solution, its tangent pointing along normal; before is the row the curve comes from.
+    """Return the point of a solution, with its tangent.
+
+    Parameters
+    ----------
+    solution : Solution
+        Solution with its derivatives.
+    normal : ndarray, shape (n + 1,)
+        Vector with a positive product with the tangent.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    step : float, optional
+        Size of the step to the point. The default is 0.
+    before : CurvePoint, optional
+        Previous point of the curve.
+
+    Returns
+    -------
+    CurvePoint
+        The point.
 
     Raises
     ------
@@ -210,39 +353,77 @@ def point_from_solution(
 
 
 def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, before: CurvePoint | None = None) -> CurvePoint:
-    """Point of a solution whose direction is known."""
+    """Return the point of a solution whose direction is known.
+
+    Parameters
+    ----------
+    point : CorrectedPoint
+        Solution and direction.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    step : float, optional
+        Size of the step to the point. The default is 0.
+    before : CurvePoint, optional
+        Previous point of the curve.
+
+    Returns
+    -------
+    CurvePoint
+        The point.
+    """
     solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    heading = parameter_direction(float(unit[-1] / scale[-1]), before.heading if before else 0)
-    return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, heading)
+    direction = parameter_direction(float(unit[-1] / scale[-1]), before.parameter_direction if before else 0)
+    return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, direction)
 
 
 def resolve_at_resolution(
-    row: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
+    point: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
     settings: NewtonSettings, still: bool = False,
 ) -> CurvePoint:  # fmt: skip
-    """A row with the unknowns of another problem, whose scales are given.
+    """Return a point at the resolution of another problem.
 
-    still : at its value of the parameter, as the ends of a curve; else in the plane across the curve.
+    Parameters
+    ----------
+    point : CurvePoint
+        The point.
+    problem : ContinuationProblem
+        The other problem.
+    name : str
+        Name of the continuation parameter.
+    parameters : mapping of str to float
+        Values of the other parameters.
+    scale : ndarray, shape (m + 1,)
+        Scales of its unknowns.
+    settings : NewtonSettings
+        Settings of the corrector.
+    still : bool, optional
+        Whether the parameter keeps its value, as at the ends of a curve. By default the corrector moves in the plane
+        orthogonal to the curve.
+
+    Returns
+    -------
+    CurvePoint
+        The point.
 
     Raises
     ------
     NoConvergence, numpy.linalg.LinAlgError
-        If it is not found.
+        If the corrector fails.
     """
-    X, direction = problem.resized(row.X), np.append(problem.resized(row.tangent[:-1]), row.tangent[-1])
-    normal = np.append(np.zeros(len(X)), row.heading or 1.0) if still else normal_of(direction, scale)
+    X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
+    normal = np.append(np.zeros(len(X)), point.parameter_direction or 1.0) if still else normal_of(direction, scale)
     normal = normal / np.linalg.norm(normal)
-    point = correct(problem, np.append(X, row.value), normal, name, parameters, settings)
-    return point_along(point, scale, row.step, row)
+    solved = correct(problem, np.append(X, point.value), normal, name, parameters, settings)
+    return point_along(solved, scale, point.step, point)
 
 
 def rescaled(scale: Array, problem: ContinuationProblem, size: int) -> Array:
-    """Scales (size + 1,) of a problem with another number of unknowns, its parameters among them as they were."""
+    """Return the scales (size + 1,) for another number of unknowns; the scales of parameters remain."""
     own = 1 + len(problem.unknown_parameters)
     return np.concatenate([np.full(size + 1 - own, scale[0]), scale[-own:]])
 
 
-def parameter_direction(moves: float, before: int) -> int:
-    """Whether lambda rises or falls, by the scaled component of the tangent in it; as before where it stands still."""
-    return (1 if moves > 0 else -1) if abs(moves) > _STILL else before
+def parameter_direction(change: float, before: int) -> int:
+    """Return the sign of the scaled parameter change along the tangent; ``before`` if it is rounding error."""
+    return (1 if change > 0 else -1) if abs(change) > CONSTANT_PARAMETER_SLOPE else before

@@ -1,17 +1,17 @@
-"""Errors of special points: what other numbers of unknowns change of them.
+"""A posteriori error estimates of special points, by comparison of different numbers of unknowns.
 
     {R, g}(X, p) = 0,     error(n) = max_i w_i | p(n_i) - p(n) |
 
-R and g are the equations of the special point, p(n) the value of the parameter that solves them with n unknowns. The
-problem states the numbers n_i and weights w_i (`ContinuationProblem.comparisons`): 3/2 n and 2 n with the
-weight 1, where they can be solved for; else fewer unknowns, with weights for the slow rate n^-2. One difference is no
-estimate: with short contacts the error oscillates with the number of unknowns, and passes zero.
+R and g are the equations of the special point, and p(n) is the parameter value that solves them with n unknowns. The
+problem defines the numbers n_i and the weights w_i (`ContinuationProblem.comparisons`): 3/2 n and 2 n with the weight 1
+if these can be solved, else smaller numbers with weights for the slow rate n^-2. One difference is not sufficient: with
+short contacts the error oscillates with the number of unknowns, and crosses zero.
 
-Each p(n_i) is converged: a single Newton step is wrong by a factor of 20 where contacts are short. The estimate is a
-function of the point and its number of unknowns alone, whatever led to it. Where the error is larger than wanted, or
-the multipliers are not those of the event (`Event.deviation`), the point is located with twice the unknowns, and its
-error estimated again. Points without equations, and those that leave their segment of the curve, are located on the
-segment solved again.
+Each p(n_i) is converged, because a single Newton step is wrong by a factor of 20 for short contacts. The estimate
+depends on the point and its number of unknowns alone, and not on the path of the trace. If the error exceeds the
+target, or the multipliers deviate from the values that the event requires (`Event.deviation`), the point is located
+with twice the unknowns, and the error is estimated again. A special point without equations, or one that leaves its
+segment, is located on the segment solved again with the other number of unknowns.
 """
 
 from __future__ import annotations
@@ -34,33 +34,66 @@ from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at
 
-_ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is stated to be smaller
+PARAMETER_ROUNDING = 1e-12
+"""Rounding error of a parameter, relative to its unit. Error estimates are not smaller."""
 
 
-_FAR = 0.05  # scaled length by which a point may move when it is located with another number of unknowns
+MAX_POINT_SHIFT = 0.05
+"""Largest scaled distance by which a special point may move at another number of unknowns."""
 
 
-_REACHES = 1.0, 3.0, 9.0  # lengths of the segment, at either end, with which it is searched again
+SEGMENT_EXTENSIONS = 1.0, 3.0, 9.0
+"""Lengths, relative to the segment, by which it is extended at both ends when it is searched again."""
 
 
-_MISSED = 2  # times in a row that a point is not found with more unknowns, after which the search ends
+MAX_FAILED_REFINEMENTS = 2
+"""Number of successive refinements without a location, after which the search ends."""
 
 
-_SKETCH = 0.5  # error of a solution relative to its size above which it is no start for one with more unknowns
+UNDER_RESOLVED_ERROR = 0.5
+"""Error of a solution, relative to its norm, above which it is no initial guess for more unknowns."""
 
 
-_SETTLED = 0.1  # last Newton step, over the change of the parameter, at which that change is known
+SETTLED_STEP_RATIO = 0.1
+"""Last Newton step, relative to the change of the parameter, below which this change is known."""
 
 
-_STEPS = 6  # Newton steps in which it settles, before the damped iteration takes over
+MAX_PLAIN_STEPS = 6
+"""Number of undamped Newton steps, after which the damped iteration is used."""
+
+
+MAX_MULTIPLIER_DEVIATION = 1e-3
+"""Distance of a multiplier from +1 (BP), -1 (PD) or the unit circle (NS) above which a point is not located.
+
+Correct points were observed with 1e-4 and less, ends of segments that were mistaken for special points with 1e-2 and
+more.
+"""
+
+
+COMPARISON_COST = 3
+"""Cost of a special point located with 3/2 n and 2 n unknowns, in solutions with 2 n unknowns."""
+
+
+LOCATION_COST = 4
+"""Cost of a special point located to all digits, in solutions."""
+
+
+SAME_SEGMENT_FRACTION = 1e-3
+"""Shift of a point, as a fraction of the segment, up to which it remains the same special point."""
 
 
 @dataclass(frozen=True)
-class Moved:
-    """A special point with another number of unknowns.
+class MovedPoint:
+    """A special point at another number of unknowns.
 
-    value : of the parameter, nan if the point was not found. distance : scaled, from where it was.
-    sharp : locates it to all digits.
+    Attributes
+    ----------
+    value : float
+        Value of the parameter, nan if the point was not found.
+    distance : float
+        Scaled distance from the original location.
+    sharp : callable
+        Function that locates the point to all digits, and returns None if that fails.
     """
 
     value: float
@@ -68,103 +101,100 @@ class Moved:
     sharp: Callable[[], RefinedLocation | None]
 
 
-_LOST = Moved(math.nan, math.inf, lambda: None)
+_NOT_FOUND = MovedPoint(math.nan, math.inf, lambda: None)
 
 
-def estimate_error(arc: Segment, found: LocatedEvent, accuracy: float, work: Work | None = None) -> LocatedEvent:
-    """A special point with its error, located with more unknowns where that is above the accuracy.
+def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work: Work | None = None) -> LocatedEvent:
+    """Return a special point with its error estimate, refined until the error is below the target.
 
     Parameters
     ----------
-    arc : Segment
-        The segment of the curve on which it was found.
-    found : Found
-        The point.
+    segment : Segment
+        Segment on which the point was found.
+    found : LocatedEvent
+        The special point.
     accuracy : float
-        Largest error wanted, relative to the size of the parameter (`ContinuationProblem.unit_of`).
+        Target error, relative to the size of the parameter (`ContinuationProblem.unit_of`).
     work : Work, optional
-        Bound of the work; none by default. Where it is reached the error stays as large as it was estimated.
+        Limit of the work; none by default. If it is reached, the last error estimate is kept.
 
     Returns
     -------
-    Found
-        Its error is infinite if other numbers of unknowns do not have it, nan if none can be compared. It is not
-        located if its multipliers are farther than 1e-3 from those of the event with the most unknowns.
+    LocatedEvent
+        The special point. Its error is infinite if it does not exist at other numbers of unknowns, and nan if there is
+        no other number for a comparison. It is not located if its multipliers at the largest number of unknowns deviate
+        by more than 1e-3 from the values that the event requires.
     """
-    rough = (is_under_resolved(arc.problem, end.X, end.observed.get("error", 0.0)) for end in (arc.a, arc.b))
-    if not arc.problem.comparisons or any(rough):
+    rough = (
+        is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
+    )
+    if not segment.problem.comparisons or any(rough):
         return found
     work = work or Work(math.inf)
-    unit = arc.problem.unit_of(arc.name, found.row.value)
-    goal, problem, missed, error = accuracy * unit, arc.problem, 0, math.inf
+    unit = segment.problem.unit_of(segment.name, found.point.value)
+    goal, problem, failures, error = accuracy * unit, segment.problem, 0, math.inf
     while True:
-        moved: list[tuple[ContinuationProblem, Moved]] = []
-        if not _may_compare(problem, problem is arc.problem, work):
+        moved: list[tuple[ContinuationProblem, MovedPoint]] = []
+        if not _may_compare(problem, problem is segment.problem, work):
             break
-        error = _error(arc, found, problem, goal, moved)
+        error = _estimate(segment, found, problem, goal, moved)
         finer = None if problem.refined_problem is None else problem.refined_problem
-        if (error <= goal and _deviation(arc, found) <= _CRITICAL) or finer is None:
+        if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
-        if not work.allows(finer.size or 0, _SEARCH):
-            error = _error(arc, found, problem, math.inf, [])
+        if not work.allows(finer.size or 0, LOCATION_COST):
+            error = _estimate(segment, found, problem, math.inf, [])
             break
         known = next((there for other, there in moved if other is finer), None)
-        sharp = (known or _moved(arc, found, finer)).sharp()
-        missed, problem = (0 if sharp else missed + 1), finer
+        sharp = (known or _at_other_resolution(segment, found, finer)).sharp()
+        failures, problem = (0 if sharp else failures + 1), finer
         if sharp:
             found = replace(found, sharp=sharp, located=True)
-        elif missed == _MISSED:
+        elif failures == MAX_FAILED_REFINEMENTS:
             break
-    located = found.located and _deviation(arc, found) <= _CRITICAL
-    return replace(found, error=math.inf if missed else max(error, _ROUNDING * unit), located=located)
+    located = found.located and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION
+    return replace(found, error=math.inf if failures else max(error, PARAMETER_ROUNDING * unit), located=located)
 
 
-_CRITICAL = 1e-3
-"""Distance of a multiplier from +1 (BP), -1 (PD) or the unit circle (NS) above which a point is not located.
-
-Points that are right were seen with 1e-4 and less, ends of segments that were taken for points with .01 and more.
-"""
-
-
-def _deviation(arc: Segment, found: LocatedEvent) -> float:
-    """Distance of the multipliers of a point from those that its event requires; 0 if there are none, or not known."""
-    if not found.located or "multipliers" not in arc.a.observed or found.event.deviation(np.empty(0, complex)) == 0:
+def _deviation(segment: Segment, found: LocatedEvent) -> float:
+    """Return the distance of the multipliers of a point from the values that its event requires; 0 if unknown."""
+    if not found.located or "multipliers" not in segment.a.observed or found.event.deviation(np.empty(0, complex)) == 0:
         return 0.0
-    there = found.sharp or RefinedLocation(arc.problem, found.row)
-    if not there.row.observed:
-        there.row.observed.update(observe_all(there.problem, there.row.u[None], arc.name, arc.parameters, True)[0])
-    multipliers = there.row.observed.get("multipliers", np.full(1, math.nan))
+    there = found.sharp or RefinedLocation(segment.problem, found.point)
+    if not there.point.observed:
+        there.point.observed.update(
+            observe_all(there.problem, there.point.u[None], segment.name, segment.parameters, True)[0]
+        )
+    multipliers = there.point.observed.get("multipliers", np.full(1, math.nan))
     return 0.0 if np.isnan(multipliers).any() else found.event.deviation(multipliers)
 
 
 def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
-    """Whether the bound of the work allows all comparisons of a problem: one difference alone is no estimate.
+    """Return whether the limit of the work allows all comparisons of a problem.
 
-    first : whether they are the first estimate of a point, which has a bound of its own. Later ones only improve it: a
-    point located with more unknowns has no larger error than the one with fewer.
+    The first estimate of a point (``first``) has a limit of its own. Later estimates only improve it.
     """
     sizes = [other.size or 0 for other, _ in problem.comparisons]
-    return work.estimates(max(sizes), _COMPARED) if first else work.allows(max(sizes), _COMPARED)
+    return work.estimates(max(sizes), COMPARISON_COST) if first else work.allows(max(sizes), COMPARISON_COST)
 
 
-def _error(
-    arc: Segment,
+def _estimate(
+    segment: Segment,
     found: LocatedEvent,
     problem: ContinuationProblem,
     goal: float,
-    moved: list[tuple[ContinuationProblem, Moved]],
+    moved: list[tuple[ContinuationProblem, MovedPoint]],
 ) -> float:
-    """The error of a point located with the unknowns of a problem; some larger number than the goal, if it is larger.
+    """Return the error of a point at the resolution of a problem; an infinite goal gives the complete estimate.
 
-    An infinite goal: the whole error.
-    moved : filled with what was located, each with its problem.
+    The comparisons stop at the first one that exceeds the goal. The list ``moved`` is filled with the points located,
+    each with its problem.
     """
-    own = (found.sharp.problem if found.sharp else arc.problem) is problem
-    if not found.located or not own:  # not known with so many unknowns
+    own = (found.sharp.problem if found.sharp else segment.problem) is problem
+    if not found.located or not own:  # not located at this resolution
         return math.inf
     value, errors = found.value, []
     for other, weight in problem.comparisons:
-        there = _moved(arc, found, other)
+        there = _at_other_resolution(segment, found, other)
         moved.append((other, there))
         errors.append(weight * abs(there.value - value))
         if problem.refined_problem is not None and not errors[-1] <= goal:
@@ -173,52 +203,64 @@ def _error(
     return max(known, default=math.inf)
 
 
-_COMPARED = 3  # solutions with 2 n unknowns that take as long as a point by its equations with 3/2 n and 2 n
-
-
-_SEARCH = 4  # solutions that take as long as a point that is located to all digits
-
-
 def is_under_resolved(problem: ContinuationProblem, X: Array, error: float) -> bool:
-    """Whether a solution with this error is too rough to be solved for with more unknowns."""
-    return error > _SKETCH * problem.solution_norm(X)
+    """Return whether a solution is too inaccurate to be an initial guess at a higher resolution.
 
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    X : ndarray, shape (n,)
+        The solution.
+    error : float
+        Estimated error of the solution.
 
-def _moved(arc: Segment, found: LocatedEvent, problem: ContinuationProblem) -> Moved:
-    """The point with the unknowns of another problem: by its equations, else on the segment solved again.
-
-    Where the equations leave the segment, another point may lie, and of both answers the nearer one is the point.
+    Returns
+    -------
+    bool
+        Whether the error exceeds half of the solution norm.
     """
-    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
-    if simple and arc.problem.smooth:
-        first = _by_equations(arc, found, problem)
+    return error > UNDER_RESOLVED_ERROR * problem.solution_norm(X)
+
+
+def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint:
+    """Return the point at another resolution: by its equations, else on the segment solved again.
+
+    If the solution of the equations leaves the segment, it may be another special point. Then both methods are used,
+    and the nearer result is returned.
+    """
+    simple = found.located and found.finder is None  # the equations are singular if two multipliers cross at once
+    if simple and segment.problem.smooth:
+        first = _by_equations(segment, found, problem)
         if first is not None:
-            sharp = first.sharp() if _left(arc, found, first) else None
+            sharp = first.sharp() if _left_segment(segment, found, first) else None
             if sharp is None:
                 return first
-            second = _by_pieces(arc, found, problem)
+            second = _on_segment(segment, found, problem)
             return second if second.distance < first.distance else first
     if found.located and isinstance(found.event, FoldEvent):
         try:
-            change = _of_turn(arc, found.sharp.row if found.sharp else found.row, problem)
-            return Moved(found.value + change, 0.0, lambda: _by_pieces(arc, found, problem).sharp())
+            change = _fold_shift(segment, found.sharp.point if found.sharp else found.point, problem)
+            return MovedPoint(found.value + change, 0.0, lambda: _on_segment(segment, found, problem).sharp())
         except (NoConvergence, np.linalg.LinAlgError):
             pass
-    return _by_pieces(arc, found, problem)
+    return _on_segment(segment, found, problem)
 
 
-def _by_equations(arc: Segment, found: LocatedEvent, problem: ContinuationProblem) -> Moved | None:
-    """The point by Newton on its equations with the unknowns of another problem; None if it has none or they fail."""
-    now = found.sharp or RefinedLocation(arc.problem, found.row)
-    row, here = now.row, {**arc.parameters, arc.name: now.row.value}
+def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint | None:
+    """Return the point by Newton's method on its equations at another resolution; None if it fails."""
+    now = found.sharp or RefinedLocation(segment.problem, found.point)
+    row, here = now.point, {**segment.parameters, segment.name: now.point.value}
     start = np.append(problem.resized(row.X), row.value)
     try:
-        point = SpecialPoint(**point_fields(now.problem, arc.name, here, row), kind=found.event.kind, note=found.note)
-        extended = found.event.equations(problem, arc.name, point)
+        point = SpecialPoint(
+            **point_fields(now.problem, segment.name, here, row), kind=found.event.kind, note=found.note
+        )
+        extended = found.event.equations(problem, segment.name, point)
         if extended is None:
             return None
-        unit = problem.unit_of(arc.name, row.value)
-        U = _settled(extended, start, here, _ROUNDING * unit)
+        unit = problem.unit_of(segment.name, row.value)
+        U = _newton_until_settled(extended, start, here, PARAMETER_ROUNDING * unit)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
 
@@ -227,18 +269,20 @@ def _by_equations(arc: Segment, found: LocatedEvent, problem: ContinuationProble
             solution = extended.located(U, here)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        there = _row_of(arc, problem, solution_at(problem, solution.X, arc.name, arc.parameters))
-        good = _apart(arc, there, row) <= _FAR and there.residual <= arc.settings.tolerance
+        there = _point_of(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
+        good = _distance(segment, there, row) <= MAX_POINT_SHIFT and there.residual <= segment.settings.tolerance
         return RefinedLocation(problem, there) if good else None
 
-    distance = _apart(arc, replace(row, u=U), row)
-    return Moved(float(U[-1]), distance, sharp) if distance <= _FAR else None
+    distance = _distance(segment, replace(row, u=U), row)
+    return MovedPoint(float(U[-1]), distance, sharp) if distance <= MAX_POINT_SHIFT else None
 
 
-def _settled(extended: MinimallyAugmentedProblem, start: Array, here: dict[str, float], rounding: float) -> Array:
-    """Unknowns (X, p) of a special point whose change of p is known to a tenth."""
+def _newton_until_settled(
+    extended: MinimallyAugmentedProblem, start: Array, here: dict[str, float], rounding: float
+) -> Array:
+    """Return unknowns (X, p) of a special point whose change of p is accurate to a tenth."""
     U, own = start, extended
-    for _ in range(_STEPS):
+    for _ in range(MAX_PLAIN_STEPS):
         last = U
         try:
             own, U = own.stepped(U, here, 1)
@@ -246,66 +290,72 @@ def _settled(extended: MinimallyAugmentedProblem, start: Array, here: dict[str, 
             break
         if not np.isfinite(U).all():
             break
-        if abs(U[-1] - last[-1]) <= max(_SETTLED * abs(U[-1] - start[-1]), rounding):
+        if abs(U[-1] - last[-1]) <= max(SETTLED_STEP_RATIO * abs(U[-1] - start[-1]), rounding):
             return U
     return extended.located(start, here).X
 
 
-def _left(arc: Segment, found: LocatedEvent, moved: Moved) -> bool:
-    """Whether a point moved beyond the ends of the segment on which it was found, where another point may be."""
-    if moved.distance <= _AT_THE_END * arc.length:
+def _left_segment(segment: Segment, found: LocatedEvent, moved: MovedPoint) -> bool:
+    """Return whether a point moved beyond the ends of its segment, and may be another special point."""
+    if moved.distance <= SAME_SEGMENT_FRACTION * segment.length:
         return False
     sharp = moved.sharp()
-    return sharp is not None and not 0 <= arc.place(_fitted(arc, sharp.row)) <= 1
+    return sharp is not None and not 0 <= segment.fraction_of(_resized(segment, sharp.point)) <= 1
 
 
-_AT_THE_END = 1e-3  # share of a segment by which a point may move without being another one
-
-
-def _by_pieces(arc: Segment, found: LocatedEvent, problem: ContinuationProblem) -> Moved:
-    """The point located again on the segment solved with the unknowns of another problem."""
+def _on_segment(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint:
+    """Return the point located on the segment solved again at another resolution."""
     find = (found.finder or found.event).find
     try:
-        again = _again(arc, problem)
-        points = [p for p in find(again) or _beyond(again, find) if p.located and p.event.kind == found.event.kind]
+        again = _solved_again(segment, problem)
+        points = [
+            p
+            for p in find(again) or _on_extended_segment(again, find)
+            if p.located and p.event.kind == found.event.kind
+        ]
     except (NoConvergence, np.linalg.LinAlgError):
-        return _LOST
+        return _NOT_FOUND
     if not points:
-        return _LOST
-    row = min(points, key=lambda p: abs(again.place(p.row.u) - found.s)).row
-    return Moved(row.value, _apart(arc, row, (found.sharp or found).row), lambda: RefinedLocation(problem, row))
+        return _NOT_FOUND
+    row = min(points, key=lambda p: abs(again.fraction_of(p.point.u) - found.s)).point
+    return MovedPoint(
+        row.value, _distance(segment, row, (found.sharp or found).point), lambda: RefinedLocation(problem, row)
+    )
 
 
-def _of_turn(arc: Segment, row: CurvePoint, finer: ContinuationProblem) -> float:
-    """What more unknowns change of the value at which the curve turns, from one row with them beside it.
+def _fold_shift(segment: Segment, row: CurvePoint, finer: ContinuationProblem) -> float:
+    """Return the change of the parameter value of a fold at a higher resolution, from one point near the fold.
 
-        p(s) ~ p + t (s - s_0) + k (s - s_0)^2 / 2,   at its turn p - t^2 / 2k
+        p(s) ~ p + t (s - s_0) + k (s - s_0)^2 / 2,   at the fold p - t^2 / 2k
 
-    with the slopes t there and k = dt/ds of the piece: where the curve turns its value hardly changes along it.
+    with the slope t at the point and k = dt/ds of the segment.
     """
-    finer = finer.with_borders_at(finer.resized(row.X), {**arc.parameters, arc.name: row.value})
-    scale = rescaled(arc.scale, finer, len(finer.resized(row.X)))
-    beside = resolve_at_resolution(row, finer, arc.name, arc.parameters, scale, arc.settings)
-    begin, end = arc.slopes
-    bend = (end[-1] - begin[-1]) / arc.length**2
-    return float(abs(beside.value - row.value) + beside.tangent[-1] ** 2 / abs(2 * bend))
+    finer = finer.with_borders_at(finer.resized(row.X), {**segment.parameters, segment.name: row.value})
+    scale = rescaled(segment.scale, finer, len(finer.resized(row.X)))
+    near_fold = resolve_at_resolution(row, finer, segment.name, segment.parameters, scale, segment.settings)
+    begin, end = segment.slopes
+    curvature = (end[-1] - begin[-1]) / segment.length**2
+    return float(abs(near_fold.value - row.value) + near_fold.tangent[-1] ** 2 / abs(2 * curvature))
 
 
-def _again(arc: Segment, finer: ContinuationProblem) -> Segment:
-    """The piece with its ends solved for with more unknowns, and observed."""
-    scale = rescaled(arc.scale, finer, len(finer.resized(arc.a.X)))
-    finer = finer.with_borders_at(finer.resized(arc.a.X), {**arc.parameters, arc.name: arc.a.value})
-    a, b = (resolve_at_resolution(row, finer, arc.name, arc.parameters, scale, arc.settings) for row in (arc.a, arc.b))
-    return _between(replace(arc, problem=finer, scale=scale), a, b)
+def _solved_again(segment: Segment, finer: ContinuationProblem) -> Segment:
+    """Return the segment with its ends solved at a higher resolution, with their monitored quantities."""
+    scale = rescaled(segment.scale, finer, len(finer.resized(segment.a.X)))
+    finer = finer.with_borders_at(finer.resized(segment.a.X), {**segment.parameters, segment.name: segment.a.value})
+    a, b = (
+        resolve_at_resolution(row, finer, segment.name, segment.parameters, scale, segment.settings)
+        for row in (segment.a, segment.b)
+    )
+    return _segment_between(replace(segment, problem=finer, scale=scale), a, b)
 
 
-def _beyond(arc: Segment, find: Callable[[Segment], list[LocatedEvent]]) -> list[LocatedEvent]:
-    """What is found with more of the curve at both ends, where other unknowns may have put a point near them."""
-    for reach in _REACHES:
-        if reach > 1 and reach * arc.length > _FAR:
+def _on_extended_segment(segment: Segment, find: Callable[[Segment], list[LocatedEvent]]) -> list[LocatedEvent]:
+    """Return the special points of a segment extended at both ends, where they may lie at another resolution."""
+    for extension in SEGMENT_EXTENSIONS:
+        if extension > 1 and extension * segment.length > MAX_POINT_SHIFT:
             break
         try:
-            found = find(_between(arc, arc.at(-reach), arc.at(1.0 + reach)))
+            found = find(_segment_between(segment, segment.at(-extension), segment.at(1.0 + extension)))
         except (NoConvergence, np.linalg.LinAlgError):
             break
         if found:
@@ -313,26 +363,28 @@ def _beyond(arc: Segment, find: Callable[[Segment], list[LocatedEvent]]) -> list
     return []
 
 
-def _between(arc: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
-    """The piece between two other rows, which are observed as its own were."""
-    seen = observe_all(arc.problem, np.array([a.u, b.u]), arc.name, arc.parameters, "multipliers" in arc.a.observed)
-    for end, told in zip((a, b), seen, strict=True):
-        end.observed.update(told)
-    return arc.part(a, b)
+def _segment_between(segment: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
+    """Return the segment between two other points, with their monitored quantities."""
+    observed = observe_all(
+        segment.problem, np.array([a.u, b.u]), segment.name, segment.parameters, "multipliers" in segment.a.observed
+    )
+    for end, quantities in zip((a, b), observed, strict=True):
+        end.observed.update(quantities)
+    return segment.part(a, b)
 
 
-def _row_of(arc: Segment, problem: ContinuationProblem, point: Solution) -> CurvePoint:
-    """The row of a special point of the piece, with the tangent of the piece's beginning."""
+def _point_of(segment: Segment, problem: ContinuationProblem, point: Solution) -> CurvePoint:
+    """Return the point of a solution on a segment, with the tangent of the first end."""
     u = np.append(point.X, point.value)
-    tangent = np.append(problem.resized(arc.a.tangent[:-1]), arc.a.tangent[-1])
-    return CurvePoint(u, tangent, arc.a.orientation, point.residual, point.iterations)
+    tangent = np.append(problem.resized(segment.a.tangent[:-1]), segment.a.tangent[-1])
+    return CurvePoint(u, tangent, segment.a.orientation, point.residual, point.iterations)
 
 
-def _apart(arc: Segment, one: CurvePoint, other: CurvePoint) -> float:
-    """Scaled distance of two rows in the unknowns of the piece."""
-    return norm((_fitted(arc, one) - _fitted(arc, other)) / arc.scale)
+def _distance(segment: Segment, one: CurvePoint, other: CurvePoint) -> float:
+    """Return the scaled distance of two points in the unknowns of the segment."""
+    return norm((_resized(segment, one) - _resized(segment, other)) / segment.scale)
 
 
-def _fitted(arc: Segment, row: CurvePoint) -> Array:
-    """A row in the unknowns of the piece."""
-    return np.append(arc.problem.resized(row.X), row.value)
+def _resized(segment: Segment, row: CurvePoint) -> Array:
+    """Return the unknowns u of a point at the resolution of the segment."""
+    return np.append(segment.problem.resized(row.X), row.value)

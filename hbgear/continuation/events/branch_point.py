@@ -24,7 +24,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 
 
 class BranchPointEvent(Event):
-    """Two curves cross: the determinant of [J R_lambda; t^T] changes sign."""
+    """Branch point: two curves cross, and the determinant of [dR/dX dR/dp; t^T] changes sign."""
 
     kind, meaning, marker = "BP", "branch point: two curves cross", "P"
 
@@ -32,22 +32,22 @@ class BranchPointEvent(Event):
         pass
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        return np.zeros((len(rows), 0))
+        return np.zeros((len(points), 0))
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        orientation = np.array([row.orientation for row in rows])
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        orientation = np.array([point.orientation for point in points])
         changed: Array = orientation[1:] != orientation[:-1]
         return changed
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         if segment.a.orientation == segment.b.orientation:
             return []
-        return [_crossed(segment, locate_root(segment, self, _determinant(segment)))]
+        return [_refined_branch_point(segment, locate_root(segment, self, _determinant(segment)))]
 
     def deviation(self, multipliers: ComplexArray) -> float:
-        """Distance of the nearest multiplier from +1."""
+        """Return the distance of the nearest multiplier from +1."""
         return float(np.abs(multipliers - 1).min(initial=math.inf))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
@@ -56,21 +56,34 @@ class BranchPointEvent(Event):
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
     ) -> tuple[ContinuationProblem, BranchStart] | None:
-        """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
+        """Return the start across the traced curve, within the null space of [dR/dX, dR/dp]."""
         there = as_traced(branch, point)
         direction = side * _across(branch, there)
         return as_problem(branch.problem), BranchStart(there.X, dict(there.parameters), direction, event=self)
 
 
 def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
-    """The point as the branch has it, if it was solved for with more unknowns."""
+    """Return a special point at the resolution of its branch.
+
+    Parameters
+    ----------
+    branch : Branch
+        The branch.
+    point : SpecialPoint
+        Special point of it, which may have been located with more unknowns.
+
+    Returns
+    -------
+    SpecialPoint
+        The special point with the unknowns of the branch.
+    """
     if point.layout == branch.layout:
         return point
     return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)
 
 
 def _across(branch: Branch, point: SpecialPoint) -> Array:
-    """Direction in the null space of [dR/dX, dR/dp] at right angles to the traced curve, in scaled unknowns."""
+    """Return the direction in the null space of [dR/dX, dR/dp] orthogonal to the traced curve, in scaled unknowns."""
     problem = as_problem(branch.problem)
     now = linearise(problem, point.X, branch.parameter, point.parameters)
     scale = np.append(np.full(len(point.X), problem.solution_norm(point.X) or 1.0), np.ptp(branch.values) or 1.0)
@@ -84,33 +97,38 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     return out
 
 
-def _crossed(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
-    """A branch point to all digits by its equations, if what they are solved at solves those of the problem."""
-    u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
+def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
+    """Return a branch point refined by Newton's method on its equations, if the result solves the problem too."""
+    u, here = rough.point.u, {**segment.parameters, segment.name: rough.point.value}
     try:
         U = BranchPointProblem(segment.problem, segment.name).located(u, here).X
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
-    row = singular(segment, U, rough.row)
-    near = np.linalg.norm((U - u) / segment.scale) <= _NEARBY * segment.length
-    return replace(rough, row=row) if rough.located and near and row.residual <= segment.settings.tolerance else rough
+    point = singular(segment, U, rough.point)
+    near = np.linalg.norm((U - u) / segment.scale) <= MAX_REFINEMENT_FRACTION * segment.length
+    return (
+        replace(rough, point=point)
+        if rough.located and near and point.residual <= segment.settings.tolerance
+        else rough
+    )
 
 
-_NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the root of the determinant
+MAX_REFINEMENT_FRACTION = 1e-3
+"""Largest distance of a branch point from the root of the determinant, as a fraction of the segment."""
 
 
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
-    """Signed bordered determinant, relative to its size at the first row."""
+    """Return the signed bordered determinant as a function of a point, relative to its size at the first point."""
 
-    def logdet(row: CurvePoint) -> tuple[float, float]:
-        here = {**segment.parameters, segment.name: row.value}
-        now = linearise(segment.problem, row.X, segment.name, here)
-        return slogdet(bordered(now.dR_dX, now.dR_dp, row.tangent / segment.scale**2))
+    def logdet(point: CurvePoint) -> tuple[float, float]:
+        here = {**segment.parameters, segment.name: point.value}
+        now = linearise(segment.problem, point.X, segment.name, here)
+        return slogdet(bordered(now.dR_dX, now.dR_dp, point.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]
 
-    def value(row: CurvePoint) -> float:
-        sign, log = logdet(row)
+    def value(point: CurvePoint) -> float:
+        sign, log = logdet(point)
         return sign * float(np.exp(min(log - reference, 50.0)))
 
     return value

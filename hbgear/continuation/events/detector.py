@@ -18,28 +18,86 @@ from hbgear.continuation.results.point import SpecialPoint
 
 
 def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
-    """The event a special point of the branch is one of: that it was located by; of a loaded one the problem's."""
+    """Return the event of a special point of a branch: the one that located it, or one of the problem.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with its problem.
+    point : SpecialPoint
+        Special point of it.
+
+    Returns
+    -------
+    Event or None
+        The event; None for an event of the user whose branch was loaded from a file.
+    """
     return event_at(as_problem(branch.problem), branch.parameter, point)
 
 
 def event_at(problem: ContinuationProblem, parameter: str, point: SpecialPoint) -> Event | None:
-    """`event_of` a point of a curve of the problem in the parameter."""
+    """Return the event of a special point of a curve of a problem; see `event_of`.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    parameter : str
+        Parameter of the curve.
+    point : SpecialPoint
+        Special point of the curve.
+
+    Returns
+    -------
+    Event or None
+        The event, if it is known.
+    """
     known = [] if point.event is None else [point.event]
     own = events_of(problem, parameter)
     return next((event for event in (*known, *own) if event.kind == point.kind), None)
 
 
 def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]:
-    """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
+    """Return the events detected along a curve: folds (or cusps), branch points, and the events of the problem.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    parameter : str
+        Parameter of the curve.
+
+    Returns
+    -------
+    tuple of Event
+        The events.
+    """
     turning = CuspEvent() if problem.turning_kind == CuspEvent.kind else FoldEvent()
     return turning, BranchPointEvent(), *problem.events(parameter)
 
 
-# ---- looking along a curve
+# ---- detection
 
 
 class EventDetector:
-    """The events that are looked for along a curve, and the rows between which they happen."""
+    """Detector of events along a curve.
+
+    Parameters
+    ----------
+    events : sequence of Event
+        Kinds of special points.
+    problem : ContinuationProblem
+        The problem.
+    name : str
+        Name of the continuation parameter.
+    fixed : dict of str to float
+        Values of the other parameters.
+
+    Raises
+    ------
+    ValueError
+        If two events have the same kind.
+    """
 
     def __init__(
         self, events: Sequence[Event], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -47,57 +105,58 @@ class EventDetector:
         kinds = [event.kind for event in events]
         twice = {kind for kind in kinds if kinds.count(kind) > 1}
         if twice:
-            raise ValueError(f"two events are called {', '.join(sorted(twice))}; give each kind a name of its own")
+            raise ValueError(f"two events have the kind {', '.join(sorted(twice))}; give each event another kind")
         self.terminal = tuple(event for event in events if event.terminal)
         self.passing = tuple(event for event in events if not event.terminal)
         self.problem, self.name, self.fixed = problem, name, fixed
 
     @property
     def searched(self) -> tuple[Event, ...]:
-        """Events that are looked for where they show at no row; not folds of sampled corners.
+        """Events that are searched for even numbers of crossings.
 
-        Their tangents jump, so that next to each fold the curve turns any number of times.
+        Folds of problems with a discontinuous dR/dX are not: the tangent jumps at breakpoints, so that any number of
+        folds may lie next to each other.
         """
         return tuple(e for e in self.passing if self.problem.smooth or not isinstance(e, FoldEvent))
 
-    def sign_changes(self, rows: Sequence[CurvePoint]) -> list[int]:
-        """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
-        some = np.zeros(len(rows) - 1, dtype=bool)
+    def sign_changes(self, points: Sequence[CurvePoint]) -> list[int]:
+        """Return the numbers i of the segments from point i to i + 1 on which a test function changes sign."""
+        some = np.zeros(len(points) - 1, dtype=bool)
         for event in self.passing:
-            some |= self.changes(event, rows) > 0
-        suspects: list[int] = np.flatnonzero(some).tolist()
-        return suspects
+            some |= self.changes(event, points) > 0
+        segments: list[int] = np.flatnonzero(some).tolist()
+        return segments
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """All special points between the two rows of a segment, in the order in which the curve meets them."""
+        """Return all special points of a segment in the order of the curve."""
         return sorted((found for event in self.passing for found in event.find(segment)), key=lambda found: found.s)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
-        """The first special point a little beyond a segment, of the events that can tell."""
+        """Return the first special point slightly beyond a segment; see `Event.ahead`."""
         found = [one for event in self.passing if (one := event.ahead(segment)) is not None]
         return min(found, key=lambda one: one.s, default=None)
 
     def ends(self, segment: Segment) -> LocatedEvent | None:
-        """The first terminal event on a segment."""
+        """Return the first terminal event on a segment."""
         found = [one for event in self.terminal for one in event.find(segment)]
         return min(found, key=lambda one: one.s, default=None)
 
-    def touching(self, rows: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
-        """Pieces between rows on which an event may happen twice; which event, and the place s on each."""
+    def touching(self, points: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
+        """Return candidates for even numbers of crossings: by segment, the events, each with a fraction s."""
         found: dict[int, list[tuple[Event, float]]] = {}
         for event in self.searched:
-            for piece, s in event.close(rows, self.values(event, rows), scale):
-                found.setdefault(piece, []).append((event, s))
+            for segment, s in event.near_zeros(points, self.values(event, points), scale):
+                found.setdefault(segment, []).append((event, s))
         return found
 
-    def changes(self, event: Event, rows: Sequence[CurvePoint]) -> np.ndarray:
-        """`Event.sign_changes` of rows, kept with them."""
+    def changes(self, event: Event, points: Sequence[CurvePoint]) -> np.ndarray:
+        """Return `Event.sign_changes` of points, which are stored with them."""
         changes: np.ndarray = column(
-            rows, (event, "changes"), lambda: event.sign_changes(rows, self.values(event, rows))
+            points, (event, "changes"), lambda: event.sign_changes(points, self.values(event, points))
         )
         return changes
 
-    def values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
-        """`Event.values` of rows, kept with them."""
-        values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+    def values(self, event: Event, points: Sequence[CurvePoint]) -> Array:
+        """Return `Event.values` of points, which are stored with them."""
+        values: Array = column(points, event, lambda: event.values(points, self.problem, self.name, self.fixed))
         return values

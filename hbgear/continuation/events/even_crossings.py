@@ -1,7 +1,9 @@
-"""Special points that show at no row of a curve: an event that happens twice between two of them.
+"""Even-crossing search: special points on segments whose ends have test functions of equal signs.
 
-Where test functions seem to touch zero (`Event.close`), along the rows and the special points that are known already,
-rows are solved for between, until a change of sign shows or there is nothing more to look for.
+A test function that crosses zero an even number of times within one segment has equal signs at both ends. Detection by
+sign changes misses these events. The search finds candidate segments on which a test function comes close to zero
+(`Event.near_zeros`). It computes additional points there until a sign change appears, the test function is no longer
+close to zero, or `MAX_POINTS_PER_EVENT` points were added. Known special points divide their segment.
 """
 
 from __future__ import annotations
@@ -20,159 +22,215 @@ from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
 
-Place: TypeAlias = tuple[int, float]
-"""Number of a piece between two rows, and share of its chord."""
+Position: TypeAlias = tuple[int, float]
+"""Number of a segment and fraction on it."""
 
-Hint: TypeAlias = tuple[Event, float]
-"""What may happen twice on a piece, and near which share of its chord."""
+Candidate: TypeAlias = tuple[Event, float]
+"""Event that may happen an even number of times on a segment, and the fraction at which this is likely."""
 
 Solved: TypeAlias = Callable[[Segment, float], CurvePoint | None]
-"""Solves for the row at a share of a piece, and notes with it what the problem says of it; None if there is none."""
+"""Type of a function that solves for the point at a fraction of a segment and monitors it; None if it fails."""
 
-_SAME = 0.1  # shares of a piece within which two hints are one
-
-
-_TRIES = 8  # rows looked at on a piece for each event that may happen there
+SAME_CANDIDATE_DISTANCE = 0.1
+"""Difference of fractions of a segment below which two candidates are the same."""
 
 
-_AT_AN_END = 0.05  # share of a piece within which a point found on it is the special point of its kind at the end
+MAX_POINTS_PER_EVENT = 8
+"""Largest number of points added on a segment for each candidate event."""
 
 
-_ON_A_ROW = 1e-6  # such a share within which it is the row at the end, where nothing was hidden
+END_POINT_FRACTION = 0.05
+"""Fraction of a segment next to an end within which a point is the special point of the same kind at that end."""
 
 
-_BESIDE = 0.05  # share of the way from a special point to the next, or to a row, at which there is a row beside it
+COINCIDENT_POINT_FRACTION = 1e-6
+"""Fraction of a segment next to an end within which a point is the end itself."""
+
+
+SIDE_POINT_FRACTION = 0.05
+"""Distance of a point added next to a special point, relative to the distance to the next point of the curve."""
 
 
 @dataclass(frozen=True)
 class SampledCurve:
-    """Rows of a curve and special points between them, in the order of the curve, with the place and kind of each.
+    """Points of a curve and the special points between them, in the order of the curve.
 
-    A point that is on neither side of what happens there (`Event.needs_two_sides`) is passed by two rows beside it.
-    holds: its
-    kind, by the number of the piece of the path between these.
+    A special point whose own stability is undetermined (`Event.needs_two_sides`) is replaced by a point on either side.
+
+    Attributes
+    ----------
+    points : Points
+        Points of the curve and special points.
+    positions : list of (int, float)
+        Position of each point: number of the segment and fraction on it.
+    kinds : list of str
+        Kind of each special point; empty for other points.
+    replaced_kinds : mapping of int to str
+        Kinds of the replaced special points, by the number of the segment between the two points on either side.
     """
 
-    rows: Points
-    places: list[Place]
+    points: Points
+    positions: list[Position]
     kinds: list[str]
-    holds: Mapping[int, str]
+    replaced_kinds: Mapping[int, str]
 
     @classmethod
     def through(
-        cls, rows: Points, points: Mapping[Place, LocatedEvent], between: Callable[[int, float], CurvePoint | None]
+        cls, rows: Points, points: Mapping[Position, LocatedEvent], between: Callable[[int, float], CurvePoint | None]
     ) -> SampledCurve:
-        """Rows and the special points at some places between them.
+        """Return the curve through points and the special points between them.
 
-        between : solves for a row on a piece, at a share of it; None if there is none.
+        The function ``between`` solves for the point at a fraction of a segment; it returns None if that fails.
         """
-        every = {(i, 0.0): (row, "") for i, row in enumerate(rows)}
-        order, held = sorted([*every, *points]), dict[Place, str]()
-        for before, place, after in zip(order, order[1:], order[2:], strict=False):
-            if place in points:
-                row, event = points[place].row, points[place].event
-                sides = _beside(before, place, after, between) if event.needs_two_sides else {}
-                every.update(sides or {place: (row, event.kind)})
+        every = {(i, 0.0): (point, "") for i, point in enumerate(rows)}
+        order, held = sorted([*every, *points]), dict[Position, str]()
+        for before, position, after in zip(order, order[1:], order[2:], strict=False):
+            if position in points:
+                point, event = points[position].point, points[position].event
+                sides = _points_on_both_sides(before, position, after, between) if event.needs_two_sides else {}
+                every.update(sides or {position: (point, event.kind)})
                 if sides:
                     held[min(sides)] = event.kind
-        places = sorted(every)
-        holds = {k: held[place] for k, place in enumerate(places) if place in held}
-        path = Points(every[place][0] for place in places) if points else rows
-        return cls(path, places, [every[place][1] for place in places], holds)
+        positions = sorted(every)
+        replaced_kinds = {k: held[position] for k, position in enumerate(positions) if position in held}
+        path = Points(every[position][0] for position in positions) if points else rows
+        return cls(path, positions, [every[position][1] for position in positions], replaced_kinds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
-        """The piece between two rows that piece k of the path lies on, and where it begins and ends there."""
-        (piece, low), (following, high) = self.places[k : k + 2]
-        return piece, low, high if following == piece else 1.0
+        """Return the segment that contains part k of the sampled curve, and the fractions of the ends of the part."""
+        (segment_number, low), (following, high) = self.positions[k : k + 2]
+        return segment_number, low, high if following == segment_number else 1.0
 
-    def hints(self, watch: EventDetector, rows: Points, scale: Array) -> dict[int, list[Hint]]:
-        """Pieces of the path on which events may happen twice, as it tells, or its rows without the special points."""
-        found = watch.touching(self.rows, scale)
-        if self.rows is rows:
+    def near_zero_candidates(self, detector: EventDetector, rows: Points, scale: Array) -> dict[int, list[Candidate]]:
+        """Return candidates by part: from the sampled curve, and from the points without the special points."""
+        found = detector.touching(self.points, scale)
+        if self.points is rows:
             return found
-        for piece, hints in watch.touching(rows, scale).items():
-            for event, s in hints:
-                k = bisect.bisect(self.places, (piece, s)) - 1
+        for segment_number, further in detector.touching(rows, scale).items():
+            for event, s in further:
+                k = bisect.bisect(self.positions, (segment_number, s)) - 1
                 _, low, high = self.ends(k)
-                share, told = (s - low) / (high - low), found.setdefault(k, [])
-                if all(other is not event or abs(share - at) > _SAME for other, at in told):
-                    told.append((event, share))
+                fraction, candidates = (s - low) / (high - low), found.setdefault(k, [])
+                if all(other is not event or abs(fraction - at) > SAME_CANDIDATE_DISTANCE for other, at in candidates):
+                    candidates.append((event, fraction))
         return found
 
-    def unseen(self, watch: EventDetector, rows: Points) -> dict[int, list[tuple[int, Event]]]:
-        """Pieces between rows on which an event changes sign more often than is known, as the path tells.
+    def unmatched_sign_changes(self, detector: EventDetector, rows: Points) -> dict[int, list[tuple[int, Event]]]:
+        """Return the segments on which test functions change sign more often than the known special points explain.
 
-        On each the pieces of the path on which it does so unknown, or besides what is known. Not where a change of
-        sign is known whose point the path does not have on its own piece, nor one of another kind that makes it:
-        more accurate equations may have put it on another.
+        For each segment, the parts of the sampled curve with an unexplained sign change are returned, each with its
+        event. A segment is left out if it has a known sign change whose special point lies on another segment, because
+        more accurate equations may have moved the point there.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
-        if self.rows is rows:
+        if self.points is rows:
             return found
-        pieces = [piece for piece, _ in self.places]
-        ends = {piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind in STABILITY_CHANGING_KINDS}
-        for event in watch.searched:
-            changes = watch.changes(event, self.rows)
-            held = [k for k, kind in self.holds.items() if kind == event.kind]
-            known = np.flatnonzero(watch.changes(event, rows)).tolist()
-            doubtful = set(known) - {pieces[k] for k in held}
-            doubtful -= ends if event.needs_two_sides else set()  # its change of number is that of the other kinds
-            doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
+        segments = [segment_number for segment_number, _ in self.positions]
+        ends = {
+            segment_number
+            for segment_number, kind in zip(segments, self.kinds, strict=True)
+            if kind in STABILITY_CHANGING_KINDS
+        }
+        for event in detector.searched:
+            changes = detector.changes(event, self.points)
+            held = [k for k, kind in self.replaced_kinds.items() if kind == event.kind]
+            known = np.flatnonzero(detector.changes(event, rows)).tolist()
+            uncertain = set(known) - {segments[k] for k in held}
+            uncertain -= ends if event.needs_two_sides else set()  # other kinds change its number as well
+            uncertain.update(
+                segment_number for segment_number, kind in zip(segments, self.kinds, strict=True) if kind == event.kind
+            )
             fresh = [k for k in np.flatnonzero(changes).tolist() if k not in held or changes[k] > 1]
-            for k in (k for k in held if not changes[k]):  # its change of sign is on a piece of the path nearby
-                near = [other for other in fresh if pieces[other] == pieces[k]]
+            for k in (k for k in held if not changes[k]):  # its sign change is on a part nearby
+                near = [other for other in fresh if segments[other] == segments[k]]
                 fresh = [other for other in fresh if not near or other != min(near, key=lambda one: abs(one - k))]
             for k in fresh:
-                if pieces[k] not in doubtful:
-                    found.setdefault(pieces[k], []).append((k, event))
+                if segments[k] not in uncertain:
+                    found.setdefault(segments[k], []).append((k, event))
         return found
 
 
-def _beside(
-    before: Place, place: Place, after: Place, between: Callable[[int, float], CurvePoint | None]
-) -> dict[Place, tuple[CurvePoint, str]]:
-    """Two rows beside a special point that lies between two places, with theirs; none if one cannot be solved for."""
-    piece, s = place
-    ends = before[1], after[1] if after[0] == piece else 1.0
-    sides = {s + _BESIDE * (end - s): between(piece, s + _BESIDE * (end - s)) for end in ends}
-    rows = {(piece, at): (row, "") for at, row in sides.items() if row is not None}
+def _points_on_both_sides(
+    before: Position, position: Position, after: Position, between: Callable[[int, float], CurvePoint | None]
+) -> dict[Position, tuple[CurvePoint, str]]:
+    """Return a point on either side of a special point, by position; an empty dict if one of them fails."""
+    segment_number, s = position
+    ends = before[1], after[1] if after[0] == segment_number else 1.0
+    sides = {
+        s + SIDE_POINT_FRACTION * (end - s): between(segment_number, s + SIDE_POINT_FRACTION * (end - s))
+        for end in ends
+    }
+    rows = {(segment_number, at): (point, "") for at, point in sides.items() if point is not None}
     return rows if len(rows) == len(ends) else {}
 
 
 def find_even_crossings(
-    watch: EventDetector, segment: Segment, hints: Sequence[Hint], solved: Solved, path: SampledCurve, k: int
+    detector: EventDetector,
+    segment: Segment,
+    candidates: Sequence[Candidate],
+    solved: Solved,
+    path: SampledCurve,
+    k: int,
 ) -> list[tuple[Segment, LocatedEvent]]:
-    """Special points on a piece of a path on which events seem to happen twice, if they do, each on its part of it.
+    """Search part of a sampled curve for events that happen an even number of times.
 
-    solved : solves for a row on the piece. k : number of the piece of the path.
+    Parameters
+    ----------
+    detector : EventDetector
+        Events and their test functions.
+    segment : Segment
+        Segment between the ends of the part.
+    candidates : sequence of (Event, float)
+        Candidate events, each with a fraction of the segment.
+    solved : callable
+        Function ``(segment, s) -> CurvePoint or None`` that solves for a point on the segment.
+    path : SampledCurve
+        The sampled curve.
+    k : int
+        Number of the part.
+
+    Returns
+    -------
+    list of (Segment, LocatedEvent)
+        Special points, each with the segment on which it was located.
     """
     first, kinds = min(k, 1), path.kinds[k : k + 2]
-    rows = path.rows[k - first : k + 3]  # with those on either side
-    places = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
-    known = len(watch.sign_changes(rows))
-    for event, s in hints:
-        _look(watch, segment, event, s, solved, places, rows)
-    pieces = watch.sign_changes(rows)
-    if len(pieces) <= known:
+    rows = path.points[k - first : k + 3]  # with one point on either side
+    positions = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
+    known = len(detector.sign_changes(rows))
+    for event, s in candidates:
+        _bisect_candidate(detector, segment, event, s, solved, positions, rows)
+    segments = detector.sign_changes(rows)
+    if len(segments) <= known:
         return []
     out: list[tuple[Segment, LocatedEvent]] = []
-    for i in pieces:
-        if not 0 <= places[i] < 1:
+    for i in segments:
+        if not 0 <= positions[i] < 1:
             continue
-        part, low, length = segment.part(rows[i], rows[i + 1]), places[i], places[i + 1] - places[i]
-        for point in watch.find(part):
+        part, low, length = segment.part(rows[i], rows[i + 1]), positions[i], positions[i + 1] - positions[i]
+        for point in detector.find(part):
             s = low + point.s * length
-            end = kinds[0] if s < _AT_AN_END else kinds[1] if s > 1 - _AT_AN_END else ""
-            if point.event.kind != end and _ON_A_ROW < s < 1 - _ON_A_ROW:
+            end = kinds[0] if s < END_POINT_FRACTION else kinds[1] if s > 1 - END_POINT_FRACTION else ""
+            if point.event.kind != end and COINCIDENT_POINT_FRACTION < s < 1 - COINCIDENT_POINT_FRACTION:
                 out.append((part, point))
     return out
 
 
 def drop_odd_counts(points: Sequence[LocatedEvent], made_up: bool = False) -> list[LocatedEvent]:
-    """Points found between rows of one sign, without those of a kind that change it an odd number of times.
+    """Return special points without the kinds that occur an odd number of times between equal signs.
 
-    made_up : whether other points are known there, which may make up for one that changes a number
-    (`Event.needs_two_sides`).
+    Parameters
+    ----------
+    points : sequence of LocatedEvent
+        Special points of a segment with equal signs at its ends.
+    made_up : bool, optional
+        Whether other special points of the segment may explain an odd number of events with
+        `Event.needs_two_sides`. The default is False.
+
+    Returns
+    -------
+    list of LocatedEvent
+        The remaining special points.
     """
     odd = {kind for kind, count in Counter(p.event.kind for p in points if p.finder is None).items() if count % 2}
     return [
@@ -180,32 +238,36 @@ def drop_odd_counts(points: Sequence[LocatedEvent], made_up: bool = False) -> li
     ]
 
 
-def _look(
-    watch: EventDetector,
+def _bisect_candidate(
+    detector: EventDetector,
     segment: Segment,
     event: Event,
     s: float,
     solved: Solved,
-    places: list[float],
+    positions: list[float],
     rows: list[CurvePoint],
 ) -> None:
-    """Add rows between those known of a piece, the first at s, until the event shows or seems to happen no more.
+    """Add points to a segment, the first one at s, until the event changes sign or is no longer close.
 
-    places : on the piece, 0 and 1 its ends, of the rows; those of the rows before and behind are anything beyond.
+    ``positions`` contains the fraction of each point: 0 and 1 for the ends, any value outside for points beyond.
     """
-    before = np.count_nonzero(watch.changes(event, rows))
-    for _ in range(_TRIES):
-        if not 0 < s < 1 or s in places:
+    before = np.count_nonzero(detector.changes(event, rows))
+    for _ in range(MAX_POINTS_PER_EVENT):
+        if not 0 < s < 1 or s in positions:
             return
-        row = solved(segment, s)
-        if row is None:
+        point = solved(segment, s)
+        if point is None:
             return
-        i = bisect.bisect(places, s)
-        places.insert(i, s)
-        rows.insert(i, row)
-        values = watch.values(event, rows)
-        near = [(piece, at) for piece, at in event.close(rows, values, segment.scale) if 0 <= places[piece] < 1]
-        if not near or np.count_nonzero(watch.changes(event, rows)) > before:
+        i = bisect.bisect(positions, s)
+        positions.insert(i, s)
+        rows.insert(i, point)
+        values = detector.values(event, rows)
+        near = [
+            (segment_number, at)
+            for segment_number, at in event.near_zeros(rows, values, segment.scale)
+            if 0 <= positions[segment_number] < 1
+        ]
+        if not near or np.count_nonzero(detector.changes(event, rows)) > before:
             return
-        piece, share = near[0]
-        s = places[piece] + share * (places[piece + 1] - places[piece])
+        segment_number, fraction = near[0]
+        s = positions[segment_number] + fraction * (positions[segment_number + 1] - positions[segment_number])

@@ -1,16 +1,18 @@
-"""Events: special points of a solution curve, what they mean, and how each is located.
+"""Events: kinds of special points of a curve, their detection by test functions, and their location.
 
-An `Event` is one kind of special point. It says between which neighbouring points of a curve it happens, and locates it
-there, by default as the bracketed root of a test function along the segment, where every point is corrected onto the
-curve. Two events between the same two points leave no change of sign there: where a test function seems to touch zero
-(`Event.close`), the curve is looked at more closely (`hidden`).
+    tau(u(s)) = 0,    detected where tau(u_i) tau(u_(i+1)) < 0
 
-LP  fold: dR/dX singular, the curve turns in the parameter (`FoldEvent`); CP on a curve of folds.
-    Newton on {R = 0, g = 0}, g the bordered determinant, or a bracketed root of the tangent.
-BP  two curves cross: det [J R_lambda; t^T] changes sign (`BranchPointEvent`).
-    Newton on {(1 - b b^T) R, g_1, g_2}, see `crossing`, from a bracketed root of the determinant.
+An `Event` is one kind of special point. It detects the segments between neighbouring points of a curve on which its
+test function tau changes sign. It locates the special point there, by default as a bracketed root of tau along the
+segment; each iterate is corrected onto the curve. Two events on one segment leave no sign change. Where a test function
+comes close to zero (`Event.near_zeros`), additional points are computed on the segment (`even_crossings`).
 
-A problem supplies the events of its kind (`ContinuationProblem.events`); users add their own::
+LP  fold: dR/dX is singular, the parameter direction changes (`FoldEvent`); CP, a cusp, on a curve of folds.
+    Newton's method on {R = 0, g = 0} with the bordered determinant g, or a bracketed root of the tangent.
+BP  branch point: two curves cross, det [dR/dX dR/dp; t^T] changes sign (`BranchPointEvent`).
+    Newton's method on {(1 - b b^T) R, g_1, g_2}, see `BranchPointProblem`, from a bracketed root of the determinant.
+
+A problem supplies further events (`ContinuationProblem.events`). Users add their own::
 
     trace(problem, "Omega", span, events=[Event("limit", lambda point: point.amplitude("max") - 2.0)])
 
@@ -49,25 +51,47 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, on
 
 @dataclass(frozen=True)
 class RefinedLocation:
-    """A special point solved for with more unknowns than the curve it lies on: the problem that has them, and row."""
+    """Special point located with more unknowns than its curve has.
+
+    Attributes
+    ----------
+    problem : ContinuationProblem
+        The problem with more unknowns.
+    point : CurvePoint
+        The point.
+    """
 
     problem: ContinuationProblem
-    row: CurvePoint
+    point: CurvePoint
 
 
 @dataclass(frozen=True)
 class LocatedEvent:
-    """A special point found on a segment: event, place s on the chord, row, whether located, remark.
+    """Special point found on a segment.
 
-    0 <= s <= 1, but for points that more accurate equations put a little beyond the ends of the segment.
-
-    error : of its value of the parameter, nan if unknown; of ``sharp``, if it is there. See `accuracy`.
-    finder : the event that found it, if another than its own.
+    Attributes
+    ----------
+    event : Event
+        The kind of special point.
+    s : float
+        Fraction of the segment, from 0 to 1. More accurate equations may locate the point slightly beyond an end.
+    point : CurvePoint
+        The point.
+    located : bool
+        Whether the location converged.
+    note : str
+        Remark for the user.
+    error : float
+        Estimated error of the parameter value, of ``sharp`` if there is one; nan if unknown. See `accuracy`.
+    sharp : RefinedLocation or None
+        The point located with more unknowns.
+    finder : Event or None
+        The event that found the point, if it is not its own.
     """
 
     event: Event
     s: float
-    row: CurvePoint
+    point: CurvePoint
     located: bool
     note: str = ""
     error: float = math.nan
@@ -76,29 +100,34 @@ class LocatedEvent:
 
     @property
     def value(self) -> float:
-        """The value of the parameter, as accurate as it is known."""
-        return self.sharp.row.value if self.sharp else self.row.value
+        """The most accurate value of the parameter."""
+        return self.sharp.point.value if self.sharp else self.point.value
 
 
 class Event:
-    """A kind of special point: where a function of the point passes zero.
+    """Kind of special point: a zero of a function of the point.
 
         test(point) = 0,   located on the curve to rounding, labelled kind1, kind2, ...
 
     Parameters
     ----------
-    kind : letters, the stem of the labels.
-    test : a continuous function of a `Point`, whose unknowns, parameters and observations it may use.
-    meaning : what happens there, for tables and legends.
-    marker : one letter or sign of matplotlib's markers, for figures.
-    terminal : whether the trace ends at the first one.
+    kind : str
+        First part of the labels, in letters.
+    test : callable
+        Continuous function of a `Point`. It may use unknowns, parameters and monitored quantities.
+    meaning : str, optional
+        Description for tables and legends. The default is the kind.
+    marker : str, optional
+        Marker of matplotlib for figures, one character. The default is "v".
+    terminal : bool, optional
+        Whether the trace ends at the first event of this kind. The default is False.
 
     Raises
     ------
     ValueError
-        If the kind is not made of letters, or is one of those that hbgear uses itself, or there is no such marker.
+        If the kind does not consist of letters or is reserved by hbgear, or the marker does not exist.
     TypeError
-        If the test cannot be called.
+        If the test is not callable.
 
     Examples
     --------
@@ -114,9 +143,9 @@ class Event:
     marker: str = "v"
     terminal: bool = False
     needs_two_sides: bool = False
-    """Whether rows on both sides of a point at which it happens tell what happens near, for itself it is on neither."""
+    """Whether the search uses a point on either side of the special point, where the test function is undefined."""
     alone: bool = False
-    """Whether nothing else is looked for on the segment that a terminal event ends."""
+    """Whether no other event is searched on the segment that ends at this terminal event."""
 
     @checked_arguments(test="a function of a point, such as lambda point: point.amplitude('max') - 2.0")
     def __init__(
@@ -126,7 +155,7 @@ class Event:
             raise ValueError(f"Event: kind = {kind!r} must be letters, such as 'limit'; labels add the number")
         if kind in RESERVED:
             taken = ", ".join(RESERVED)
-            raise ValueError(f"Event: kind = {kind!r} is one that hbgear uses itself ({taken}); choose another")
+            raise ValueError(f"Event: kind = {kind!r} is reserved by hbgear ({taken}); choose another")
         if not is_marker(marker):
             raise ValueError(f"Event: marker = {marker!r} must be one of {' '.join(MARKERS)}")
         self.kind, self._test, self.meaning = kind, test, meaning or kind
@@ -141,172 +170,329 @@ class Event:
         return getattr(self, "_test", None)
 
     def test(self, point: Point) -> float:
-        """The function that passes zero."""
+        """Return the value of the test function at a point.
+
+        Parameters
+        ----------
+        point : Point
+            Point of a curve.
+
+        Returns
+        -------
+        float
+            The value.
+
+        Raises
+        ------
+        ValueError
+            If the value is not finite.
+        """
         value = float(self._test(point))
         if not math.isfinite(value):
             raise ValueError(f"the test of the event '{self.kind}' is {value} at {point}; it must be finite")
         return value
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        """Test functions (rows, T) that change sign where the event happens; T may be 0."""
-        return np.array([[self.test(build_point(problem, name, fixed, row))] for row in rows])
+        """Return the test functions at P points of a curve.
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        """How often the event happens between each row and the next at least, (rows - 1,); ``values`` of `values`."""
+        Parameters
+        ----------
+        points : sequence of CurvePoint
+            Points.
+        problem : ContinuationProblem
+            The problem.
+        name : str
+            Name of the continuation parameter.
+        fixed : dict of str to float
+            Values of the other parameters.
+
+        Returns
+        -------
+        ndarray, shape (P, T)
+            Values of T functions that change sign at the event. T may be 0.
+        """
+        return np.array([[self.test(build_point(problem, name, fixed, point))] for point in points])
+
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        """Return the smallest number of events on each segment between successive points.
+
+        Parameters
+        ----------
+        points : sequence of CurvePoint
+            P points.
+        values : ndarray, shape (P, T)
+            Result of `values`.
+
+        Returns
+        -------
+        ndarray, shape (P - 1,)
+            Numbers of events, or bool.
+        """
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
-    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Pieces between rows on which the event may happen twice without a change of sign at their ends.
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return the segments on which a test function may cross zero an even number of times.
 
-        Each with the place s on it where that would be; ``values`` are those of `values`, scale that of u.
+        Parameters
+        ----------
+        points : sequence of CurvePoint
+            P points.
+        values : ndarray, shape (P, T)
+            Result of `values`.
+        scale : ndarray, shape (n + 1,)
+            Scales of the unknowns and of the parameter.
+
+        Returns
+        -------
+        list of (int, float)
+            Number of each segment, and the fraction at which the test function is closest to zero.
         """
-        return near_zeros(values, lengths(rows, scale)) if values.shape[1] else []
+        return near_zeros(values, lengths(points, scale)) if values.shape[1] else []
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """The events between the two rows of a segment, each located."""
+        """Return the located events of this kind on a segment.
 
-        def test(row: CurvePoint) -> float:
-            return self.test(build_point(segment.problem, segment.name, dict(segment.parameters), row))
+        Parameters
+        ----------
+        segment : Segment
+            The segment.
+
+        Returns
+        -------
+        list of LocatedEvent
+            The events; empty if the test function does not change sign.
+        """
+
+        def test(point: CurvePoint) -> float:
+            return self.test(build_point(segment.problem, segment.name, dict(segment.parameters), point))
 
         return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
-        """The special point a little beyond the end of the last segment of a curve that ends there; None by default.
+        """Return the special point slightly beyond the last segment of a curve that no step can continue.
 
-        Equations that are not smooth at the point can keep every step from reaching it.
+        Equations that are not smooth at a special point can prevent every step from reaching it.
+
+        Parameters
+        ----------
+        segment : Segment
+            The last segment.
+
+        Returns
+        -------
+        LocatedEvent or None
+            The special point; by default None.
         """
         return None
 
     def deviation(self, multipliers: ComplexArray) -> float:
-        """Distance of the multipliers of a point from the values that the event requires; 0 if it requires none."""
+        """Return the distance of multipliers from the values that the event requires.
+
+        Parameters
+        ----------
+        multipliers : ndarray of complex, shape (r,)
+            Multipliers of the point.
+
+        Returns
+        -------
+        float
+            The distance; by default 0, for events without such a requirement.
+        """
         return 0.0
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        """The event as a problem of its own, to be followed in a second parameter; None if it is no equation.
+        """Return the equations of the special point, with which it is located and followed in a second parameter.
+
+        Parameters
+        ----------
+        problem : ContinuationProblem or object with ``evaluate``
+            The problem.
+        parameter : str
+            Parameter of the curve.
+        point : SpecialPoint
+            The special point.
+
+        Returns
+        -------
+        MinimallyAugmentedProblem or None
+            The equations; None if there are none for this kind.
 
         Raises
         ------
         ValueError
-            If the test uses more of a point than its unknowns, parameters and problem, such as its multipliers.
+            If the test function uses other data of a point than unknowns, parameters and problem, such as multipliers.
         """
         level = ScalarConditionProblem(problem, parameter, self.test)
         try:
             level.value(point.X, point.parameters)
         except Exception as error:
             raise ValueError(
-                f"the event '{self.kind}' cannot be followed: its test must use no more of a point than its unknowns, "
-                f"parameters and problem ({type(error).__name__}: {error})"
+                f"the event '{self.kind}' cannot be followed: its test may use only the unknowns, parameters "
+                f"and problem of a point ({type(error).__name__}: {error})"
             ) from error
         return level
 
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
     ) -> tuple[ContinuationProblem, BranchStart] | None:
-        """The problem of another branch that leaves at the point, and where it begins; None if none does."""
+        """Return the problem and the start of another branch that leaves at a special point.
+
+        Parameters
+        ----------
+        branch : Branch
+            Traced branch.
+        point : SpecialPoint
+            Special point of this kind.
+        side : {1, -1}
+            Direction in which the other branch leaves.
+
+        Returns
+        -------
+        (ContinuationProblem, BranchStart) or None
+            Problem and start; by default None: no branch leaves.
+        """
         return None
 
-    def ending(self, name: str, value: float) -> tuple[Status, str]:
-        """Status and message of a trace that a terminal event ends."""
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        """Return status and message of a trace that ends at this event.
+
+        Parameters
+        ----------
+        name : str
+            Name of the continuation parameter.
+        value : float
+            Its value at the event.
+
+        Returns
+        -------
+        (Status, str)
+            Status and message.
+        """
         return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
 
 
 MARKERS = ".,ov^<>12348spP*hH+xXdD|_"
-"""Markers of matplotlib that are one character."""
+"""Markers of matplotlib that have one character."""
 
 
 def is_marker(text: str) -> bool:
-    """Whether figures can draw it."""
+    """Return whether a text is one of the `MARKERS`."""
     return isinstance(text, str) and len(text) == 1 and text in MARKERS
 
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
-"""Kinds of hbgear itself, which users' events may not have."""
+"""Kinds reserved by hbgear, which events of users cannot have."""
 
 
-def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
-    """What is made of rows; kept with them by that name if they do not change any more."""
-    return rows.column(name, make) if isinstance(rows, Points) else make()
+def column(points: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
+    """Return the result of ``make`` for points; `Points`, which do not change, store it under the name."""
+    return points.column(name, make) if isinstance(points, Points) else make()
 
 
-def unknowns(rows: Sequence[CurvePoint]) -> Array:
-    """u (rows, n + 1) of rows."""
-    u: Array = column(rows, "u", lambda: np.array([row.u for row in rows]))
+def unknowns(points: Sequence[CurvePoint]) -> Array:
+    """Return the unknowns and parameters u, (P, n + 1), of P points."""
+    u: Array = column(points, "u", lambda: np.array([point.u for point in points]))
     return u
 
 
-def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
-    """Scaled lengths (rows - 1,) of the pieces between rows."""
+def lengths(points: Sequence[CurvePoint], scale: Array) -> Array:
+    """Return the scaled lengths (P - 1,) of the segments between P points."""
 
     def make() -> Array:
-        u = unknowns(rows)
+        u = unknowns(points)
         return norms((u[1:] - u[:-1]) / scale)
 
-    out: Array = column(rows, ("lengths", scale.tobytes()), make)
+    out: Array = column(points, ("lengths", scale.tobytes()), make)
     return out
 
 
 # ---- locating
 
-_AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
+MAX_FRACTION_BEYOND_END = 1e-6
+"""Largest fraction of a segment by which a point may lie beyond its ends. Farther points are on another segment."""
 
 
-_NOISY = 1e-6  # distance from a root, as a share of the chord, within which values may be noise
+ROUNDING_FRACTION = 1e-6
+"""Distance from a root, as a fraction of the segment, within which the test function may be rounding error."""
+
+
+SINGULAR_POINT_OFFSET = 1e-5
+"""Distance from a singular point, as a fraction of the segment, at which both sides of it are evaluated."""
+
+
+LOCATION_ITERATIONS = 5
+"""Maximum number of Newton iterations on the equations of a special point, which start close to it."""
 
 
 def locate_root(
     segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13,
     first: float = math.nan,
 ) -> LocatedEvent:  # fmt: skip
-    """Bracketed root of a test function along the segment; where correction fails, the nearer end, not located.
+    """Locate a special point as the bracketed root of a test function along a segment.
 
-    fine : share of the chord to which it is located; at a turning point an error there enters the parameter squared.
-    first : where on the chord to look first, if something is known of it.
+    Parameters
+    ----------
+    segment : Segment
+        Segment with a sign change of the test function.
+    event : Event
+        Kind of special point.
+    test : callable
+        Test function of a point.
+    note : str, optional
+        Remark for the user.
+    fine : float, optional
+        Tolerance of the root, as a fraction of the segment. At a fold, its square enters the parameter. The default is
+        1e-13.
+    first : float, optional
+        First fraction at which the test function is evaluated; nan (default) if no estimate is known.
+
+    Returns
+    -------
+    LocatedEvent
+        The special point. If the corrector fails, the end with the smaller test function, which is not located.
     """
-    rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
+    points: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
 
     def value(s: float) -> float:
         if s not in values:
-            rows[s] = rows[s] if s in rows else segment.at(s)
-            values[s] = test(rows[s])
+            points[s] = points[s] if s in points else segment.at(s)
+            values[s] = test(points[s])
         return values[s]
 
-    def beside(s: float) -> float:
-        """The value, or zero where the equations are singular with a change of sign beside: the point itself."""
+    def value_or_zero(s: float) -> float:
+        """Return the test function; zero at a singular point with a sign change, which is the special point."""
         try:
             return value(s)
         except (NoConvergence, np.linalg.LinAlgError):
-            low, high = max(s - _BESIDE, 0.0), min(s + _BESIDE, 1.0)
+            low, high = max(s - SINGULAR_POINT_OFFSET, 0.0), min(s + SINGULAR_POINT_OFFSET, 1.0)
             if value(low) * value(high) >= 0:
                 raise
-            share = value(low) / (value(low) - value(high))
-            rows[s], values[s] = _between(segment, rows[low], rows[high], share), 0.0
+            weight = value(low) / (value(low) - value(high))
+            points[s], values[s] = _interpolated_point(segment, points[low], points[high], weight), 0.0
             return 0.0
 
     try:
-        place = find_root_bracketed(beside, 0.0, 1.0, fine, first)
-        near = [x for x in values if abs(x - place) <= _NOISY]  # a function that grows along it is less at an end
-        s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
-        return LocatedEvent(event, s, rows[s], True, note)
+        root = find_root_bracketed(value_or_zero, 0.0, 1.0, fine, first)
+        near = [x for x in values if abs(x - root) <= ROUNDING_FRACTION]
+        s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last value may be rounding error
+        return LocatedEvent(event, s, points[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
-        return LocatedEvent(event, s, rows[s], False, note)
+        return LocatedEvent(event, s, points[s], False, note)
 
 
-_BESIDE = 1e-5  # distance along the arc at which the two sides of a singular point are looked at
-
-
-def _between(segment: Segment, a: CurvePoint, b: CurvePoint, share: float) -> CurvePoint:
-    """CurvePoint between two close ones, where the equations themselves cannot be solved."""
-    tangent = (1 - share) * a.tangent + share * b.tangent
-    return singular(segment, (1 - share) * a.u + share * b.u, replace(a, tangent=tangent))
+def _interpolated_point(segment: Segment, a: CurvePoint, b: CurvePoint, weight: float) -> CurvePoint:
+    """Return the point between two close points by linear interpolation, where the equations are singular."""
+    tangent = (1 - weight) * a.tangent + weight * b.tangent
+    return singular(segment, (1 - weight) * a.u + weight * b.u, replace(a, tangent=tangent))
 
 
 def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
-    """Point at u, where the equations are singular, with tangent and orientation of one nearby."""
+    """Return the point at u, where the equations are singular, with tangent and orientation of a point nearby."""
     point = solution_at(segment.problem, u, segment.name, segment.parameters)
     return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
 
@@ -317,34 +503,52 @@ def locate_by_newton(
     extended: MinimallyAugmentedProblem,
     s: float,
     note: str = "",
-    beyond: float = _AT_THE_END,
+    beyond: float = MAX_FRACTION_BEYOND_END,
 ) -> LocatedEvent:
-    """Newton on a special point as a problem of its own, from the fraction s of the segment.
+    """Locate a special point by Newton's method on its equations.
 
-    beyond : how far beyond the ends of the segment the point may lie, as a share of its chord: for equations that are
-    more accurate than the test that led here.
+    Parameters
+    ----------
+    segment : Segment
+        Segment with the special point.
+    event : Event
+        Kind of special point.
+    extended : MinimallyAugmentedProblem
+        Equations of the special point.
+    s : float
+        Fraction of the segment at which the iteration starts.
+    note : str, optional
+        Remark for the user.
+    beyond : float, optional
+        Largest fraction of the segment by which the point may lie beyond its ends. It allows for equations that are
+        more accurate than the test function. The default is 1e-6.
+
+    Returns
+    -------
+    LocatedEvent
+        The special point.
 
     Raises
     ------
     NoConvergence
-        If Newton fails or leaves the segment.
+        If Newton's method fails or leaves the segment.
     """
     u = segment.guess(s)
-    settings = _few(segment.settings)
+    settings = _location_settings(segment.settings)
     here = {**segment.parameters, segment.name: float(u[-1])}
     solution = extended.located(u, here, settings)
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
-    place = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
-    inside = -beyond <= place <= 1 + beyond
+    fraction = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
+    inside = -beyond <= fraction <= 1 + beyond
     if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
-        raise NoConvergence("Newton left the arc", U, segment.parameters, [])
+        raise NoConvergence("Newton's method left the segment", U, segment.parameters, [])
     return LocatedEvent(
-        event, place, point_from_solution(on_curve(solution), chord / segment.scale, segment.scale), True, note
+        event, fraction, point_from_solution(on_curve(solution), chord / segment.scale, segment.scale), True, note
     )
 
 
 @lru_cache(maxsize=8)
-def _few(settings: NewtonSettings) -> NewtonSettings:
-    """The settings for a start that is nearly there."""
-    return replace(settings, max_iterations=5)
+def _location_settings(settings: NewtonSettings) -> NewtonSettings:
+    """Return corrector settings for a start close to the solution."""
+    return replace(settings, max_iterations=LOCATION_ITERATIONS)

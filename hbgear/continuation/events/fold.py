@@ -13,14 +13,14 @@ from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, lengths, locate_by_newton, locate_root, unknowns
-from hbgear.continuation.events.near_tangency import SHALLOW
+from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
 from hbgear.continuation.numerics.linear import norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import NoConvergence
 
 
 class FoldEvent(Event):
-    """The curve turns back in the parameter: a fold."""
+    """Fold: the parameter direction of the curve changes."""
 
     kind, meaning, marker = "LP", "fold: the curve turns back", "o"
 
@@ -28,37 +28,45 @@ class FoldEvent(Event):
         pass
 
     def values(
-        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        return np.zeros((len(rows), 0))
+        return np.zeros((len(points), 0))
 
-    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        heading = np.array([row.heading for row in rows])
-        turned: np.ndarray = heading[1:] * heading[:-1] < 0
-        return turned
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        direction = np.array([point.parameter_direction for point in points])
+        changed: np.ndarray = direction[1:] * direction[:-1] < 0
+        return changed
 
-    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Where dp/ds of the cubic through both ends of a piece, with their tangents, comes close to zero within it.
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return the segments on which dp/ds of the cubic Hermite polynomial comes close to zero.
 
-        dp/ds = a + b s + c s^2,   least at s = -b / 2c
+        dp/ds = a + b s + c s^2,   smallest at s = -b / 2c
         """
-        p, length, tangents = unknowns(rows)[:, -1], lengths(rows, scale), np.array([row.tangent for row in rows])
+        p, length, tangents = (
+            unknowns(points)[:, -1],
+            lengths(points, scale),
+            np.array([point.tangent for point in points]),
+        )
         slope = tangents[:, -1] / norms(tangents / scale)
         begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
         b, c = rise - 4 * begin - 2 * end, 3 * (begin + end) - rise
         bent = np.flatnonzero((begin * end > 0) & (begin * c > 0) & (begin * b < 0))
         begin, end, b, c = begin[bent], end[bent], b[bent], c[bent]
         s = -0.5 * b / c
-        share = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
-        shallow = (s < 1) & (share < SHALLOW)
-        return list(zip(bent[shallow].tolist(), s[shallow].tolist(), strict=True))
+        ratio = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
+        close = (s < 1) & (ratio < NEAR_ZERO_RATIO)
+        return list(zip(bent[close].tolist(), s[close].tolist(), strict=True))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
+        """Return the fold of a segment on which the parameter direction changes.
+
+        Newton's method on {R, g} starts at the fold of the Hermite polynomial. If it fails, or dR/dX is not continuous,
+        the root of the tangent component is bracketed.
+        """
         a, b = segment.a, segment.b
-        if a.heading * b.heading >= 0:
+        if a.parameter_direction * b.parameter_direction >= 0:
             return []
-        if a.tangent[-1] * b.tangent[-1] >= 0:  # the curve turned on a stretch on which the parameter stood still
+        if a.tangent[-1] * b.tangent[-1] >= 0:  # the fold lies on a section of constant parameter
             return [LocatedEvent(self, 0.0, a, True)]
         if segment.problem.smooth:
             try:
@@ -69,15 +77,17 @@ class FoldEvent(Event):
                 ]
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
-        first = math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)  # at corners it turns anywhere
-        return [locate_root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
+        first = (
+            math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)
+        )  # at a breakpoint a fold may lie anywhere
+        return [locate_root(segment, self, lambda point: float(point.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return FoldProblem(problem, parameter)
 
 
 class CuspEvent(FoldEvent):
-    """A curve of folds turns back in its parameter."""
+    """Cusp: the parameter direction of a curve of folds changes."""
 
     kind, meaning, marker = "CP", "cusp: two folds meet", "*"
 
@@ -86,24 +96,36 @@ class CuspEvent(FoldEvent):
 
 
 def fold_on_segment(segment: Segment) -> float:
-    """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
+    """Return the fraction of a segment at which the Hermite polynomial through its ends has a fold."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
     begin, end = (float(slope[-1]) for slope in segment.slopes)
-    # begin and end differ in sign: so does the polynomial, and has one root between
+    # begin and end have opposite signs, so the derivative has one root between them
     half, bend = 3 * rise - 2 * begin - end, 3 * (begin + end) - 6 * rise
     return begin / (math.copysign(math.sqrt(max(half * half - bend * begin, 0.0)), begin) - half)
 
 
 def far_side_of_fold(segment: Segment, value: float) -> Array:
-    """u where the parameter comes back to a value, on a piece on which it turns.
+    """Return the unknowns u at which the parameter returns to a value after a fold on a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+        Segment with a fold.
+    value : float
+        Value of the parameter.
+
+    Returns
+    -------
+    ndarray, shape (n + 1,)
+        Unknowns and parameter.
 
     Raises
     ------
     NoConvergence, numpy.linalg.LinAlgError
-        If it does not, or the piece cannot be followed to there.
+        If the parameter does not return to this value, or the corrector fails.
     """
     behind = segment.part(segment.at(fold_on_segment(segment)), segment.b)
-    found = locate_root(behind, FoldEvent(), lambda row: row.value - value, fine=1e-9)
+    found = locate_root(behind, FoldEvent(), lambda point: point.value - value, fine=1e-9)
     if not found.located:
-        raise NoConvergence("the curve does not come back to this value", found.row.X, segment.parameters, [])
-    return found.row.u
+        raise NoConvergence("the curve does not return to this parameter value", found.point.X, segment.parameters, [])
+    return found.point.u

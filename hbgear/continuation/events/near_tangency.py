@@ -1,7 +1,7 @@
-"""Test functions that may cross zero twice between two rows of a curve, which then have the same sign.
+"""Candidates for even numbers of zeros: segments on which a test function of equal signs comes close to zero.
 
-A test function is known at the rows. Where it seems to touch zero between two of them, as neighbouring rows tell, the
-curve is looked at more closely (`hidden`).
+A test function is known at the points of a curve. Two zeros between neighbouring points leave no sign change. Parabolas
+and secants through neighbouring points show where the function may reach zero; `even_crossings` searches there.
 """
 
 from __future__ import annotations
@@ -12,11 +12,25 @@ from hbgear.common.arrays import Array
 
 
 def near_zeros(f: Array, length: Array) -> list[tuple[int, float]]:
-    """Pieces on which test functions f (rows, T) of one sign at the rows may cross zero twice, and where on them.
+    """Return the segments on which test functions may cross zero an even number of times.
 
-    They do if the parabola through three rows, the pieces between them of the given lengths, comes close to zero, or if
-    the lines through two rows on either side reach zero before they meet, as they do on a piece longer than others, or
-    one of them does so at once.
+    A segment is a candidate if one of these conditions holds:
+
+    - the parabola through three points has its extremum on the segment and comes close to zero there,
+    - the secants through the two points on either side both reach zero before they intersect,
+    - one of these secants reaches zero within the fraction `SECANT_REACH` of the segment.
+
+    Parameters
+    ----------
+    f : ndarray, shape (P, T)
+        Values of T test functions at P points.
+    length : ndarray, shape (P - 1,)
+        Lengths of the segments between the points.
+
+    Returns
+    -------
+    list of (int, float)
+        Number of each segment, and the fraction at which the test function is closest to zero.
     """
     from hbgear.continuation.events.near_tangency_kernel import near_zeros_kernel
 
@@ -24,11 +38,13 @@ def near_zeros(f: Array, length: Array) -> list[tuple[int, float]]:
         return []
     found = np.empty((f.size, 2))
     values, lengths = (np.ascontiguousarray(each, dtype=float) for each in (f, length))
-    count = near_zeros_kernel(values, lengths, SHALLOW, SOON, found)
-    return sorted((int(piece), s) for piece, s in found[:count].tolist())
+    count = near_zeros_kernel(values, lengths, NEAR_ZERO_RATIO, SECANT_REACH, found)
+    return sorted((int(segment), s) for segment, s in found[:count].tolist())
 
 
-SOON = 0.2  # share of a piece on which a line that reaches zero tells of a test function that does
+SECANT_REACH = 0.2
+"""Fraction of a segment within which a secant that reaches zero makes the segment a candidate."""
 
 
-SHALLOW = 0.25  # share of its least value at the rows below which a test function may cross zero between them
+NEAR_ZERO_RATIO = 0.25
+"""Extremum of a test function, relative to its smallest value at the points, below which it may cross zero."""

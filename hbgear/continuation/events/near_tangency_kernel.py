@@ -1,4 +1,4 @@
-"""Kernel: where functions that are known at the rows of a curve, and of one sign there, come close to zero between."""
+"""Kernel: segments on which test functions with equal signs at the points of a curve come close to zero."""
 
 from __future__ import annotations
 
@@ -9,23 +9,38 @@ from hbgear.common.process.compiling import kernel
 
 
 @kernel
-def near_zeros_kernel(f: Any, length: Any, shallow: float, soon: float, found: Any) -> int:
-    """Put pieces and places on them, see `touching.dips`, of functions f (rows, T) in found (rows T, 2); their number.
+def near_zeros_kernel(f: Any, length: Any, ratio: float, reach: float, found: Any) -> int:
+    """Fill the array ``found`` with candidate segments and fractions; return their number. See `near_zeros`.
 
-    length (rows - 1,) : of the pieces. shallow : share of its least value at three rows below which a parabola comes
-    close to zero. soon : share of a piece on which a line that reaches zero tells enough by itself.
+    Parameters
+    ----------
+    f : ndarray, shape (P, T)
+        Values of T test functions at P points.
+    length : ndarray, shape (P - 1,)
+        Lengths of the segments.
+    ratio : float
+        Extremum of a parabola, relative to the smallest value at its points, below which it is close to zero.
+    reach : float
+        Fraction of a segment within which a single secant that reaches zero suffices.
+    found : ndarray, shape (P T, 2)
+        Result: the number of each segment and the fraction on it.
+
+    Returns
+    -------
+    int
+        Number of candidates.
     """
     count, last = 0, f.shape[0] - 1
     for i in range(last):
         for j in range(f.shape[1]):
             s = math.nan
             if 0 < i < last - 1:
-                s = _by_lines(f[i - 1, j], f[i, j], f[i + 1, j], f[i + 2, j], length, i, soon)
+                s = _secant_intersection(f[i - 1, j], f[i, j], f[i + 1, j], f[i + 2, j], length, i, reach)
             if i > 0:
-                at = _lowest(f[i - 1, j], f[i, j], f[i + 1, j], length[i - 1], length[i], shallow)
+                at = _parabola_minimum(f[i - 1, j], f[i, j], f[i + 1, j], length[i - 1], length[i], ratio)
                 s = at / length[i] if at >= 0.0 else s
             if i < last - 1:
-                at = _lowest(f[i, j], f[i + 1, j], f[i + 2, j], length[i], length[i + 1], shallow)
+                at = _parabola_minimum(f[i, j], f[i + 1, j], f[i + 2, j], length[i], length[i + 1], ratio)
                 s = 1.0 + at / length[i] if at < 0.0 else s
             if not math.isnan(s):
                 found[count, 0], found[count, 1] = i, s
@@ -34,8 +49,8 @@ def near_zeros_kernel(f: Any, length: Any, shallow: float, soon: float, found: A
 
 
 @kernel
-def _lowest(before: float, here: float, after: float, h: float, k: float, shallow: float) -> float:
-    """How far from the middle of three rows, h and k apart, their parabola comes close to zero; nan if it does not."""
+def _parabola_minimum(before: float, here: float, after: float, h: float, k: float, ratio: float) -> float:
+    """Return the distance from the middle one of three points, h and k apart, to the parabola minimum; nan if large."""
     if not (before * here > 0.0 and here * after > 0.0 and abs(here) <= abs(before) and abs(here) <= abs(after)):
         return math.nan
     rise, fall = (here - before) / h, (after - here) / k
@@ -43,18 +58,18 @@ def _lowest(before: float, here: float, after: float, h: float, k: float, shallo
     if not bend * here > 0.0:
         return math.nan
     at: float = -0.5 * slope / bend
-    return at if 1.0 + 0.5 * slope * at / here <= shallow else math.nan
+    return at if 1.0 + 0.5 * slope * at / here <= ratio else math.nan
 
 
 @kernel
-def _by_lines(before: float, a: float, b: float, after: float, length: Any, i: int, soon: float) -> float:
-    """Place on piece i, from a to b, where the lines through two rows on either side reach zero; nan if they do not."""
+def _secant_intersection(before: float, a: float, b: float, after: float, length: Any, i: int, reach: float) -> float:
+    """Return the fraction of segment i, from a to b, at which the secants of both sides reach zero; nan if none."""
     if not (before * a > 0.0 and a * b > 0.0 and b * after > 0.0):
         return math.nan
     first: float = a / (before - a) * (length[i - 1] / length[i])
     last: float = 1.0 - b / (after - b) * (length[i + 1] / length[i])
     if 0.0 < first < last < 1.0:
         return 0.5 * (first + last)
-    if 0.0 < first < soon:
+    if 0.0 < first < reach:
         return 2.0 * first
-    return 2.0 * last - 1.0 if 1.0 - soon < last < 1.0 else math.nan
+    return 2.0 * last - 1.0 if 1.0 - reach < last < 1.0 else math.nan

@@ -247,8 +247,10 @@ class Factors:
 
         Returns
         -------
-        sign, logarithm : float
-            As of `numpy.linalg.slogdet`.
+        sign : float
+            +1, -1 or 0.
+        logarithm : float
+            Natural logarithm of the magnitude.
         """
         diagonal = self._lu.U.diagonal()
         sign = _parity(self._lu.perm_r) * _parity(self._lu.perm_c) * np.prod(np.sign(diagonal))
@@ -274,8 +276,10 @@ def slogdet(A: Matrix) -> tuple[float, float]:
 
     Returns
     -------
-    sign, logarithm : float
-        As of `numpy.linalg.slogdet`.
+    sign : float
+        +1, -1 or 0.
+    logarithm : float
+        Natural logarithm of the magnitude.
     """
     if dense(A):
         sign, log = np.linalg.slogdet(A)

@@ -20,7 +20,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``events`` | further special points | folds and branch points only |
 | ``adapted``, ``resized``, ``from_point``, ``size`` | adaptation of the number of unknowns | constant number |
 | ``refined_problem``, ``comparisons``, ``at_resolution_of`` | higher resolutions, for error estimates | none |
-| ``decided`` | verified stability of solutions | stability as observed |
+| ``verify_stability`` | verified stability of solutions | stability as observed |
 | ``recession`` | the limit equations far from the origin | curves end by the number of points |
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
@@ -127,7 +127,7 @@ class ContinuationProblem:
             (dR,) = parameter_derivatives(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
-    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+    def parameter_derivative(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """Return dR/dname of shape (n,) alone, which may cost less than `linearise`."""
         return self.linearise(X, name, **parameters).dR_dp
 
@@ -147,10 +147,10 @@ class ContinuationProblem:
         return None
 
     def is_expensive(self, name: str) -> bool:
-        """Whether a new value of this parameter costs much more than new unknowns. By default False."""
+        """Return whether a new value of a parameter is more expensive than new unknowns; by default False."""
         return False
 
-    def beside(self, parameters: Mapping[str, float], sets: int) -> ContinuationProblem:
+    def perturbed(self, parameters: Mapping[str, float], sets: int) -> ContinuationProblem:
         """Return the problem prepared for ``sets`` nearby parameter sets; by default the problem itself."""
         return self
 
@@ -218,7 +218,7 @@ class ContinuationProblem:
             self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
         ]
 
-    def decided(
+    def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
         work: Work | None = None,
     ) -> None:  # fmt: skip
@@ -251,7 +251,7 @@ class ContinuationProblem:
 
     @property
     def refined_problem(self) -> ContinuationProblem | None:
-        """The problem with about twice the unknowns; None if there is none (default)."""
+        """The problem with about twice the unknowns; None (default) if it does not exist."""
         return None
 
     @property

@@ -227,8 +227,10 @@ class Point:
 
         Returns
         -------
-        theta, values : ndarray, shape (count,)
-            Phases, 0 <= theta < 2 pi, and values.
+        theta : ndarray, shape (count,)
+            Phases, 0 <= theta < 2 pi.
+        values : ndarray, shape (count,)
+            Values of the element.
         """
         counted("order", order, least=0)
         counted("count", count, 10_000_000)

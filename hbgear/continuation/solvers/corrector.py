@@ -88,7 +88,7 @@ def correct(
             both, sign = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), rhs)
         except np.linalg.LinAlgError:
             raise NoConvergence(
-                "the corrector met a singular matrix", u[:-1], {**parameters, name: float(u[-1])}, [residual]
+                "the matrix of the corrector is singular", u[:-1], {**parameters, name: float(u[-1])}, [residual]
             ) from None
         onward, residual = u - both[:, 0], norm(now.R) / now.size
         step = norm(both[:, 0]) / max(norm(onward), 1e-300)

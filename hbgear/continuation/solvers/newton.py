@@ -60,7 +60,7 @@ class NoConvergence(RuntimeError):
 class NewtonSettings:
     """Settings of the corrector.
 
-    Parameters
+    Attributes
     ----------
     tolerance : float, optional
         Largest relative residual |R| / size of a converged point. A trace applies one more iteration to a point whose
@@ -239,7 +239,7 @@ def solve(
 def _compiled(
     problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], name: str, settings: NewtonSettings
 ) -> Solution | None:
-    """Return the result of the compiled Newton iteration, or None if there is none or it does not converge."""
+    """Return the result of the compiled Newton iteration, or None if it does not exist or does not converge."""
     curve = name or problem.usual_parameter
     locate = problem.compiled_locator(curve, parameters, HELD)
     if locate is None:

@@ -25,7 +25,7 @@ class StepControl:
 
     Step sizes are lengths of arc in scaled unknowns, in which the span of the parameter has the length 1.
 
-    Parameters
+    Attributes
     ----------
     first_step : float, optional
         First step size. The default is 0.01, or the nearest value between `min_step` and `max_step`.

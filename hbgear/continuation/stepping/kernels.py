@@ -1,7 +1,7 @@
-"""Kernels: the rules by which a curve is followed from row to row. They stand here once, for every kind of problem.
+"""Kernels: predictor, acceptance of a corrected point and step size, for every kind of problem.
 
-    predictor   u_p = Hermite extrapolation through the last rows with their tangents, u = (X, lambda)
-    corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
+    predictor   u_p = Hermite extrapolation through the last points with their tangents, u = (X, p)
+    corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton's method with the bordered matrix [dR/dX dR/dp; n^T]
 
 Lengths and angles are measured in scaled unknowns u / scale.
 
@@ -23,29 +23,46 @@ from hbgear.continuation.numerics.gauss_kernels import scaled_distance, scaled_n
 from hbgear.continuation.stepping.status import ACCEPTED, LANDED_FAR, PREDICTION_ERROR, TURNED_TOO_FAR
 
 CONTINUE, CONVERGED, DIVERGED = range(3)
-"""Verdicts on an iterate of the corrector: go on, converged, given up."""
+"""Status of an iterate of the corrector."""
 
-MIN_EXTRAPOLATION_COSINE = (
-    0.3  # share of the step by which the first predicted bend may move the point; cosine of the last turn
-)
+MIN_EXTRAPOLATION_COSINE = 0.3
+"""Smallest cosine of the angle between the tangents of points used by the predictor.
 
-NO_ERROR_CONTROL_BELOW = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
+It is also the largest change of the prediction by the second point, relative to the step size.
+"""
 
-MAX_LANDING_DISTANCE = 1.5  # distance of two rows, in steps, that is too large
+NO_ERROR_CONTROL_BELOW = 1e3
+"""Ratio of the step size to the smallest one below which the prediction error does not reduce the step."""
 
-POLISH_ABOVE = 1e-2  # part of the tolerance above which a converged point gets one Newton step more
+MAX_LANDING_DISTANCE = 1.5
+"""Largest distance of two successive points, relative to the step size."""
+
+POLISH_ABOVE = 1e-2
+"""Residual of a converged point, relative to the tolerance, above which one more Newton iteration is applied."""
 
 
 @kernel
 def predict(u: Any, t: Any, count: int, scale: Any, step: float, out: Any) -> None:
-    """Put the unknowns a step along the tangent of the last row in out (n + 1,): Hermite extrapolation.
+    """Fill ``out`` with the unknowns predicted by Hermite extrapolation.
+
+    One point with its tangent defines a line, two a cubic, r a polynomial of degree 2r - 1, in the scaled distance
+    x = unit . (u - u_0) along the last tangent. Points are added as long as each one changes the prediction by less
+    than the previous one. Otherwise the curve is not smooth on the scale of their distances.
 
     Parameters
     ----------
-    u, t : (history, n + 1) the last rows and their tangents, the newest first, ``count`` of them. Through one of them
-        with its tangent goes a line, through two a cubic, through r a polynomial of degree 2r - 1, in the distance
-        x = unit . (u - u_0) (scaled). As many are used as bring smaller and smaller changes: beyond that the curve is
-        not smooth on their scale.
+    u : ndarray, shape (history, n + 1)
+        Last points, the newest first.
+    t : ndarray, shape (history, n + 1)
+        Their tangents.
+    count : int
+        Number of points.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    step : float
+        Step size.
+    out : ndarray, shape (n + 1,)
+        Result: the predicted unknowns.
     """
     n = u.shape[1]
     size = 0.0
@@ -83,7 +100,7 @@ def predict(u: Any, t: Any, count: int, scale: Any, step: float, out: Any) -> No
 
 @kernel
 def _hermite(x: Any, k: int, r: int, at: float) -> tuple[float, float]:
-    """Weights at a place of the value and the slope at node k of r: L^2 (1 - 2 (x - x_k) L'(x_k)) and L^2 (x - x_k)."""
+    """Return the Hermite weights at x of value and slope at node k: L^2 (1 - 2 (x - x_k) L'(x_k)), L^2 (x - x_k)."""
     lagrange, steep = 1.0, 0.0
     for j in range(r):
         if j != k:
@@ -102,9 +119,31 @@ def newton_status(
 
     Parameters
     ----------
-    residual, step, last : relative residual, Newton step from here, and the step before. first : least residual of
-        those before. best : residual of the converged one known, inf if none is. sharp : share of the tolerance above
-        which a converged point gets one Newton step more.
+    residual : float
+        Relative residual of the iterate.
+    step : float
+        Relative size of the Newton step from this iterate.
+    last : float
+        Relative size of the previous Newton step.
+    first : float
+        Smallest residual of the previous iterates.
+    best : float
+        Residual of a converged iterate, inf if there is not any.
+    iteration : int
+        Number of the iteration.
+    tolerance : float
+        Largest residual of a converged iterate.
+    step_tolerance : float
+        Largest last Newton step of a converged iterate.
+    most : int
+        Maximum number of iterations.
+    sharp : float
+        Residual of a converged iterate, relative to the tolerance, above which one more iteration is applied.
+
+    Returns
+    -------
+    (bool, int)
+        Whether the iterate is the best converged one, and the status.
     """
     if best < math.inf:
         return residual < best, CONVERGED
@@ -118,9 +157,31 @@ def newton_status(
 def accept_step(
     u: Any, t: Any, predicted: Any, before: Any, tangent: Any, scale: Any, step: float, limits: Any
 ) -> tuple[int, float, float]:
-    """Whether a corrected point u with direction t is a row of the curve; the turn [deg] and the miss, in steps.
+    """Return the status of a corrected point, its turning angle and its prediction error.
 
-    t is made a unit vector in scaled unknowns, given unscaled. limits : largest turn, largest miss (inf for any).
+    Parameters
+    ----------
+    u : ndarray, shape (n + 1,)
+        Corrected point.
+    t : ndarray, shape (n + 1,)
+        Direction of the curve. It is scaled in place to unit length in scaled unknowns.
+    predicted : ndarray, shape (n + 1,)
+        Prediction.
+    before : ndarray, shape (n + 1,)
+        Previous point.
+    tangent : ndarray, shape (n + 1,)
+        Its tangent.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    step : float
+        Step size.
+    limits : ndarray, shape (2,)
+        Largest turning angle [deg] and largest prediction error relative to the step size.
+
+    Returns
+    -------
+    (int, float, float)
+        Status of `stepping.status`, turning angle [deg], prediction error relative to the step size.
     """
     size, other, product = 0.0, 0.0, 0.0
     for i in range(u.shape[0]):
@@ -139,9 +200,26 @@ def accept_step(
 
 @kernel
 def next_step(step: float, iterations: int, turn: float, missed: float, control: Any) -> float:
-    """Next step from the Newton count, the turn and the miss of the last, at most doubled or halved.
+    """Return the next step size, at most doubled or halved.
 
-    control : shortest and longest step, largest turn [deg], Newton steps aimed at, largest miss.
+    Parameters
+    ----------
+    step : float
+        Last step size.
+    iterations : int
+        Number of Newton iterations.
+    turn : float
+        Turning angle [deg].
+    missed : float
+        Prediction error relative to the step size.
+    control : ndarray, shape (5,)
+        Smallest and largest step size, largest turning angle [deg], target number of iterations, largest prediction
+        error.
+
+    Returns
+    -------
+    float
+        The next step size.
     """
     by_newton = 2.0 ** ((control[3] - iterations) / 2)
     by_turn = 0.5 * control[2] / max(turn, 0.1)
@@ -153,7 +231,7 @@ def next_step(step: float, iterations: int, turn: float, missed: float, control:
 
 @kernel
 def arclength_normal(tangent: Any, scale: Any, out: Any) -> None:
-    """Put the unit normal, in unscaled unknowns, of the plane across a direction in scaled ones in out."""
+    """Fill ``out`` with the unit normal, in unscaled unknowns, of the plane orthogonal to a scaled tangent."""
     for i in range(out.shape[0]):
         out[i] = tangent[i] / (scale[i] * scale[i])
     size = scaled_norm(out)

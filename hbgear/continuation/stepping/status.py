@@ -1,19 +1,36 @@
-"""Whether a corrected point is the next row of a curve, or why it is not: codes, for kernels cannot hand over words."""
+"""Status of a corrected point: accepted, or the reason for its rejection.
+
+Kernels return the status as an integer code.
+"""
 
 from __future__ import annotations
 
 ACCEPTED, LANDED_FAR, TURNED_TOO_FAR, PREDICTION_ERROR, NOT_CONVERGED, SINGULAR = range(6)
+"""Codes of the status."""
 
-_REASONS = {
+_MESSAGES = {
     ACCEPTED: "",
     LANDED_FAR: "the corrector landed far from the prediction",
     TURNED_TOO_FAR: "the tangent turned by {number:.0f} degrees",
     PREDICTION_ERROR: "the prediction missed the curve by {number:.0%} of the step",
     NOT_CONVERGED: "the corrector stopped at a relative residual of {number:.2e}",
-    SINGULAR: "the corrector met a singular matrix",
+    SINGULAR: "the matrix of the corrector is singular",
 }
 
 
-def status_message(verdict: int, number: float) -> str:
-    """What a verdict means; number: by how much."""
-    return _REASONS[verdict].format(number=number)
+def status_message(status: int, number: float) -> str:
+    """Return the message of a status.
+
+    Parameters
+    ----------
+    status : int
+        Code of the status.
+    number : float
+        Quantity of the message: angle [deg], prediction error or residual.
+
+    Returns
+    -------
+    str
+        The message, empty for an accepted point.
+    """
+    return _MESSAGES[status].format(number=number)

@@ -1,8 +1,11 @@
-"""The rest of a span, where the curve that was traced does not lead through all of it.
+"""Coverage of a span: search for further curves where the traced curve does not cover the whole span.
 
-A curve that begins at one end of a span need not come out at the other: it turns back, or runs off to infinity. What it
-leaves is looked for on other curves: that from the other end; those that come back from infinity on its other side,
-where X and -X are alike; and those through what the problem finds where nothing was seen yet.
+A curve that starts at one end of a span may not reach the other end: it turns back, or its solutions tend to infinity.
+The remaining intervals are searched for other curves, in this order:
+
+1. the curve that starts at the other end of the span,
+2. curves that return from infinity with the opposite sign: far from the origin, -X nearly is a solution if X is one,
+3. curves through initial solutions that the problem computes inside an uncovered interval.
 """
 
 from __future__ import annotations
@@ -24,47 +27,66 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
 from hbgear.continuation.tracing.jumps import find_jumps
 
 UNCOVERED = (Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.RETRACED, Status.STEP_TOO_SMALL)
-"""Ends of a curve that was followed as far as it goes and may leave something of its span."""
+"""Status of curves that were traced as far as possible and may not cover their span."""
 
 
 Follow = Callable[[tuple[float, float], BranchStart], Branch]
-"""Traces from a point towards one end of a span."""
+"""Type of a function ``(span, start) -> branch`` that traces from a start towards the second end of a span."""
 
 
-class Followed(Protocol):
-    """Traces from one end of a span to the other."""
+class TraceFunction(Protocol):
+    """Function that traces from one end of a span to the other; ``rough`` requests the points alone."""
 
     def __call__(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch: ...
 
 
 class CoverageSearch(NamedTuple):
-    """How curves of a span are found.
+    """Functions and settings of a search for further curves.
 
-    follow : traces from one end of a span to the other, from what the problem finds at its beginning or from a point;
-        roughly, if so asked: the rows alone.
-    start : a point at a value of the parameter, near unknowns that are given or wherever the problem finds one, to go
-        up from in the parameter.
-    settings : of the corrector, for jumps on curves that are followed both ways; None not to look for these.
+    Attributes
+    ----------
+    follow : callable
+        Traces from one end of a span to the other: from a start, or from the initial solution of the problem. With
+        ``rough=True`` stability and special points are not computed.
+    start : callable
+        Returns a solution at a value of the parameter, near given unknowns or, for None, as computed by the problem.
+        Its direction leads to larger values.
+    settings : NewtonSettings or None
+        Settings of the corrector for the jumps of curves that are traced in both directions; None for no jumps.
     """
 
-    follow: Followed
+    follow: TraceFunction
     start: Callable[[float, Array | None], BranchStart]
     settings: NewtonSettings | None
 
 
 def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -> list[tuple[float, float]]:
-    """The parts of a span that no branch passes, from low to high; one that runs off to infinity passes its asymptote.
+    """Return the intervals of a span that no branch covers, in ascending order.
+
+    A branch whose solutions tend to infinity covers the interval up to its asymptote.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Traced branches.
+    span : (float, float)
+        Span of the parameter.
+
+    Returns
+    -------
+    list of (float, float)
+        Lower and upper end of each interval.
 
     Examples
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.7))
-    >>> gaps([curve], (0.9, 0.4))
+    >>> uncovered_intervals([curve], (0.9, 0.4))
     [(0.4, 0.5), (0.7, 0.9)]
     """
     low, high = sorted(map(float, span))
     passed = [np.append(b.values, list(b.asymptotes.values())) for b in branches]
-    free, reached, least = [], low, _LEAST * (high - low)
+    free, reached, least = [], low, MIN_INTERVAL_RATIO * (high - low)
     for begin, end in sorted((float(x.min()), float(x.max())) for x in passed):
         if begin > reached + least:
             free.append((reached, begin))
@@ -72,59 +94,80 @@ def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -
     return [*free, (reached, high)] if high > reached + least else free
 
 
-_LEAST = 1e-4  # share of a span that is no gap
+MIN_INTERVAL_RATIO = 1e-4
+"""Smallest width of an uncovered interval, relative to the span."""
 
 
-_PLACES = (4, 2, 6, 1, 3, 5, 7)  # eighths of a gap at which solutions are looked for, until one is found
+SEARCHED_EIGHTHS = (4, 2, 6, 1, 3, 5, 7)
+"""Positions in an uncovered interval, in eighths of its width, at which solutions are searched: the middle first."""
 
 
-_CURVES = 8  # most that are looked for
+MAX_CURVES = 8
+"""Largest number of further curves of one span."""
 
 
-_NOTHING = (NoConvergence, np.linalg.LinAlgError, ValueError)  # found there, or the model refuses the value
+_NOT_FOUND = (NoConvergence, np.linalg.LinAlgError, ValueError)
+"""Errors of a search without a result. The model raises ValueError for inadmissible parameters."""
 
 
 def cover_span(
     first: Branch, others: list[Branch], span: tuple[float, float], search: CoverageSearch, inside: bool = True
 ) -> None:
-    """Add the curves that cover what a branch leaves of its span to ``others``, each as soon as it is whole.
+    """Search the intervals that a branch does not cover for further curves, and append them to ``others``.
 
-    inside : whether solutions are also searched for away from the ends of the span.
+    Each curve is appended when its trace is finished, so that an interrupted search keeps the curves found.
+
+    Parameters
+    ----------
+    first : Branch
+        Branch that does not cover its span.
+    others : list of Branch
+        Further curves; extended in place.
+    span : (float, float)
+        Span of the parameter.
+    search : CoverageSearch
+        Functions of the search.
+    inside : bool, optional
+        Whether solutions are also searched away from the ends of the span. The default is True.
     """
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
-        with suppress(*_NOTHING):
+        with suppress(*_NOT_FOUND):
             others += [search.follow(span[::-1], None, False)]
     tried: set[tuple[float, bytes]] = set()
-    while inside and len(others) < _CURVES and (missing := uncovered_intervals([first, *others], span)):
+    while inside and len(others) < MAX_CURVES and (missing := uncovered_intervals([first, *others], span)):
         guess = next((g for g in _guesses([first, *others], missing) if _key(g) not in tried), None)
         if guess is None:
             return
         tried.add(_key(guess))
-        with suppress(*_NOTHING):
-            other = _found(*guess, span, search)
+        with suppress(*_NOT_FOUND):
+            other = _trace_from_guess(*guess, span, search)
             others += [other] if uncovered_intervals([first, *others, other], span) != missing else []
 
 
 def _guesses(
     branches: Sequence[Branch], missing: Sequence[tuple[float, float]]
 ) -> Iterator[tuple[float, Array | None]]:
-    """Values of the parameter at which to look for solutions, and near what: beyond infinity, and in the gaps."""
+    """Yield values of the parameter, each with a guess X or None, at which solutions are searched.
+
+    Beyond an asymptote the guess is -X. Inside the uncovered intervals there is no guess.
+    """
     for branch in branches:
         for end in branch.asymptotes:
-            row = 0 if end == "first" else -1
-            yield float(branch.values[row]), -branch.X[row]
+            i = 0 if end == "first" else -1
+            yield float(branch.values[i]), -branch.X[i]
     for low, high in missing:
-        for place in _PLACES:
-            yield low + place / 8 * (high - low), None
+        for eighth in SEARCHED_EIGHTHS:
+            yield low + eighth / 8 * (high - low), None
 
 
 def _key(guess: tuple[float, Array | None]) -> tuple[float, bytes]:
+    """Return a hashable form of a guess."""
     value, near = guess
     return value, b"" if near is None else near.tobytes()
 
 
-def _found(value: float, near: Array | None, span: tuple[float, float], search: CoverageSearch) -> Branch:
-    """The whole curve through what is found at a value of the parameter, near some unknowns or anywhere."""
+def _trace_from_guess(value: float, near: Array | None, span: tuple[float, float], search: CoverageSearch) -> Branch:
+    """Return the curve through a solution at a value of the parameter, near a guess or computed by the problem."""
     start = search.start(value, near)
     if near is not None:
         start = _smallest(trace_both_directions(start, span, partial(search.follow, rough=True), None))
@@ -132,9 +175,10 @@ def _found(value: float, near: Array | None, span: tuple[float, float], search: 
 
 
 def _smallest(branch: Branch) -> BranchStart:
-    """The row of a branch with the smallest unknowns, with the direction of the branch there.
+    """Return the point of a branch with the smallest norm, with the direction of the branch there.
 
-    Steps are measured by the largest unknowns so far: from here the curve is followed more closely than from far out.
+    Steps are scaled by the largest norm so far. A trace from the smallest point takes smaller steps than one that
+    starts far from the origin.
     """
     i = min(max(int(np.argmin(np.linalg.norm(branch.X, axis=1))), 1), len(branch) - 2)
     before, after = (np.append(branch.X[k], branch.values[k]) for k in (i - 1, i + 1))
@@ -144,27 +188,58 @@ def _smallest(branch: Branch) -> BranchStart:
 def trace_both_directions(
     start: BranchStart, span: tuple[float, float], follow: Follow, settings: NewtonSettings | None
 ) -> Branch:
-    """The curve through a point inside of a span, whole, with its jumps if there are settings to solve for these."""
+    """Trace the curve through a point inside a span in both directions.
+
+    Parameters
+    ----------
+    start : BranchStart
+        Point inside the span.
+    span : (float, float)
+        Span of the parameter.
+    follow : callable
+        Traces from a start towards the second end of a span.
+    settings : NewtonSettings or None
+        Settings of the corrector for jumps; None for a branch without jumps.
+
+    Returns
+    -------
+    Branch
+        Both parts in one.
+    """
     low, high = sorted(span)
     forth = follow((low, high), start)
     if forth.status in (Status.CLOSED, Status.RETRACED):
         return forth
     back = follow((high, low), replace(start, direction=-start.direction))
-    made = replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))
-    return made if settings is None else replace(made, jump_records=find_jumps(made, settings))
+    whole = replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))
+    return whole if settings is None else replace(whole, jump_records=find_jumps(whole, settings))
 
 
 def coverage_message(first: Branch, others: Sequence[Branch], span: tuple[float, float], inside: bool = True) -> str:
-    """What there is to say of a span that a branch leaves something of; nothing if it leaves nothing.
+    """Return the message on the coverage of a span.
 
-    inside : as of `cover_span`.
+    Parameters
+    ----------
+    first : Branch
+        Traced branch.
+    others : sequence of Branch
+        Further curves of the span.
+    span : (float, float)
+        Span of the parameter.
+    inside : bool, optional
+        The same as in `cover_span`.
+
+    Returns
+    -------
+    str
+        The message; empty if the first branch covers the span.
     """
     missing = uncovered_intervals([first, *others], span)
-    words = []
+    texts = []
     if others:
         count = "another curve covers" if len(others) == 1 else f"{len(others)} other curves cover"
-        words.append(f"{count} {'more' if missing else 'the rest'} of the span")
+        texts.append(f"{count} {'more' if missing else 'the rest'} of the span")
     if missing:
         ranges = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in missing)
-        words.append(f"no curve was {'found' if inside else 'searched for'} from {first.parameter} = {ranges}")
-    return "; ".join(words)
+        texts.append(f"no curve was {'found' if inside else 'searched for'} from {first.parameter} = {ranges}")
+    return "; ".join(texts)

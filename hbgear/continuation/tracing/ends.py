@@ -52,7 +52,7 @@ class CurveEnds:
         points near the first one once the curve has folded.
         """
         state, span = self.state, self.state.setup.span
-        u, direction = unknowns(path), np.array([point.heading for point in path])
+        u, direction = unknowns(path), np.array([point.parameter_direction for point in path])
         folds, value = direction[1:] != direction[:-1], u[1:, -1]
         outside = (span.direction * (value - span.end) >= 0) | (span.direction * (value - span.start) < 0)
         length = norms((u[1:] - u[:-1]) / state.scale)
@@ -66,7 +66,7 @@ class CurveEnds:
     def fold_outside_span(self, last: CurvePoint, point: CurvePoint) -> CurvePoint:
         """Return the fold before a point if it lies outside the span and the step came back inside; else the point."""
         state, end_at = self.state, self.state.setup.span.end_at
-        if last.heading * point.heading >= 0:
+        if last.parameter_direction * point.parameter_direction >= 0:
             return point
         segment = state.segment(last, point)
         samples = segment.guess(np.arange(1, FOLD_SAMPLES)[:, None] / FOLD_SAMPLES)[:, -1].tolist()
@@ -74,8 +74,8 @@ class CurveEnds:
         if all(end_at(value + shift) is None for value in samples for shift in (-reach, reach)):
             return point
         for fold in FoldEvent().find(segment):
-            if fold.located and end_at(fold.row.value) is not None:
-                return fold.row
+            if fold.located and end_at(fold.point.value) is not None:
+                return fold.point
         return point
 
     def at_span_end(self, last: CurvePoint, point: CurvePoint, end: float) -> CurvePoint:
@@ -84,7 +84,11 @@ class CurveEnds:
         segment, here, name = state.segment(last, point), setup.parameters_at(end), setup.name
         s = (end - last.value) / (point.value - last.value)
         try:
-            guess = far_side_of_fold(segment, end) if last.heading * point.heading < 0 else segment.guess(s)
+            guess = (
+                far_side_of_fold(segment, end)
+                if last.parameter_direction * point.parameter_direction < 0
+                else segment.guess(s)
+            )
             solution = solve(state.problem, guess[:-1], here, name, setup.settings.newton)
             solution = refine(state.problem, solution, here, name)
             normal = normal_of(point.u - last.u, state.scale)
@@ -155,7 +159,7 @@ class CurveEnds:
         ``path`` holds the last point and the new ones.
         """
         state = self.state
-        has_folded = state.has_folded or any(point.heading != path[0].heading for point in path)
+        has_folded = state.has_folded or any(point.parameter_direction != path[0].parameter_direction for point in path)
         if len(state.points) <= NUMBER_OF_RECENT_POINTS or not has_folded:
             return len(path) - 1
         earlier, u = state.history() / state.scale, unknowns(path) / state.scale

@@ -92,8 +92,8 @@ class EvenCrossingSearch:
         """
         state, first = self.state, section.first
         events = {(number - first - 1, one.s): one for number, some in section.known.items() for one in some
-                  if one.located and 0 < one.s < 1 and len(one.row.u) == len(state.scale)}  # fmt: skip
-        self.monitor.observe([event.row for event in events.values()])
+                  if one.located and 0 < one.s < 1 and len(one.point.u) == len(state.scale)}  # fmt: skip
+        self.monitor.observe([event.point for event in events.values()])
         path = SampledCurve.through(section.points, events, between)
         found: dict[int, list[LocatedEvent]] = {}
         self._add_unmatched_sign_changes(section, segments, path, found)
@@ -105,13 +105,13 @@ class EvenCrossingSearch:
     ) -> None:
         """Add the special points at which test functions change sign more often than is known."""
         state, points = self.state, section.points
-        for segment, parts in path.unseen(self.detector, points).items():
+        for segment, parts in path.unmatched_sign_changes(self.detector, points).items():
             if segment not in segments:
                 continue
-            arcs = [(state.segment(*path.rows[k : k + 2]), event) for k, event in parts]
+            segments_with_event = [(state.segment(*path.points[k : k + 2]), event) for k, event in parts]
             number = section.number(segment)
             others = section.known.get(number, [])
-            candidates = [(arc, point) for arc, event in arcs for point in event.find(arc)
+            candidates = [(part, point) for part, event in segments_with_event for point in event.find(part)
                           if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
             confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
             fresh = drop_odd_counts(
@@ -125,12 +125,12 @@ class EvenCrossingSearch:
     ) -> None:
         """Add the special points found by additional points where test functions come close to zero."""
         state, points = self.state, section.points
-        for k, hints in path.hints(self.detector, points, state.scale).items():
+        for k, near in path.near_zero_candidates(self.detector, points, state.scale).items():
             segment, low, high = path.ends(k)
             if segment not in segments:
                 continue
-            part = state.segment(*path.rows[k : k + 2])
-            candidates = find_even_crossings(self.detector, part, hints, self.monitor.solve_on_segment, path, k)
+            part = state.segment(*path.points[k : k + 2])
+            candidates = find_even_crossings(self.detector, part, near, self.monitor.solve_on_segment, path, k)
             number, whole = section.number(segment), state.segment(points[segment], points[segment + 1])
             others = found.get(number, section.known.get(number, []))
             kept = [point for point in others if not low < point.s < high]
@@ -142,7 +142,7 @@ class EvenCrossingSearch:
     def _confirmed(self, candidates: Sequence[tuple[Segment, LocatedEvent]], whole: Segment) -> list[LocatedEvent]:
         """Return the candidates that exist at a higher resolution, with their fractions of the whole segment."""
         confirmed = (self._confirm(part, point) for part, point in candidates)
-        return [replace(point, s=whole.place(point.row.u)) for point in confirmed if point is not None]
+        return [replace(one, s=whole.fraction_of(one.point.u)) for one in confirmed if one is not None]
 
     def _confirm(self, part: Segment, point: LocatedEvent) -> LocatedEvent | None:
         """Return a candidate with its error; None if it does not exist at a higher resolution."""
@@ -154,7 +154,7 @@ class EvenCrossingSearch:
         assessed = estimate_error(part, point, accuracy, work)
         refined = assessed.sharp is not None or work.refused > refused  # a refusal is no evidence against a point
         limit = max(accuracy, SPURIOUS_POINT_ERROR) if refined else accuracy
-        return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.row.value) else assessed
+        return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.point.value) else assessed
 
 
 def _coincide(one: LocatedEvent, other: LocatedEvent) -> bool:
@@ -164,4 +164,4 @@ def _coincide(one: LocatedEvent, other: LocatedEvent) -> bool:
     digits, so that points found with an event of another kind are the same.
     """
     simultaneous = one.finder is not None and other.finder is not None
-    return one.event.kind == other.event.kind and (simultaneous or are_equal(one.row.u, other.row.u))
+    return one.event.kind == other.event.kind and (simultaneous or are_equal(one.point.u, other.point.u))

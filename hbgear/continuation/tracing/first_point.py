@@ -48,13 +48,15 @@ class ArbitrarySolutionError(NoConvergence):
     ----------
     problem : ContinuationProblem
         Equations that choose one solution of the continuum.
-    words : str
+    description : str
         Description of the arbitrary quantity.
     """
 
-    def __init__(self, X: Array, parameters: Mapping[str, float], problem: ContinuationProblem, words: str) -> None:
-        super().__init__(words, X, parameters, [])
-        self.problem, self.words = problem, words
+    def __init__(
+        self, X: Array, parameters: Mapping[str, float], problem: ContinuationProblem, description: str
+    ) -> None:
+        super().__init__(description, X, parameters, [])
+        self.problem, self.description = problem, description
 
 
 def begin(setup: TraceSetup, start: Point | BranchStart | Array | None) -> tuple[TraceState, list[CurvePoint]]:

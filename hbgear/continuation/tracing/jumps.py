@@ -1,4 +1,4 @@
-"""Jumps: where a slow sweep of the parameter leaves a branch, and where on the same curve it lands."""
+"""Jumps of slow sweeps: the point at which a sweep leaves a branch, and the solution of the same curve after it."""
 
 from __future__ import annotations
 
@@ -19,33 +19,46 @@ from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_s
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
 
-# A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
-# rows beside a fold may carry the other verdict.
-_ROWS_IN_DOUBT = 3
+UNCERTAIN_POINTS_AT_FOLD = 3
+"""Number of points next to a fold whose stability may be wrong.
+
+The fold of the truncated equations and the multiplier +1 of the exact motion differ by the truncation error.
+"""
 
 
 def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> tuple[Jump, ...]:
-    """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
+    """Return a `Jump` for each fold that a slow sweep along a stable section of the branch reaches.
 
-    Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
-    point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
-    curve at the same parameter; if there are several, on the one whose motion is nearest: see `nearest_solution`. Where
-    it loses
-    its stability at a branch point from which a stable branch leads on, the sweep continues there, and nothing jumps.
+    If the section loses its stability just before the fold (PD, NS), the sweep leaves the branch there, and the jump
+    has the label of that point. The sweep lands on the stable section of the same curve at the same parameter value. If
+    there are several, it lands on the one with the nearest motion; see `nearest`. If the section loses its stability at
+    a branch point from which a stable branch leads on, the sweep continues on that branch and does not jump.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+    settings : NewtonSettings, optional
+        Settings of the corrector.
+
+    Returns
+    -------
+    tuple of Jump
+        Jumps in the order of the branch; empty without multipliers or problem.
     """
     if branch.multipliers is None or branch.problem is None:
         return ()
-    left, likely = [], is_stable(branch.multipliers)  # undecided rows as they are most likely
+    left, likely = [], is_stable(branch.multipliers)  # undecided points by their most likely stability
     for fold in branch.special:
         if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
         sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, likely, fold, side)) is not None]
         if not sides:
             continue
-        # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
+        # a fold ends one stable section; if uncertain points suggest two, the longer one is taken
         side, point = max(sides, key=lambda found: _stable_run(branch, likely, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
-        left.append((point, direction, _crossed(branch, point, fold, direction, settings)))
+        left.append((point, direction, _solutions_on_other_sections(branch, point, fold, direction, settings)))
     jumps = []
     for (point, direction, _), found in zip(left, monitored_points(branch, [found for *_, found in left]), strict=True):
         value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
@@ -62,7 +75,7 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
 
 
 def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
-    """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
+    """Return the point at which a sweep towards a fold loses stability; None if that side is unstable."""
     marks = {p.index: p for p in branch.special if p.kind in STABILITY_CHANGING_KINDS}
     lost: SpecialPoint | None = None
     i = fold.index + side
@@ -73,26 +86,26 @@ def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int
         if mark is not None:
             lost = mark
         elif stable[i]:
-            return lost or (fold if abs(i - fold.index) <= _ROWS_IN_DOUBT else None)
+            return lost or (fold if abs(i - fold.index) <= UNCERTAIN_POINTS_AT_FOLD else None)
         i += side
     return None
 
 
 def _stable_run(branch: Branch, stable: np.ndarray, start: int, side: int) -> int:
-    """Number of stable rows on one side of a fold, up to the next fold."""
+    """Return the number of stable points on one side of a fold, up to the next fold."""
     folds = [p.index for p in branch.special if p.kind == "LP"]
     if side > 0:
         return int(np.count_nonzero(stable[start + 1 : min((i for i in folds if i > start), default=len(branch))]))
     return int(np.count_nonzero(stable[max((i for i in folds if i < start), default=-1) + 1 : start]))
 
 
-def _crossed(
+def _solutions_on_other_sections(
     branch: Branch, left: SpecialPoint, fold: SpecialPoint, direction: int, settings: NewtonSettings
 ) -> list[Solution]:
-    """The motions on other parts of the curve at the parameter of the point left.
+    """Return the solutions on other sections of the curve at the parameter value at which a sweep leaves it.
 
-    A fold that was solved for with more unknowns may lie before that of the rows, which then pass its value once more
-    on both sides: these are the motions that are left, not others.
+    A fold located with more unknowns may lie before the fold of the points. The points then pass its parameter value
+    once more on both sides of the fold. These crossings belong to the section that is left and are skipped.
     """
     value = left.parameters[branch.parameter]
     low, high = sorted((left.index, fold.index))
@@ -105,18 +118,32 @@ def _crossed(
 
 
 def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: range = range(0)) -> list[Solution]:
-    """The motions of a branch at a value of its parameter, solved for between the rows where the curve passes it.
+    """Return the solutions of a branch at a value of its parameter, from the points on both sides of the value.
 
-    ``skip`` holds rows after which it is not looked for.
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+    value : float
+        Value of the parameter.
+    settings : NewtonSettings
+        Settings of the corrector.
+    skip : range, optional
+        Numbers of the segments that are not searched. By default all are searched.
+
+    Returns
+    -------
+    list of Solution
+        Solutions in the order of the branch; a crossing at which the corrector fails is left out.
     """
     found = []
-    for place in crossings_at(branch, value):
-        if place.index in skip:
+    for crossing in crossings_at(branch, value):
+        if crossing.index in skip:
             continue
-        here = {**branch.parameters_at(place.index), branch.parameter: value}
+        here = {**branch.parameters_at(crossing.index), branch.parameter: value}
         try:
             found.append(
-                solve(as_problem(branch.problem), place.interpolate(branch.X), here, branch.parameter, settings)
+                solve(as_problem(branch.problem), crossing.interpolate(branch.X), here, branch.parameter, settings)
             )
         except NoConvergence:
             continue
@@ -124,35 +151,71 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
 
 
 def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
-    """Motions, group by group, with what the problem says of them."""
+    """Return solutions as points with their monitored quantities.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch on which the solutions lie.
+    groups : list of list of Solution
+        Solutions, in groups.
+
+    Returns
+    -------
+    list of list of Point
+        Points in the same groups.
+    """
     every = [solution for group in groups for solution in group]
     if not every:
         return [[] for _ in groups]
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
     here = [{**fixed, branch.parameter: solution.value} for solution in every]
     u = np.array([np.append(solution.X, solution.value) for solution in every])
-    seen = observe_all(as_problem(branch.problem), u, branch.parameter, fixed, True)
+    observed = observe_all(as_problem(branch.problem), u, branch.parameter, fixed, True)
     points = iter([
         Point(
             solution.X, p, solution.residual, solution.iterations, one.get("multipliers"),
             one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout, problem=branch.problem,
-        ) for solution, p, one in zip(every, here, seen, strict=True)
+        ) for solution, p, one in zip(every, here, observed, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]
 
 
 def nearest(left: Point, found: Sequence[Point]) -> Point | None:
-    """The stable one whose motion is nearest to that of the point left, if there is any.
+    """Return the stable solution with the smallest distance from the point at which a sweep leaves the branch.
 
-    Which of several motions a jump ends in is decided by their basins, which only integration knows. At the fold the
-    motion moves on with the phase that it has, but on its way to another motion the phase turns: what it keeps longest
-    are its amplitudes, so those are compared where the unknowns are read as motions.
+    The basins of attraction determine which solution a jump reaches; only time integration computes them. During the
+    transient the phase drifts, and the amplitudes change last. Therefore amplitudes are compared if the layout
+    can evaluate them.
+
+    Parameters
+    ----------
+    left : Point
+        Point at which the sweep leaves the branch.
+    found : sequence of Point
+        Solutions at the same parameter value.
+
+    Returns
+    -------
+    Point or None
+        The nearest stable solution; None if no solution is stable.
     """
     return min((p for p in found if p.stable), key=lambda point: distance(left, point), default=None)
 
 
 def distance(one: Point, other: Point) -> float:
-    """How far apart two solutions are: as their reader says (`HasDistance`), else the norm of the difference."""
+    """Return the distance of two solutions: of their layout (`HasDistance`), else the norm of the difference.
+
+    Parameters
+    ----------
+    one, other : Point
+        Solutions.
+
+    Returns
+    -------
+    float
+        The distance.
+    """
     if isinstance(one.layout, HasDistance) and isinstance(other.layout, type(one.layout)):
         return one.layout.distance(one.X, other.layout, other.X)
     return float(np.linalg.norm(one.X - other.X))
@@ -160,29 +223,41 @@ def distance(one: Point, other: Point) -> float:
 
 # ---- branches that continue a sweep
 
-_AWAY = (0.02, 0.005)  # distances from the point, over the size of the solution, at which the new branch is looked at
+DISTANCES_FROM_BRANCH_POINT = (0.02, 0.005)
+"""Distances from a branch point, relative to the solution norm, at which the new branch is evaluated."""
 
 
 def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: NewtonSettings) -> Point | None:
-    """The stable solution next to a branch point on a branch that leads on in a direction; None if there is none.
+    """Return a stable solution close to a branch point, on a branch that leads on in the direction of a sweep.
 
     Parameters
     ----------
-    branch : a curve that still knows its problem.
-    point : a branch point of it.
-    direction : +1 or -1, of the parameter along a sweep.
-    settings : of the corrector.
+    branch : Branch
+        Branch with its problem.
+    point : SpecialPoint
+        A branch point of it.
+    direction : {1, -1}
+        Sign of the parameter change along the sweep.
+    settings : NewtonSettings
+        Settings of the corrector.
+
+    Returns
+    -------
+    Point or None
+        The solution; None if no such branch is stable.
     """
     name = branch.parameter
-    for away in _AWAY:
-        for one in (_beside(branch, point, side, away, settings) for side in (1, -1)):
+    for away in DISTANCES_FROM_BRANCH_POINT:
+        for one in (_point_on_new_branch(branch, point, side, away, settings) for side in (1, -1)):
             if one is not None and one.stable and (one.parameters[name] - point.parameters[name]) * direction > 0:
                 return one
     return None
 
 
-def _beside(branch: Branch, point: SpecialPoint, side: int, away: float, settings: NewtonSettings) -> Point | None:
-    """The solution at a distance from a branch point on the branch that leaves there, with what is observed of it."""
+def _point_on_new_branch(
+    branch: Branch, point: SpecialPoint, side: int, away: float, settings: NewtonSettings
+) -> Point | None:
+    """Return the monitored solution at a distance from a branch point on the new branch; None if it does not exist."""
     event = event_of(branch, point)
     left = event.branch_direction(branch, point, side) if event else None
     if left is None:
@@ -202,8 +277,8 @@ def _beside(branch: Branch, point: SpecialPoint, side: int, away: float, setting
         return None
     here = {**start.parameters, name: found.value}
     rest = {key: value for key, value in here.items() if key != name}
-    seen = as_problem(problem).observe_many(found.X[None], name, np.array([found.value]), True, **rest)[0]
+    observed = as_problem(problem).observe_many(found.X[None], name, np.array([found.value]), True, **rest)[0]
     return Point(
-        found.X, here, found.residual, found.iterations, seen.get("multipliers"),
-        seen.get("regime", np.zeros(0, np.int8)), seen.get("error", np.nan), problem.layout, problem=problem,
+        found.X, here, found.residual, found.iterations, observed.get("multipliers"),
+        observed.get("regime", np.zeros(0, np.int8)), observed.get("error", np.nan), problem.layout, problem=problem,
     )  # fmt: skip

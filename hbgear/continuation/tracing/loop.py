@@ -134,7 +134,7 @@ class ContinuationLoop:
             return ""
         state.ended_at_sharp_turn = True
         (state.terminal,) = self.special_points.with_error_estimates(segment, [point])
-        state.points += [state.terminal.row]
+        state.points += [state.terminal.point]
         return f". It turns sharply at {state.setup.name} = {point.value:.9g}, {point.event.meaning} ({point.note})"
 
     # ---- acceptance
@@ -197,24 +197,27 @@ class ContinuationLoop:
         point = self.state.resized(self.state.first)
         if self.state.setup.switched_from is None:
             return point
-        return replace(point, heading=last.heading, orientation=last.orientation)
+        return replace(point, parameter_direction=last.parameter_direction, orientation=last.orientation)
 
     def _end_at(self, terminal: LocatedEvent) -> tuple[Status, str]:
         """Accept the point of a terminal event; return status and message."""
         state = self.state
         if terminal.event.alone:
             self.special_points.process_pending()
-            state.points += [terminal.row]
+            state.points += [terminal.point]
         else:
-            self._append([terminal.row])
+            self._append([terminal.point])
         state.terminal = terminal
-        return terminal.event.ending(state.setup.name, terminal.row.value)
+        return terminal.event.termination(state.setup.name, terminal.point.value)
 
     def _append(self, points: list[CurvePoint]) -> None:
         """Store points, and process the pending segments once there are enough of them."""
         state, setup = self.state, self.state.setup
-        segments, direction = [PendingSegment(state.problem, state.scale)] * len(points), state.points[-1].heading
-        state.has_folded = state.has_folded or any(point.heading != direction for point in points)
+        segments, direction = (
+            [PendingSegment(state.problem, state.scale)] * len(points),
+            state.points[-1].parameter_direction,
+        )
+        state.has_folded = state.has_folded or any(point.parameter_direction != direction for point in points)
         state.pending += segments  # no call, and so no Ctrl-C, comes between this statement and the next
         state.points += points
         if len(state.pending) >= setup.batch_size:

@@ -2,7 +2,7 @@
 
 The problem supplies the quantities that are stored with a point: multipliers, regime, truncation error
 (`ContinuationProblem.observe`), and verifies the stability of solutions near a stability limit
-(`ContinuationProblem.decided`). A stability that contradicts the special points nearby is verified again.
+(`ContinuationProblem.verify_stability`). A stability that contradicts the special points nearby is verified again.
 """
 
 from __future__ import annotations
@@ -129,10 +129,10 @@ class Monitor:
             point.observed["determinant"] = point.determinant
         observed = [point.observed for point in fresh]
         try:
-            state.problem.decided(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
+            state.problem.verify_stability(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
         except Exception as error:
             where = f"near {setup.name} = {u[-1, -1]:.6g}"
-            state.termination.record_error(error, f"in making sure of the stability {where}")
+            state.termination.record_error(error, f"in the verification of the stability {where}")
 
     def resolve_contradictions(self, start: int, located: Mapping[int, list[LocatedEvent]]) -> bool:
         """Verify points again that contradict the special points between them; return whether a stability changed.

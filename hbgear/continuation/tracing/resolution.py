@@ -79,8 +79,8 @@ class ResolutionControl:
         """Locate the special points of a segment again at the resolution that they require."""
         state = self.state
         while segment.problem.changes:
-            self.monitor.observe([point.row for point in located], segment.problem)
-            required = [segment.problem.adapted(point.row.observed) for point in located if point.located]
+            self.monitor.observe([one.point for one in located], segment.problem)
+            required = [segment.problem.adapted(one.point.observed) for one in located if one.located]
             finer = max((p for p in required if p is not None), key=size_of, default=segment.problem)
             if size_of(finer) <= size_of(segment.problem):
                 break

@@ -69,7 +69,7 @@ class SpecialPoints:
         if self.monitor.resolve_contradictions(start, located):
             located = self._search(start)
         if state.setup.batch_size == 1:  # the problem may be another one at the next point
-            fresh = [point.row for points in located.values() for point in points]
+            fresh = [one.point for some in located.values() for one in some]
             self.monitor.observe(state.at_present_resolution(fresh))
         self._insert_stability_samples(located)
         before = [one for one in state.located if one[0] not in located]
@@ -101,10 +101,10 @@ class SpecialPoints:
     def complete(self) -> None:
         """Compute the monitored quantities that are still missing: of special points, and of unprocessed points."""
         self.monitor.observe(self.state.points)
-        self.monitor.observe([point.row for _, point in self.state.located])
-        for _, point in self.state.located:
-            if point.sharp is not None:
-                self.monitor.observe([point.sharp.row], point.sharp.problem)
+        self.monitor.observe([one.point for _, one in self.state.located])
+        for _, one in self.state.located:
+            if one.sharp is not None:
+                self.monitor.observe([one.sharp.point], one.sharp.problem)
 
     # ---- search
 
@@ -166,9 +166,9 @@ class SpecialPoints:
         for number, points in located.items() if state.setup.settings.stability else ():
             ends = [one for one in sorted(points, key=lambda one: one.s)
                     if one.event.kind in STABILITY_CHANGING_KINDS and one.located
-                    and 0 < one.s < 1 and len(one.row.u) == len(state.scale)]  # fmt: skip
+                    and 0 < one.s < 1 and len(one.point.u) == len(state.scale)]  # fmt: skip
             solve = self.monitor.solve_on_segment
-            samples = [(0.5 * (a.s + b.s), solve(state.segment(a.row, b.row), 0.5)) for a, b in pairwise(ends)]
+            samples = [(0.5 * (a.s + b.s), solve(state.segment(a.point, b.point), 0.5)) for a, b in pairwise(ends)]
             state.samples[number] = [(s, point) for s, point in samples if point is not None]
             self.monitor.verify_stability([point for _, point in state.samples[number]])
 
@@ -192,11 +192,11 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
                 points.append(one)
                 continue
             if one.located:
-                points.append(one.row)
+                points.append(one.point)
             interval = (state.points[i - 1].value, point.value)
             marks.append(SpecialPointMark(len(points) - 1, one, interval))
         points.append(point)
-    if state.terminal is not None and state.points[-1].u is state.terminal.row.u:
+    if state.terminal is not None and state.points[-1].u is state.terminal.point.u:
         interval = (state.points[-2].value, state.points[-1].value)
         marks.append(SpecialPointMark(len(points) - 1, state.terminal, interval))
     return points, marks
@@ -214,26 +214,26 @@ def _deduplicated(located: list[tuple[int, LocatedEvent]]) -> list[tuple[int, Lo
     return out
 
 
-def _on_own_segment(state: TraceState, number: int, point: LocatedEvent) -> tuple[int, LocatedEvent]:
+def _on_own_segment(state: TraceState, number: int, event: LocatedEvent) -> tuple[int, LocatedEvent]:
     """Return a special point with the number and the fraction of the segment that it lies on.
 
     Its equations may move it beyond the ends of the segment on which it was found.
     """
     for _ in range(MAX_SEGMENT_SHIFT):
-        neighbour = number + (point.s > 1) - (point.s < 0)
+        neighbour = number + (event.s > 1) - (event.s < 0)
         if neighbour == number or not 0 < neighbour < len(state.points):
             break
         a, b = state.points[neighbour - 1 : neighbour + 1]
-        if not len(a.u) == len(b.u) == len(point.row.u) == len(state.scale):
+        if not len(a.u) == len(b.u) == len(event.point.u) == len(state.scale):
             break
         segment = state.segment(a, b)
-        s, before = segment.place(point.row.u), state.segment(*state.points[number - 1 : number + 1])
-        beyond_both = (s - 0.5) * (point.s - 0.5) < 0  # the point lies between the two, beyond the end of both chords
-        if not beyond_both or _excess(s) * segment.length < _excess(point.s) * before.length:
-            number, point = neighbour, replace(point, s=s)
+        s, before = segment.fraction_of(event.point.u), state.segment(*state.points[number - 1 : number + 1])
+        beyond_both = (s - 0.5) * (event.s - 0.5) < 0  # the point lies beyond the adjacent ends of both segments
+        if not beyond_both or _excess(s) * segment.length < _excess(event.s) * before.length:
+            number, event = neighbour, replace(event, s=s)
         if beyond_both:
             break
-    return number, point
+    return number, event
 
 
 def _excess(s: float) -> float:
@@ -249,10 +249,10 @@ def _are_same(one: LocatedEvent, other: LocatedEvent) -> bool:
     """
     if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == BranchPointEvent.kind:
         return False
-    u, v = ((point.sharp or point).row.u for point in (one, other))
+    u, v = ((event.sharp or event).point.u for event in (one, other))
     return one.located and other.located and are_equal(u, v)
 
 
-def _refinement_shift(point: LocatedEvent) -> float:
+def _refinement_shift(event: LocatedEvent) -> float:
     """Return the parameter change of a special point by its refinement."""
-    return abs(point.sharp.row.value - point.row.value) if point.sharp else 0.0
+    return abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0

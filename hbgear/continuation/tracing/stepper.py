@@ -1,7 +1,7 @@
-"""Strides along a solution curve: the next rows behind the last ones, and how far the next step may go.
+"""Predictor-corrector steps along a curve: the next points after the last ones, and the next step size.
 
-Problems that bring a compiled loop of their own (`problem.Pursued`) are followed by it for many rows at once, all
-others one row after the other. The rules are the same, and stand in `stepping`.
+A problem with a compiled continuation loop (`ContinuationProblem.compiled_continuation`) computes many points per call.
+Other problems compute one point per call. Both use the rules of `stepping.kernels`.
 """
 
 from __future__ import annotations
@@ -24,25 +24,54 @@ from hbgear.continuation.stepping.status import ACCEPTED, NOT_CONVERGED, PREDICT
 
 
 class StepResult(NamedTuple):
-    """Rows found, the next step, and why the last attempt failed if there are none."""
+    """Result of steps along a curve.
 
-    rows: list[CurvePoint]
+    Attributes
+    ----------
+    points : list of CurvePoint
+        New points; empty if the smallest step failed.
+    step : float
+        Next step size.
+    reason : str
+        Reason why the last attempt failed; empty if it did not.
+    """
+
+    points: list[CurvePoint]
     step: float
     reason: str
 
 
-_STEADY = 0.35  # least share of the parameter in the tangent with which rows are sought at a value given beforehand
+MIN_PARAMETER_COMPONENT = 0.35
+"""Component of the scaled unit tangent in the parameter above which the corrector keeps the parameter value.
+
+This is done for expensive parameters only. A smaller component is close to a fold, which needs the arclength plane.
+"""
 
 
-_WORK = 3e8  # multiplications of one call, so that Ctrl-C is heard within a second
+MAX_MULTIPLICATIONS_PER_CALL = 3e8
+"""Number of multiplications of one compiled call. The call takes less than a second, for which Ctrl-C has to wait."""
 
 
 @dataclass(frozen=True)
 class Stepper:
-    """Finds rows of the curve of a problem in a parameter, the others fixed.
+    """Predictor and corrector of the curve of a problem in one parameter.
 
-    bounds : the span of the parameter; a stride ends with the first row outside.
-    single : one row at a time, whatever the problem offers.
+    Attributes
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    name : str
+        Name of the continuation parameter.
+    fixed : mapping of str to float
+        Values of the other parameters.
+    bounds : (float, float)
+        Lower and upper end of the span. A compiled call ends with the first point outside.
+    steps : StepControl
+        Limits of the step size and of the predictor.
+    settings : NewtonSettings
+        Settings of the corrector.
+    single : bool
+        Whether each call computes one point only. The default is False.
     """
 
     problem: ContinuationProblem
@@ -53,44 +82,70 @@ class Stepper:
     settings: NewtonSettings
     single: bool = False
 
-    def stride(self, rows: Sequence[CurvePoint], scale: Array, top: float, step: float, most: int) -> StepResult:
-        """The next rows, at most so many, behind the last ones, which are given with the newest first.
+    def stride(
+        self, recent: Sequence[CurvePoint], scale: Array, solution_scale: float, step: float, max_points: int
+    ) -> StepResult:
+        """Compute the next points of the curve.
 
-        scale : of u; top : size of the largest motion so far. Without rows the shortest step has failed.
+        Parameters
+        ----------
+        recent : sequence of CurvePoint
+            Last points, the newest first.
+        scale : ndarray, shape (n + 1,)
+            Scales of the unknowns and of the parameter.
+        solution_scale : float
+            Largest solution norm so far.
+        step : float
+            Step size.
+        max_points : int
+            Largest number of new points.
+
+        Returns
+        -------
+        StepResult
+            New points, next step size and the reason of a failure.
         """
         steps, settings, history = self.steps, self.settings, self.steps.predictor_points
-        count, width = min(len(rows), history), len(scale)
+        count, width = min(len(recent), history), len(scale)
         u, t = np.zeros((2, history, width))
-        for i, row in enumerate(rows[:count]):
-            u[i], t[i] = row.u, row.tangent
+        for i, point in enumerate(recent[:count]):
+            u[i], t[i] = point.u, point.tangent
         miss = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
         control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, miss])
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
         pursue = self.problem.compiled_continuation(self.name, self.fixed)
         if pursue is None:
-            found, step, refusal = self._one(u, t, count, scale, step, control)
+            found, step, reason = self._single_step(u, t, count, scale, step, control)
         else:
-            most = 1 if self.single else max(1, min(most, int(_WORK / width**3)))
+            most = 1 if self.single else max(1, min(max_points, int(MAX_MULTIPLICATIONS_PER_CALL / width**3)))
             out = np.empty((most, 2 * width + 4))
             made, step, why, number = pursue(
-                u, t, count, np.array([top, scale[-1]]), step, np.array(self.bounds), control, tolerances, out
+                u,
+                t,
+                count,
+                np.array([solution_scale, scale[-1]]),
+                step,
+                np.array(self.bounds),
+                control,
+                tolerances,
+                out,
             )
-            found, refusal = out[:made], status_message(why, number)
-        return StepResult(self._rows(found, rows[0], scale), step, refusal)
+            found, reason = out[:made], status_message(why, number)
+        return StepResult(self._points(found, recent[0], scale), step, reason)
 
-    def _rows(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
-        """Rows of a table of u, tangent, step, orientation, iterations, residual."""
-        out, n, heading = [], len(scale), before.heading
+    def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
+        """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""
+        out, n, direction = [], len(scale), before.parameter_direction
         moves = (found[:, 2 * n - 1] / scale[-1]).tolist()
         for row, move, (step, sign, iterations, residual) in zip(found, moves, found[:, 2 * n :].tolist(), strict=True):
-            heading = parameter_direction(move, heading)
-            out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, heading))
+            direction = parameter_direction(move, direction)
+            out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, direction))
         return out
 
-    def _one(
+    def _single_step(
         self, u: Array, t: Array, count: int, scale: Array, step: float, control: Array
     ) -> tuple[Array, float, str]:
-        """The next row of any problem, with shorter and shorter steps; none if the shortest fails."""
+        """Return the next point as a table of one row, with step halving; an empty table if the smallest step fails."""
         from hbgear.continuation.stepping.kernels import (
             NO_ERROR_CONTROL_BELOW,
             POLISH_ABOVE,
@@ -102,8 +157,13 @@ class Stepper:
 
         normal, predicted, limits = np.empty(len(scale)), np.empty(len(scale)), np.array([control[2], math.inf])
         arclength_normal(t[0], scale, normal)
-        if self.problem.is_expensive(self.name) and abs(t[0, -1] / scale[-1]) > _STEADY * norm(t[0] / scale):
-            normal[:-1], normal[-1] = 0.0, math.copysign(1.0, t[0, -1])  # Newton keeps the value of the parameter
+        if self.problem.is_expensive(self.name) and abs(t[0, -1] / scale[-1]) > MIN_PARAMETER_COMPONENT * norm(
+            t[0] / scale
+        ):
+            normal[:-1], normal[-1] = (
+                0.0,
+                math.copysign(1.0, t[0, -1]),
+            )  # the corrector keeps the value of the parameter
         while True:
             predict(u, t, count, scale, step, predicted)
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
@@ -112,13 +172,17 @@ class Stepper:
                 solution, direction = point.solution, np.array(point.direction)
                 found = np.append(solution.X, solution.value)
                 why, turn, missed = accept_step(found, direction, predicted, u[0], t[0], scale, step, limits)
-                refusal = status_message(why, missed if why == PREDICTION_ERROR else turn)
-            except (ValueError, NoConvergence, np.linalg.LinAlgError) as error:  # out of the range of a model, ...
-                why, refusal = NOT_CONVERGED, str(error)
+                reason = status_message(why, missed if why == PREDICTION_ERROR else turn)
+            except (
+                ValueError,
+                NoConvergence,
+                np.linalg.LinAlgError,
+            ) as error:  # ValueError of a model
+                why, reason = NOT_CONVERGED, str(error)
             if why == ACCEPTED:
-                told = [step, point.orientation, solution.iterations, solution.residual]
+                numbers = [step, point.orientation, solution.iterations, solution.residual]
                 step = next_step(step, solution.iterations, turn, missed, control)
-                return np.concatenate([found, direction, told])[None], step, ""
+                return np.concatenate([found, direction, numbers])[None], step, ""
             if step <= control[0]:
-                return np.empty((0, 2 * len(scale) + 4)), step, refusal
+                return np.empty((0, 2 * len(scale) + 4)), step, reason
             step = max(0.5 * step, float(control[0]))

@@ -82,63 +82,90 @@ def trace(
     accuracy: float | None = 1e-5,
     work: float | None = DEFAULT_LIMIT,
 ) -> Branch:
-    """Follow the solutions of a problem from one end of a span of a parameter to the other.
+    """Trace a curve of solutions over a span of one parameter.
+
+    Pseudo-arclength continuation follows the curve through all folds. Special points are located between the points,
+    and the stability of each point is computed.
 
     Parameters
     ----------
-    problem : a `HarmonicBalance`, a `FoldProblem`, or any object with ``evaluate(X, **parameters) -> (R, dR_dX)``; what
-    else
-        it may offer is told in `hbgear.continuation.problem.base`.
-    parameter : the parameter that changes.
-    span : (from, to). The curve is followed through every fold until it leaves the span at either end, closes on
-        itself, or cannot be followed.
-    start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default the problem finds
-        one at ``span[0]``, or if there is none, and the whole span is looked at, at ``span[1]``, which the message
-        says. A Point that knows ``parameter`` is begun from at its own value.
-    at : values of parameters that stay fixed, if not the problem's own (``{"zeta": 0.05}``).
-    steps, settings : step control and corrector.
-    stability : ask the problem for multipliers at every point.
-    special : locate the special points that the problem knows (folds, branch points, ...) and insert them as rows.
-    events : special points of your own, located and inserted as well; see `Event`. Names stand for events that are
-        located on request, such as "PK", and for those that are registered with `hbgear.continuation.register_event`;
-        the error for an unknown name lists them. With ``special=False`` names such as "LP" select single kinds.
-    progress : called with a `Progress` after every point, such as ``print``. An exception it raises ends the trace and
-        comes out of it as it is, with the branch traced so far as its attribute ``branch``.
-    cover : without a start: if the curve does not lead through the whole span (it turns back to where it began, or
-        runs off to infinity), look for others that do, which are the ``others`` of the branch; see `Branch`. The
-        message says so, and which part of the span no curve was found in.
-    accuracy : largest error of a special point, relative to its parameter. Each point states its own
-        (`SpecialPoint.error`), and one whose error is larger, or whose multipliers are not those of its event to 1e-3,
-        is located with more unknowns (`SpecialPoint.located` is False where these do not suffice), as are rows whose
-        stability they leave undecided; the other rows stay what they are. But where solutions turn out to be off by a
-        twentieth of their size, or a special point is not found with more unknowns within a thousandth of where it was,
-        a curve that covers its span is followed anew with twice the unknowns throughout, and the message says so.
-        None for the curve and the points of the problem's own equations, without errors.
-    work : bound of the work for errors, accurate special points and verdicts in doubt, in solutions with 700 unknowns;
-        one with n counts (n / 700)^3. Where it is reached, special points keep the errors that they have, rows in doubt
-        are undecided, and the message says so. First estimates of errors have a second bound of the same size. None
-        for no bound.
+    problem : HarmonicBalance, ContinuationProblem or object with ``evaluate``
+        Equations R(X, p) = 0. The minimum is an object with ``evaluate(X, **parameters) -> (R, dR_dX)``; the optional
+        methods are described in `hbgear.continuation.problem.base`.
+    parameter : str
+        Name of the continuation parameter.
+    span : (float, float)
+        First and last value of the parameter. The trace ends where the curve leaves the span at either end, closes on
+        itself, or cannot be computed further.
+    start : Point or array_like, shape (n,), optional
+        Initial solution. A `Point`, such as ``curve["LP1"]`` or ``curve[10]``, starts the trace at its own parameter
+        value, and an array at ``span[0]``. By default the problem computes an initial solution at ``span[0]``. If that
+        fails and `cover` is True, the trace starts at ``span[1]``, and `Branch.message` reports it.
+    at : mapping of str to float, optional
+        Values of the other parameters by name, such as ``{"zeta": 0.05}``. By default they are taken from the start,
+        else from the problem.
+    steps : StepControl, optional
+        Limits of the step size and of the predictor.
+    settings : NewtonSettings, optional
+        Tolerances and number of iterations of the corrector.
+    stability : bool, optional
+        Whether the multipliers of each point are computed. The default is True.
+    special : bool, optional
+        Whether the special points known to the problem (folds, branch points, ...) are located and inserted into the
+        branch. The default is True.
+    events : sequence of Event or str, optional
+        Additional events, which are located and inserted as well. Names select events that are located on request, such
+        as "PK", and events registered with `hbgear.continuation.register_event`; the error for an unknown name lists
+        them. With ``special=False``, names such as "LP" select single kinds. By default there are none.
+    progress : callable, optional
+        Function that is called with a `Progress` after every point, such as ``print``. An exception raised by it ends
+        the trace and is raised by `trace`, with the branch computed so far as its attribute ``branch``.
+    cover : bool, optional
+        Whether other curves are searched if the curve does not cover the span, for example because it turns back to
+        its start or tends to infinity. This requires `start` to be None. The curves found are stored in
+        `Branch.others`, and `Branch.message` reports sections of the span that no curve covers. The default is True.
+    accuracy : float or None, optional
+        Target relative error of special points. None switches all error estimates off. The default is 1e-5; see Notes.
+    work : float or None, optional
+        Limit of the work for error estimates, refined special points and the verification of stability. The unit is
+        one solution with 700 unknowns; a solution with n unknowns counts as (n / 700)^3. First error estimates have a
+        second limit of the same size. None removes the limit.
 
     Returns
     -------
     Branch
-        with a status and advice whatever happens after the first point. Ctrl-C ends the trace with the status
-        ``interrupted`` and everything traced so far. An error gives the status ``failed``, with the error in the
-        message: the curve is then followed as far as possible, without what the error concerns (rows whose motion
-        could not be observed have multipliers nan and the regime unknown).
+        The traced curve. After the first point, every trace returns a branch; its `status` and `message` state why it
+        ended. Ctrl-C gives the status ``interrupted``. An error gives the status ``failed`` with the error in the
+        message; the curve is traced as far as possible, without the results that the error concerns. Points that could
+        not be monitored have multipliers nan and an unknown regime.
 
     Raises
     ------
     TypeError
-        If an argument is of another kind, such as a model instead of its `HarmonicBalance`.
+        If an argument has a wrong type, such as a model instead of its `HarmonicBalance`.
     KeyError
-        If the problem has no such parameter.
+        If the problem does not have this parameter.
     ValueError
         If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
     NoConvergence
-        If no solution is found at the start, nor at the other end.
+        If no solution is found at the start and, with `cover`, at the other end of the span.
     KeyboardInterrupt
-        If Ctrl-C comes before the first point is found.
+        If Ctrl-C is pressed before the first point is computed.
+
+    Notes
+    -----
+    With an `accuracy`, errors are estimated and reduced in three ways:
+
+    1. Each special point has an error estimate, `SpecialPoint.error`. A special point is located again with more
+       unknowns if its error exceeds the target, or if its multipliers differ by more than 1e-3 from the values that
+       its type requires. `SpecialPoint.located` is False if the largest number of unknowns does not suffice.
+    2. Points of undecided stability are verified with more unknowns. All other points keep their number of unknowns.
+    3. A curve that covers its span is traced again with twice the unknowns if the error of its solutions exceeds 5 %
+       of their size, or if the error of a special point exceeds a thousandth of its parameter value, so that the
+       point may not exist. `Branch.message` reports it.
+
+    Once the limit `work` is reached, special points keep their errors, points of uncertain stability are undecided, and
+    `Branch.message` reports it.
 
     Examples
     --------
@@ -205,7 +232,7 @@ def _trace_chosen_solution(
 ) -> Branch:
     """Trace the chosen solution of a continuum, and the curve behind its end where solutions are isolated again."""
     curve = follow(found.problem, span=span, start=found.X).run()
-    text = f"{found.words}; {curve.message}"
+    text = f"{found.description}; {curve.message}"
     if not curve.status.complete:
         return replace(curve, message=text)
     others: tuple[Branch, ...] = ()
@@ -218,7 +245,7 @@ def _trace_chosen_solution(
 
 
 class Tracer:
-    """Coordinates one trace: the stages of its work, and its result.
+    """Coordinator of one trace: stages of the work, and the result.
 
     Parameters
     ----------
@@ -304,16 +331,16 @@ class Tracer:
             try:
                 return self._result()
             except KeyboardInterrupt as error:  # the result takes no time, and would be lost
-                termination.record_error(error, "while the result was put together")
+                termination.record_error(error, "while the result was assembled")
 
     def _run_stages(self) -> None:
         """Run all stages: Ctrl-C or an error ends one stage, and the next one works with the points so far."""
         for stage, location in (
             (self._trace_points, self.state.location_text),
-            (self.special_points.flush_pending, lambda: "while the last motions were being looked at"),
-            (self.special_points.complete, lambda: "while the special points were being looked at"),
-            (self._postprocess, lambda: "while the curve was looked at as a whole"),
-            (self._cover_span, lambda: "while the rest of the span was looked at"),
+            (self.special_points.flush_pending, lambda: "while the last points were processed"),
+            (self.special_points.complete, lambda: "while the special points were monitored"),
+            (self._postprocess, lambda: "while the branch was built"),
+            (self._cover_span, lambda: "while the rest of the span was searched"),
         ):
             try:
                 stage()
@@ -356,15 +383,15 @@ class Tracer:
         """Trace another branch of the span, its points alone if ``rough``; Ctrl-C ends this trace too."""
         settings = self.setup.settings.points_only() if rough else self.setup.settings
         follow = partial(Tracer, settings=settings, span=span, requested=self._requested, work=self.setup.work)
-        words = ""
+        description = ""
         try:
             abort = self.setup.abort_if_under_resolved
             other = follow(self.state.original, start=start, abort_if_under_resolved=abort)
         except ArbitrarySolutionError as found:
-            other, words = follow(found.problem, start=found.X), found.words
+            other, description = follow(found.problem, start=found.X), found.description
         branch = other.traced()
-        if words and branch.status.complete:
-            branch = replace(branch, status=Status.ARBITRARY, message=f"{words}; {branch.message}")
+        if description and branch.status.complete:
+            branch = replace(branch, status=Status.ARBITRARY, message=f"{description}; {branch.message}")
         error = other.state.termination.error
         if isinstance(error, KeyboardInterrupt | CallbackError):
             self.others += [branch]

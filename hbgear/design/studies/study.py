@@ -415,7 +415,7 @@ def _result_of(model: Model, work: Work) -> Result:
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """Store the largest amplitude and its frequency: a located peak, or an end of the curve."""
-    rows = [found.row for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
+    rows = [found.point for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
     A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
     largest = int(np.argmax(A))
     Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]

@@ -196,19 +196,19 @@ class HarmonicEquations(ContinuationProblem):
             R[self.means] += self.pins.matrix @ (X[self.means] - self.pins.centre)
             J[np.ix_(self.means, self.means)] += self.pins.matrix
         if name != "Omega":
-            dR = self.moved(X, name, parameters) if name else np.zeros(len(R))
+            dR = self.parameter_derivative(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, size)
 
-    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+    def parameter_derivative(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """Return dR/dname alone (n,)."""
         if name == "Omega":
-            return super().moved(X, name, parameters)
+            return super().parameter_derivative(X, name, parameters)
         dR: Array = self.parameter_derivatives(X[None], np.array([parameters["Omega"]]), name, parameters)[0]
         return dR
 
     def parameter_derivatives(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """Return dR/dname (P, n) of motions X (P, n) at Omega (P,); the name is a parameter of the model."""
-        near = self.beside(parameters, 2)
+        near = self.perturbed(parameters, 2)
 
         def residuals(at: dict[str, float]) -> tuple[Array]:
             evaluator = near.compiled(at)
@@ -318,7 +318,7 @@ class HarmonicEquations(ContinuationProblem):
             return self
         return self._once("with_cache_size", sets, lambda: self._derived(models=self.models.with_size(sets)))
 
-    def beside(self, parameters: Mapping[str, float], sets: int) -> Self:
+    def perturbed(self, parameters: Mapping[str, float], sets: int) -> Self:
         """Return the balance near these parameters, for derivatives: structures are first-order expansions.
 
         It keeps its evaluators for this number of parameter sets.

@@ -198,7 +198,7 @@ class PeriodicMotions(HarmonicEquations):
         """Return period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
         return motion_events(self.nu) if self.pins is None else (FirstContact(),)
 
-    def decided(
+    def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
         work: Work | None = None,
     ) -> None:  # fmt: skip

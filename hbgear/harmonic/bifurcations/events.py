@@ -81,9 +81,9 @@ class PeriodDoublingEvent(Event):
         mu = _multipliers(points)
         return np.zeros((len(points), 0)) if mu is None else _doubling_determinant(mu)[:, None]
 
-    def close(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return where det(Phi + 1) comes close to zero, except where pairs clearly pass -1 without collision."""
-        mu, candidates = _multipliers(points), super().close(points, values, scale)
+        mu, candidates = _multipliers(points), super().near_zeros(points, values, scale)
         if mu is None or not candidates:
             return candidates
         clean = passes_minus_one_cleanly(mu, lengths(points, scale), np.array([segment for segment, _ in candidates]))
@@ -144,7 +144,7 @@ def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugme
         )
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
-    return refined if norm((refined.row.u - rough.row.u) / segment.scale) <= MAX_TRUNCATION_SHIFT else rough
+    return refined if norm((refined.point.u - rough.point.u) / segment.scale) <= MAX_TRUNCATION_SHIFT else rough
 
 
 class NeimarkSackerEvent(Event):
@@ -173,7 +173,7 @@ class NeimarkSackerEvent(Event):
         both = np.column_stack([inside, outside])
         return np.where(np.isfinite(both), both, np.nan)
 
-    def close(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return where a pair comes close to the circle, alone, by a collision, or as another one returns.
 
         Segments across which multipliers cannot be followed are returned as well, because any event may occur on them.
@@ -203,7 +203,10 @@ class NeimarkSackerEvent(Event):
         if ends is None:
             return []
         (ua, ub), (da, db) = _count_unstable(ends).tolist(), _doubling_determinant(ends).tolist()
-        passes_real = segment.a.heading * segment.b.heading < 0 or segment.a.orientation != segment.b.orientation
+        passes_real = (
+            segment.a.parameter_direction * segment.b.parameter_direction < 0
+            or segment.a.orientation != segment.b.orientation
+        )
         explained = int(passes_real) + int(da * db < 0)
         if abs(ua - ub) - explained >= 2:
             return self._locate_simultaneous(segment, ends)
@@ -216,7 +219,7 @@ class NeimarkSackerEvent(Event):
         for rank in range(few, many, 2):
             found = self._locate_crossing(segment, rank)
             size = _ranked_modulus(
-                _complex_multipliers(_multipliers_at(segment, found.row)), rank
+                _complex_multipliers(_multipliers_at(segment, found.point)), rank
             )  # else the pair became real outside the circle
             if found.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
                 located.append(self._refine(segment, found))
@@ -225,7 +228,7 @@ class NeimarkSackerEvent(Event):
     def _locate_pair_becoming_real(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate a pair that passes the circle and becomes a positive real pair, on the same segment as a doubling."""
         few, many = sorted(_count_unstable(_without_negative_real(ends)).tolist())
-        if many - few < 2 or segment.a.heading * segment.b.heading < 0:
+        if many - few < 2 or segment.a.parameter_direction * segment.b.parameter_direction < 0:
             return []
         found = locate_root(
             segment,
@@ -233,7 +236,7 @@ class NeimarkSackerEvent(Event):
             lambda point: _ranked_modulus(_without_negative_real(_multipliers_at(segment, point)), few) - 1.0,
             fine=PAIR_LOCATION_TOLERANCE,
         )
-        passing = _ranked_modulus(_complex_multipliers(_multipliers_at(segment, found.row)), few)
+        passing = _ranked_modulus(_complex_multipliers(_multipliers_at(segment, found.point)), few)
         return (
             [self._refine(segment, found)] if found.located and abs(passing - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
         )
@@ -252,8 +255,8 @@ class NeimarkSackerEvent(Event):
         problem: Any = segment.problem
         if not problem.smooth:
             return found
-        Omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
-        mu = _multipliers_at(segment, found.row)
+        Omega = {**segment.parameters, segment.name: found.point.value}["Omega"]
+        mu = _multipliers_at(segment, found.point)
         near = exponent_of_pair(mu, problem.nu, Omega)
         if near is None:
             return found
@@ -285,7 +288,7 @@ class NeimarkSackerEvent(Event):
             lambda point: _ranked_modulus(_multipliers_at(segment, point), few) - level,
             "two multipliers at once",
         )
-        mu = _multipliers_at(segment, real.row)
+        mu = _multipliers_at(segment, real.point)
         first, second = mu[np.argsort(np.abs(np.abs(mu) - level))[:2]]
         if not real.located or (
             abs(first.imag) > DOUBLE_MULTIPLIER_DISTANCE and abs(first - second.conj()) < DOUBLE_MULTIPLIER_DISTANCE
@@ -314,7 +317,7 @@ class NeimarkSackerEvent(Event):
         for rank in range(few, many):
             note = f"multiplier {rank - few + 1} of {many - few} that pass -1 here"
             found = locate_root(segment, self, partial(size, rank=rank), note)
-            if found.located and abs(size(found.row, rank)) < DOUBLE_MULTIPLIER_DISTANCE:
+            if found.located and abs(size(found.point, rank)) < DOUBLE_MULTIPLIER_DISTANCE:
                 located.append(replace(found, event=PeriodDoublingEvent(), finder=self))
         return located
 
@@ -340,7 +343,7 @@ def _left_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -> 
         multipliers = _multipliers_at(segment, point)
         return abs(float(np.abs(multipliers[np.abs(multipliers - pair).argmin()])) - 1)
 
-    return circle_distance(refined.row) < circle_distance(segment.a if refined.s < 0 else segment.b)
+    return circle_distance(refined.point) < circle_distance(segment.a if refined.s < 0 else segment.b)
 
 
 PAIR_LOCATION_TOLERANCE = 1e-10
@@ -429,9 +432,9 @@ class GrazingEvent(Event):
             u = extended.located(segment.b.u, {**segment.parameters, segment.name: segment.b.value}).X
         except (NoConvergence, np.linalg.LinAlgError):
             return None
-        s = segment.place(u)
+        s = segment.fraction_of(u)
         is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_EXTRAPOLATION * segment.length
-        point = replace(singular(segment, u, segment.b), heading=segment.b.heading)
+        point = replace(singular(segment, u, segment.b), parameter_direction=segment.b.parameter_direction)
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
@@ -455,14 +458,14 @@ class PeriodDoublingMergeEvent(Event):
             return []
         root = locate_root(segment, self, lambda point: float(first @ part(point.X)))
         try:
-            return [replace(root, row=_at_doubling(segment, root.row))]
+            return [replace(root, point=_at_doubling(segment, root.point))]
         except (NoConvergence, np.linalg.LinAlgError):
             return [root]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None
 
-    def ending(self, name: str, value: float) -> tuple[Status, str]:
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
         return Status.MERGED, f"the branch joined the one it came from at {name} = {value:.6g}"
 
 

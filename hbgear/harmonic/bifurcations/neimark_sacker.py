@@ -108,7 +108,7 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         pair = _exponent(hill, s, b, c, X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
-    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
         """Return the borders and the exponent updated at X."""
         assert isinstance(base, Rotation)
         pair = self._pair(self._hill(X, here), base, X, here)

@@ -68,7 +68,7 @@ class FirstContact(GrazingEvent):
                 point.observed.setdefault("clearance", problem.clearance(point.X, **here))
         return super().find(segment)
 
-    def ending(self, name: str, value: float) -> tuple[Status, str]:
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
         """Return the status and message of a trace that ends there."""
         return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
 

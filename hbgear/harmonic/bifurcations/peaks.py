@@ -88,7 +88,9 @@ def locate_peaks(
 
 def _point(branch: Branch, i: int, number: int, found: LocatedEvent) -> SpecialPoint:
     """Return peak number ``number``, located near point i, with its monitored quantities."""
-    problem, point = (found.sharp.problem, found.sharp.row) if found.sharp else (as_problem(branch.problem), found.row)
+    problem, point = (
+        (found.sharp.problem, found.sharp.point) if found.sharp else (as_problem(branch.problem), found.point)
+    )
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
     point.observed.update(
         problem.observe(point.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: point.value})

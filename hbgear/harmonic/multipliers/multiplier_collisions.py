@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.events.near_tangency import SOON
+from hbgear.continuation.events.near_tangency import SECANT_REACH
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 
 MIN_MULTIPLIERS = 4
@@ -138,7 +138,7 @@ def extrapolated_crossings(mu: ComplexArray, length: Array) -> list[tuple[int, f
         with np.errstate(divide="ignore", invalid="ignore"):
             first = np.where(np.abs(near_end.real) > STABILITY_TOLERANCE, -near_end.real / grows, np.inf)
         first = np.where(first > 0, first, np.inf).min(axis=1)
-        found |= {int(i): abs(side - float(s)) for i, s in zip(segments, first, strict=True) if s < SOON}
+        found |= {int(i): abs(side - float(s)) for i, s in zip(segments, first, strict=True) if s < SECANT_REACH}
     return sorted(found.items())
 
 
