@@ -271,7 +271,7 @@ class HarmonicBalance(PeriodicMotions):
 
     def resolved(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance:
         """Return the balance with as many samples as the AFT of a motion requires; itself if they were given."""
-        if self.discretization.samples_given or not self.compiled(parameters).asked:
+        if self.discretization.samples_given or not self.compiled(parameters).aft_laws:
             return self
         out: HarmonicBalance = motion.with_enough_samples(self, X, parameters)
         return out

@@ -104,7 +104,7 @@ class ModelCache:
     def expanded(self, parameters: Mapping[str, float], sets: int) -> ModelCache:
         """Return a cache whose structures are expanded to first order about the one at these parameters."""
         structure, out = self.evaluator(parameters).structure, self.with_size(sets)
-        out._expansion = FirstOrderExpansion(structure) if FirstOrderExpansion.reaches(structure) else None
+        out._expansion = FirstOrderExpansion(structure) if FirstOrderExpansion.is_possible(structure) else None
         return out
 
     def reduced_up_to(self, Omega: float | None) -> ModelCache:
