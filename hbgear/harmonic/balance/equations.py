@@ -122,7 +122,7 @@ class HarmonicEquations(ContinuationProblem):
 
     @checked_arguments()
     def check_parameter(self, name: str) -> None:
-        """Raise KeyError for a name that is neither Omega nor a parameter of the model."""
+        """Raise KeyError for a name other than Omega and the parameters of the model."""
         self.models.check_parameter(name)
 
     def value_of(self, name: str) -> float:

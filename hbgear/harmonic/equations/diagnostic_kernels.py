@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.harmonic.forces.aft_kernels import neglected_samples
+from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 from hbgear.harmonic.forces.projection_kernels import coefficient, cross, project, projection_workspace
 from hbgear.harmonic.structure.receptance_kernels import receptance
@@ -67,7 +67,7 @@ def truncated_force_harmonics(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         _project_truncated(numbers, rows, space, f[p])
-        neglected_samples(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        truncated_sample_harmonics(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         _add_damped(numbers.corners, numbers.linear, Omega[p], f[p])
 
 

@@ -320,7 +320,7 @@ class Evaluator:
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         truncated_force_harmonics(self.numbers, X, Omega, f)
         if self.sampled:
-            self.sampled.add_neglected(X, Omega, left, f)
+            self.sampled.add_truncated(X, Omega, left, f)
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)

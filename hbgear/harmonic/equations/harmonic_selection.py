@@ -44,7 +44,7 @@ HIGHEST = 10_000
 class HarmonicSelection:
     """Rule that selects the orders that are unknowns; their number grows with the highest order H.
 
-    Parameters
+    Attributes
     ----------
     tones : tuple of int, optional
         Excited orders whose combinations are selected.

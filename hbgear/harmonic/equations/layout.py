@@ -135,7 +135,7 @@ def _names(H: int, nu: int) -> str:
 class Layout:
     """Layout of the unknowns X of a point: elements, harmonics and labels.
 
-    Parameters
+    Attributes
     ----------
     harmonics : int
         Number of harmonics H.

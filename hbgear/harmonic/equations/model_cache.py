@@ -131,7 +131,7 @@ class ModelCache:
     # ---- parameters
 
     def check_parameter(self, name: str) -> None:
-        """Raise KeyError for a name that is neither Omega nor a parameter of the model."""
+        """Raise KeyError for a name other than Omega and the parameters of the model."""
         known = ("Omega", *self.own)
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")

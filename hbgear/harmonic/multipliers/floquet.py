@@ -11,7 +11,7 @@ collocation at s Gauss points,
     d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
 
-The integrals are known in closed form, so neither stiff supports nor fast modes limit the step. The order is 2s. No
+The integrals are known in closed form, so stiff supports and fast modes do not limit the step. The order is 2s. No
 saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. (A
 law whose *damping* jumps at a breakpoint is not allowed; see the contract in `laws`.)
 
