@@ -76,7 +76,7 @@ class Evaluator:
     aft_laws : tuple of (int, Law)
         All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
         closed form.
-    corner, element : ndarray, shape (K,)
+    breakpoints, element : ndarray, shape (K,)
         Breakpoints of all laws, and the element of each.
     """
 
@@ -106,7 +106,7 @@ class Evaluator:
         )
         self.numbers = PackedModel(laws, linear, transform.basis, corners if len(corners.phases) else None, own)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
-        self.corner, self.element = laws.level, laws.owner
+        self.breakpoints, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: LRUCache[ModalBlocks] = LRUCache(32)
         self._at: LRUCache[Evaluator] = LRUCache(16)
@@ -294,7 +294,7 @@ class Evaluator:
         """Return clearances (P, 2 K) and impact regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.equations.diagnostic_kernels import extrema
 
-        clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
+        clearance, regime = np.empty((len(X), 2 * len(self.breakpoints))), np.zeros((len(X), self.m), dtype=np.int8)
         X = self.spread(X)
         extrema(self.numbers_of(X), X, clearance, regime)
         return clearance, regime
@@ -324,58 +324,60 @@ class Evaluator:
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)
-        if self._unstated.size:
-            rows[..., places(left)] = self._driven_harmonics(Omega, f, self._stiffness_beyond(X))
+        if self.unstated.size:
+            rows[..., places(left)] = _response_to_forces(self, Omega, f, _stiffness_beyond_reference(self, X))
         elif self.structure.modal:
             driven_response(self.numbers.linear, Omega, f, out)
         else:
-            rows[..., places(left)] = self._driven_harmonics(Omega, f)
+            rows[..., places(left)] = _response_to_forces(self, Omega, f)
         return out
 
     @cached_property
-    def _unstated(self) -> np.ndarray:
+    def unstated(self) -> np.ndarray:
         """Numbers of the elements whose laws state no reference stiffness."""
         return np.flatnonzero([law.reference == 0 for law in self.laws])
-
-    def _stiffness_beyond(self, X: Array) -> Array:
-        """Return the mean stiffness (P, m) along motions X (P, n) minus the reference springs."""
-        basis, out = self.numbers.basis, np.zeros((len(X), self.m))
-        N = basis.shape[1]
-        tau = np.tile(2 * np.pi * (self.nu * np.arange(N) % N) / N, len(X))
-        still = np.zeros(len(tau))
-        d = X.reshape(len(X), self.m, -1) @ basis
-        grid = self.corners.grid
-        d[..., : grid.shape[2]] += grid[0]
-        for j in self._unstated.tolist():
-            slope = self.laws[j].force(d[:, j].ravel(), still, tau)[1]
-            out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - self.structure.kr[j]
-        return out
-
-    def _driven_harmonics(self, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
-        """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
-
-        beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
-        """
-        ratio = self.numbers.linear.left / self.nu
-        G = np.zeros((len(Omega), len(ratio), self.m, self.m), dtype=complex)
-        modes = self.structure.modes if self.structure.modal else None
-        for i, w in enumerate(Omega.tolist()):
-            if modes is not None:
-                G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
-                continue
-            known = w * ratio <= self.structure.highest
-            G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
-        delta = G @ f.transpose(0, 2, 1)[..., None]
-        if beyond is not None:
-            delta = np.linalg.solve(np.eye(self.m) + G * beyond[:, None, None, :], delta)
-        delta = delta[..., 0].transpose(0, 2, 1)
-        return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
     def truncation_error(self, extended: Array) -> Array:
         """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
         beyond = extended.reshape(len(extended), self.m, -1)[..., places(self.numbers.linear.left)]
         rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms
+
+
+def _stiffness_beyond_reference(evaluator: Evaluator, X: Array) -> Array:
+    """Return the mean stiffness (P, m) along motions X (P, n) minus the reference springs."""
+    basis, out = evaluator.numbers.basis, np.zeros((len(X), evaluator.m))
+    N = basis.shape[1]
+    tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
+    still = np.zeros(len(tau))
+    d = X.reshape(len(X), evaluator.m, -1) @ basis
+    grid = evaluator.corners.grid
+    d[..., : grid.shape[2]] += grid[0]
+    for j in evaluator.unstated.tolist():
+        slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
+        out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - evaluator.structure.kr[j]
+    return out
+
+
+def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
+    """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
+
+    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
+    """
+    ratio = evaluator.numbers.linear.left / evaluator.nu
+    G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
+    modes = evaluator.structure.modes if evaluator.structure.modal else None
+    for i, w in enumerate(Omega.tolist()):
+        if modes is not None:
+            G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
+            continue
+        known = w * ratio <= evaluator.structure.highest
+        G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
+    delta = G @ f.transpose(0, 2, 1)[..., None]
+    if beyond is not None:
+        delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
+    delta = delta[..., 0].transpose(0, 2, 1)
+    return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
 
 def _writable(X: Array) -> Array:

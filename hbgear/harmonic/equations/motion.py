@@ -78,7 +78,7 @@ def grazing_distance(evaluator: Evaluator, X: Array, which: int) -> tuple[float,
     breakpoint_, sign = which // 2, 1 if which % 2 else -1
     element = int(evaluator.element[breakpoint_])
     value, theta = evaluator.highest(element, _rows(evaluator, X)[element], float(sign))
-    return float(sign * value - evaluator.corner[breakpoint_]), theta
+    return float(sign * value - evaluator.breakpoints[breakpoint_]), theta
 
 
 def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:

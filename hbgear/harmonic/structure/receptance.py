@@ -268,7 +268,7 @@ class LinearStructure:
             if modes.condition < _MAX_CONDITION:
                 break
         if modes is None:  # laws without stiffness leave a free motion
-            raise ValueError(self._describe_unsupported())
+            raise ValueError(_describe_unsupported(self))
         self.modes, self.parted = modes, part > 0
 
     def _has_supported_free_motion(self, system: System, near: float) -> bool:
@@ -286,16 +286,6 @@ class LinearStructure:
             if ((measured > _CANCELLATION_RATIO * (W.T @ np.abs(self.free))) & (measured > rounding)).any():
                 return True
         return False
-
-    def _describe_unsupported(self) -> str:
-        """Return the error message for an element that no stiffness holds."""
-        measured = np.abs(self.W.T @ self.free)
-        element, motion = np.unravel_index(int(np.argmax(measured)), measured.shape)
-        return (
-            f"element '{self.system.elements[int(element)].name}' measures a motion that no stiffness holds "
-            f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support "
-            "that motion in K"
-        )
 
     def _real_modes(self, system: System) -> Modes | None:
         """Return the modes of a symmetric structure with modal damping, from its real modes at a lower cost.
@@ -391,15 +381,9 @@ class LinearStructure:
     def _describe_unbalance(self, r: Array, work: float) -> str:
         """Return the error message for a load that does work on a free motion r."""
         return (
-            f"the constant load does work {work:.3g} on a motion that nothing holds ({self._motion_of(r)}); "
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({_motion_text(self, r)}); "
             "a periodic motion needs it balanced: correct the load or support that motion"
         )
-
-    def _motion_of(self, r: Array) -> str:
-        """Return the largest coordinates of a motion (n,) as text."""
-        r = r / r[np.argmax(np.abs(r))]
-        order = np.argsort(-np.abs(r))[:6]
-        return ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
 
     def _decompose(self, part: float) -> Modes:
         """Return the eigendecomposition of the state matrix without the undamped free motions.
@@ -500,6 +484,24 @@ class LinearStructure:
             for wk, Qk in zip(w, Q, strict=True)
         ])  # fmt: skip
         return Q, dQ
+
+
+def _describe_unsupported(structure: LinearStructure) -> str:
+    """Return the error message for an element that no stiffness holds."""
+    measured = np.abs(structure.W.T @ structure.free)
+    element, motion = np.unravel_index(int(np.argmax(measured)), measured.shape)
+    return (
+        f"element '{structure.system.elements[int(element)].name}' measures a motion that no stiffness holds "
+        f"({_motion_text(structure, structure.free[:, motion])}): its mean is arbitrary; give the law a "
+        "stiffness, or support that motion in K"
+    )
+
+
+def _motion_text(structure: LinearStructure, r: Array) -> str:
+    """Return the largest coordinates of a motion (n,) as text."""
+    r = r / r[np.argmax(np.abs(r))]
+    order = np.argsort(-np.abs(r))[:6]
+    return ", ".join(f"{structure.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
 
 
 class _LoadPart(NamedTuple):
