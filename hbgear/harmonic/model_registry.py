@@ -213,7 +213,7 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
 
 
 _MAX_FILE_SAMPLES = 2**22
-"""Largest number of samples accepted from a file; a larger one is an invalid header and would exhaust the memory."""
+"""Largest number of samples accepted from a file. No practical trace has more, so the header is invalid."""
 
 
 def _settings(balance: Any) -> dict[str, Any]:

@@ -25,7 +25,7 @@ _DISPLACEMENTS = np.array([-2.3, -1.1, -0.37, -0.05, 0.0, 0.11, 0.41, 0.9, 1.7])
 _FINITE_RANGE = 0.5
 """Displacement, over the length of a law, up to which force and slopes must be finite."""
 
-_RELATIVE_STEP = 1e-5
+_LAW_STEP = 1e-5
 """Step of the differences, over the length of a law."""
 
 _SMOOTHNESS_TOLERANCE = 1e-4
@@ -155,9 +155,9 @@ def check_law(law: Law, length: float, rate: float) -> None:
                     f"{name}.force gives {words} = {part[i]} at {_state_text(d[i], v[i], tau[i])}; it must be "
                     "finite for every motion: check roots and divisions in it"
                 )
-        _check_slope(law, (d, v, tau), 0, slopes[0], _RELATIVE_STEP * length)
+        _check_slope(law, (d, v, tau), 0, slopes[0], _LAW_STEP * length)
         if law.rated:
-            _check_slope(law, (d, v, tau), 1, slopes[1], _RELATIVE_STEP * length * rate)
+            _check_slope(law, (d, v, tau), 1, slopes[1], _LAW_STEP * length * rate)
 
 
 def _check_slope(law: Law, at: Sequence[Array], which: int, stated: Array, step: float) -> None:

@@ -109,7 +109,7 @@ _REAL_POLE_TOLERANCE = 1e-13
 _BLOCK_COUPLING_TOLERANCE = 1e-11
 """Relative part of the flexibility up to which two ports count as uncoupled (rounding)."""
 
-_SYMMETRY_TOLERANCE = 1e-10
+_MOMENT_SYMMETRY_TOLERANCE = 1e-10
 """Relative asymmetry or negative eigenvalue of the moments g_j up to which they count as rounding."""
 
 
@@ -219,11 +219,13 @@ def _lumped_block(g: Array, highest: float) -> tuple[ComplexArray, ComplexArray,
     None too if a mass or a flexibility is not positive, or a pole is unstable or above twice ``highest``, the highest
     frequency of the replaced modes.
     """
-    if np.any(np.abs(g - g.transpose(0, 2, 1)).max(axis=(1, 2)) > _SYMMETRY_TOLERANCE * np.abs(g).max(axis=(1, 2))):
+    if np.any(
+        np.abs(g - g.transpose(0, 2, 1)).max(axis=(1, 2)) > _MOMENT_SYMMETRY_TOLERANCE * np.abs(g).max(axis=(1, 2))
+    ):
         return None
     s, Q = np.linalg.eigh(g[0])
-    some = s > _SYMMETRY_TOLERANCE * s[-1]
-    if not s[-1] > 0 or s[0] < -_SYMMETRY_TOLERANCE * s[-1]:
+    some = s > _MOMENT_SYMMETRY_TOLERANCE * s[-1]
+    if not s[-1] > 0 or s[0] < -_MOMENT_SYMMETRY_TOLERANCE * s[-1]:
         return None
     V = Q[:, some] / np.sqrt(s[some])  # V^T g_0 V = 1
     C = -V.T @ g[1] @ V
@@ -239,7 +241,7 @@ def _lumped_block(g: Array, highest: float) -> tuple[ComplexArray, ComplexArray,
     digits = np.linalg.norm(right) * np.linalg.norm(inverse) * np.finfo(float).eps
     size = np.abs(poles)
     if (
-        digits * size.max() > _SYMMETRY_TOLERANCE * size.min()
+        digits * size.max() > _MOMENT_SYMMETRY_TOLERANCE * size.min()
         or size.max() > 2 * highest
         or np.any(poles.real > digits * size)
     ):
