@@ -1,9 +1,9 @@
-"""Frequencies in physical units: mesh frequency and shaft speed of models that know them.
+"""Frequencies in physical units: mesh frequency and shaft speed of models with physical scales.
 
     f_mesh = Omega model.mesh_frequency(1) [Hz],   n = Omega model.pinion_speed(1) [r/min]
 
-Any model with `Model.scales`, or with methods ``mesh_frequency`` and ``pinion_speed`` of its own, both proportional to
-Omega, is understood.
+A model provides them by `Model.scales`, or by methods ``mesh_frequency`` and ``pinion_speed`` that are proportional to
+Omega.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from hbgear.harmonic import model_registry
 from hbgear.mechanics.models import Model
 
 MESH, PINION = "mesh Hz", "pinion r/min"
+"""Keys of the mesh frequency [Hz] and the pinion speed [r/min]."""
 
 
 def model_of(branch: Branch) -> Model | None:
-    """The model a branch was traced with: of its problem, or out of the catalogue after loading; None if unknown."""
+    """Return the model of a branch, from its problem or from its file header; None if it is unknown."""
     model = getattr(branch.problem, "model", None)
     if model is not None:
         return model  # type: ignore[no-any-return]
@@ -32,7 +33,7 @@ def model_of(branch: Branch) -> Model | None:
 
 
 def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Hz and r/min at Omega = 1 with these values of the parameters; nothing if the model does not know its units."""
+    """Return Hz and r/min at Omega = 1 with these parameters; an empty dict if the model has no physical scales."""
     known: Any = model
     own = getattr(known, "scales", None)
     if not own and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
@@ -45,26 +46,26 @@ def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, fl
 
 
 def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Mesh frequency [Hz] and speed of the pinion [r/min] at the Omega among the parameters, if both are known."""
+    """Return mesh frequency [Hz] and pinion speed [r/min] at the parameter Omega; an empty dict if unknown."""
     if "Omega" not in parameters:
         return {}
     return {name: parameters["Omega"] * scale for name, scale in scales(model, parameters).items()}
 
 
 def common_scales(branches: Sequence[Branch]) -> dict[str, float]:
-    """`scales` that hold for every row of every branch; nothing if they differ, or the curves are not in Omega."""
+    """Return the `scales` of all points of all branches; an empty dict if they differ, or for other parameters."""
     found = []
     for branch in branches:
         if branch.parameter != "Omega" or not len(branch):
             return {}
         model = model_of(branch)
-        rows = range(len(branch)) if branch.tracked else (0,)
-        found += [scales(model, branch.parameters_at(i)) for i in rows]
+        points = range(len(branch)) if branch.tracked else (0,)
+        found += [scales(model, branch.parameters_at(i)) for i in points]
     return same_scales(found)
 
 
 def same_scales(found: Sequence[dict[str, float]]) -> dict[str, float]:
-    """The first of these `scales` if all are equal, else nothing."""
+    """Return the first of these `scales` if all are equal, else an empty dict."""
     first = found[0] if found else {}
     same = all(one.keys() == first.keys() and np.allclose([*one.values()], [*first.values()]) for one in found)
     return first if same else {}

@@ -224,12 +224,12 @@ class HarmonicBalance(PeriodicMotions):
 
     @property
     def doubled(self) -> HarmonicBalance:
-        """The balance in the basis of twice the period, with 2H + 1 harmonics, for period doublings."""
+        """Balance in the basis of twice the period, with 2H + 1 harmonics, for period doublings."""
         return self._once("doubled", (), lambda: self.with_order(2 * self.nu, 2 * self.H + 1))
 
     @property
     def refined_problem(self) -> HarmonicBalance | None:
-        """The balance with 2H harmonics; None if these are too many, or receptances are measured."""
+        """Balance with 2H harmonics; None if these are too many, or receptances are measured."""
         if isinstance(self.compiled({}).structure, MeasuredStructure) or not self.discretization.refinable:
             return None
         finer = self._once("refined", (), lambda: self.with_order(self.nu, 2 * self.H))
@@ -271,7 +271,7 @@ class HarmonicBalance(PeriodicMotions):
 
     def resolved(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance:
         """Return the balance with as many samples as the AFT of a motion requires; itself if they were given."""
-        if self.discretization.samples_given or not self.compiled(parameters).asked:
+        if self.discretization.samples_given or not self.compiled(parameters).aft_laws:
             return self
         out: HarmonicBalance = motion.with_enough_samples(self, X, parameters)
         return out

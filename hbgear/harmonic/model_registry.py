@@ -1,4 +1,4 @@
-"""The models the command line knows by name, and models from the headers of saved files."""
+"""Registry of models: models by name for the command line, and models and problems from headers of saved files."""
 
 from __future__ import annotations
 
@@ -42,35 +42,46 @@ MODELS: dict[str, type[Model]] = {
     "double-helical": DoubleHelicalPair,
     "planetary": PlanetarySet,
 }
+"""Classes of the built-in models by their name on the command line."""
 
-_MADE: dict[str, type[Model]] = {
+_MODEL_CLASSES: dict[str, type[Model]] = {
     **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System
 }  # fmt: skip
-"""Classes that a file may be of without being named again."""
+"""Classes of hbgear by name, which a file can be loaded with without naming its model."""
 
-_PARTS: dict[str, type] = {
+_PART_CLASSES: dict[str, type] = {
     each.__name__: each
     for each in (
         Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
         Receptances,
     )
 }  # fmt: skip
-"""What such models consist of."""
+"""Classes of the parts of these models by name."""
 
 
 def model_class(name: str) -> type[Model]:
-    """The class of models of that name: of the catalogue, of an installed package, FILE.py:NAME or MODULE:NAME.
+    """Return the class of a model: built-in, from an installed package, FILE.py:NAME or MODULE:NAME.
 
-    The code of the last three is run; see `hbgear.mechanics.model_lookup`.
+    Code of packages, files and modules is executed, see `hbgear.mechanics.model_lookup`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+
+    Returns
+    -------
+    type
+        Subclass of `Model`.
 
     Raises
     ------
     KeyError, ValueError
-        If there is no such model, or its code cannot be loaded.
+        If there is no model of this name, or its code cannot be loaded.
 
     Examples
     --------
-    >>> class_of("duffing")
+    >>> model_class("duffing")
     <class 'hbgear.mechanics.oscillators.Duffing'>
     """
     if name in MODELS:
@@ -84,67 +95,93 @@ def model_class(name: str) -> type[Model]:
 
 
 def build(name: str, /, **fields: Any) -> Model:
-    """The model of that name, as of `model_class`, with its defaults except for the given fields.
+    """Return a model by its name, see `model_class`, with defaults for all fields that are not given.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    **fields : Any
+        Values of its fields.
+
+    Returns
+    -------
+    Model
+        The model.
 
     Raises
     ------
     KeyError
-        If there is no such model, or it has no such field.
+        If there is no model of this name, or it has no field of a given name.
     ValueError
-        If a value is out of its range, or one without a default is missing.
+        If a value is out of its range, or a field without default is missing.
     """
     return made(model_class(name), fields)
 
 
 def rebuild_model(meta: Any, cls: type[Model] | None = None) -> Model:
-    """The model that `hbgear.mechanics.models.describe` was given; lists become tuples.
+    """Return the model from its description by `hbgear.mechanics.models.describe`; lists become tuples.
 
-    No code is loaded for it: a class that is not in the catalogue must be given.
+    No code is loaded. A class that is not part of hbgear must be given.
+
+    Parameters
+    ----------
+    meta : dict
+        Description of the model, from the header of a file.
+    cls : type, optional
+        Class of the model, by default the class of hbgear with the name in ``meta``.
+
+    Returns
+    -------
+    Model
+        The model.
 
     Raises
     ------
     KeyError
-        If the class is not in the catalogue and none is given, or has no such field.
+        If the class is not part of hbgear and not given, or does not have a field of the description.
     ValueError
-        If ``meta`` is not of the form `describe` returns, is of another class than the one given, or a value is of
-        another type, out of its range or missing, as functions and laws of a user are.
+        If ``meta`` does not have the form of `describe`, names another class than ``cls``, or a value has another type,
+        is out of its range, or is missing, like functions and laws of a user.
     """
     if not is_description(meta):
         raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")
     if cls is not None:
         if meta["class"] != cls.__name__:
-            raise ValueError(f"it is of a {meta['class']}; the model given is {cls.__name__}")
-    elif meta["class"] not in _MADE:
-        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta)}")
-    cls = cls or _MADE[meta["class"]]
-    if meta.get("left_out") and cls in _MADE.values():
+            raise ValueError(f"the file is of model {meta['class']}; the given model is {cls.__name__}")
+    elif meta["class"] not in _MODEL_CLASSES:
+        raise KeyError(f"hbgear has no model class '{meta['class']}'{_advice(meta)}")
+    cls = cls or _MODEL_CLASSES[meta["class"]]
+    if meta.get("left_out") and cls in _MODEL_CLASSES.values():
         reasons = meta.get("reasons")
         why = f" ({'; '.join(map(str, reasons.values()))[:300]})" if isinstance(reasons, Mapping) else ""
         raise ValueError(
             f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}{why}: load it with "
             "problem=..."
         )
-    fields = {name: from_plain(value, _PARTS) for name, value in meta["fields"].items()}
+    fields = {name: from_plain(value, _PART_CLASSES) for name, value in meta["fields"].items()}
     _check_types(cls, fields)
     return made(cls, fields)
 
 
 def _advice(meta: Mapping[str, Any]) -> str:
-    """How to go on with a file of a class that is not in the catalogue."""
+    """Return advice for a file of a class that is not part of hbgear."""
     if not isinstance(meta.get("from"), str):
-        return did_you_mean(meta["class"], _MADE)
+        return did_you_mean(meta["class"], _MODEL_CLASSES)
     return f"; it was in {meta['from'][:100]}: name it again if you trust it, by --model FILE.py:NAME or problem=..."
 
 
 def is_description(meta: Any) -> bool:
-    """Whether this is of the form that `hbgear.mechanics.models.describe` returns."""
-    whole = isinstance(meta, Mapping) and isinstance(meta.get("class"), str) and isinstance(meta.get("fields"), Mapping)
-    return whole and all(isinstance(name, str) for name in meta["fields"])
+    """Return whether a value has the form that `hbgear.mechanics.models.describe` returns."""
+    complete = (
+        isinstance(meta, Mapping) and isinstance(meta.get("class"), str) and isinstance(meta.get("fields"), Mapping)
+    )
+    return complete and all(isinstance(name, str) for name in meta["fields"])
 
 
 @defer_signals()  # pydantic panics if Ctrl-C comes while it prepares a check
 def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
-    """Refuse values that are not of the types of their fields; the model itself refuses unknown fields."""
+    """Raise an error for unknown fields, and for values that do not have the types of their fields."""
     import pydantic
 
     check_names(cls, fields)
@@ -163,11 +200,10 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
     Raises
     ------
     KeyError, ValueError
-        If the model is not in the catalogue (one of your own: load with ``problem=`` instead) or the header is of
-        another kind.
+        If the model is not part of hbgear (load with ``problem=`` instead), or the header has another form.
     """
     if "model" not in meta or "balance" not in meta:
-        raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
+        raise ValueError("the header of the file has no model and balance; load the file with problem=...")
     settings = _settings(meta["balance"])
     auto = settings.pop("auto")
     if settings["orders"] is not None:
@@ -176,11 +212,12 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
     return out if auto is None else out.with_tolerance(auto)
 
 
-_MOST_SAMPLES = 2**22  # no trace that anybody waited for had more
+_MAX_FILE_SAMPLES = 2**22
+"""Largest number of samples accepted from a file. No practical trace has more, so the header is invalid."""
 
 
 def _settings(balance: Any) -> dict[str, Any]:
-    """Settings of `HarmonicBalance` as `HarmonicBalance.describe` gives them, "auto" among them."""
+    """Return the settings of a `HarmonicBalance` from its description, including "auto"; raise an error if invalid."""
     kinds = {"harmonics": (int, str), "samples": (int, type(None)), "nu": (int,), "sampled": (bool,)}
     if not isinstance(balance, Mapping) or any(
         name not in balance or type(balance[name]) not in kind for name, kind in kinds.items()
@@ -189,8 +226,8 @@ def _settings(balance: Any) -> dict[str, Any]:
     auto, samples, harmonics = balance.get("auto"), balance["samples"], balance["harmonics"]
     if isinstance(harmonics, str) and harmonics != "auto":
         raise ValueError(f"harmonics are a whole number or 'auto', got {harmonics[:40]!r}")
-    if (samples or 0) > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
-        raise ValueError(f"no balance has {samples} samples and the tolerance {str(auto)[:40]}")
+    if (samples or 0) > _MAX_FILE_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
+        raise ValueError(f"samples = {samples} and tolerance = {str(auto)[:40]} of the balance are out of range")
     orders = balance.get("orders")
     if not (orders is None or _are_orders(orders)):
         raise ValueError(
@@ -200,7 +237,7 @@ def _settings(balance: Any) -> dict[str, Any]:
 
 
 def _are_orders(orders: Any) -> bool:
-    """Whether this is of the form of `Selection.described`."""
+    """Return whether a value has the form of `HarmonicSelection.described`."""
     if not isinstance(orders, Mapping) or set(orders) not in ({"tones"}, {"given"}, {"given", "more"}):
         return False
     return all(

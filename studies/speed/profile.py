@@ -107,7 +107,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
         "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
-        "reach, truncation": lambda: (compiled.reach(X), compiled.with_driven_harmonics(X, Omega)),
+        "reach, truncation": lambda: (compiled.extrema_and_regime(X), compiled.with_driven_harmonics(X, Omega)),
         "monodromy": lambda: [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts],
         "eigenvalues": lambda: [np.linalg.eigvals(matrices) for matrices in found],
         "start": lambda: problem.start(float(Omega[0])),

@@ -281,7 +281,7 @@ def test_a_cubic_spring_beside_a_gap_against_samples(nu, rng):
     """Parallel((Backlash, Cubic)) exactly and by 65536 samples; the harmonics of its force beyond H too."""
     law = Parallel((Backlash(0.8, 2.0, WAVY), Cubic(0.3, 0.2)))
     exact, sampled = balance(law, nu=nu), balance(law, nu=nu, sampled=True, samples=65536)
-    assert exact.compiled({}).whole and not sampled.compiled({}).whole
+    assert exact.compiled({}).is_fully_compiled and not sampled.compiled({}).is_fully_compiled
     X = 0.7 * rng.standard_normal(exact.size)
     (R, J), (Rs, Js) = (p.evaluate(X, Omega=0.8) for p in (exact, sampled))
     np.testing.assert_allclose(R, Rs, atol=1e-7)

@@ -247,7 +247,7 @@ def test_a_saved_curve_runs_no_code_until_its_model_is_named_again(run):
     code, _, err = run("switch", "a.npz", "PD1", "--model", "mine.py:two")
     assert code == 2 and "PD1" in err and "--model" not in err  # the curve has none
     code, _, err = run("extend", "a.npz", "--model", "duffing")
-    assert code == 2 and "it is of a two; the model given is Duffing" in err
+    assert code == 2 and "the file is of model two; the given model is Duffing" in err
     args = ["--harmonics", 6, "--start", "a.npz", "--to", 1.05]
     assert run("trace", "mine.py:two", "--set", "F=0.18", *args)[0] == 0
 

@@ -193,5 +193,5 @@ def test_flexibility_beside_the_modes_up_to_a_frequency():
     compiled = HarmonicBalance(system, 3).compiled({})
     frequencies = np.array([0.5, 2.5, 7.3, 20.0, 1e3]) * w
     beside = [np.diag(compiled.parts(one).rest) for one in frequencies.tolist()]
-    np.testing.assert_allclose(compiled.beside(frequencies), beside, rtol=1e-12, atol=1e-15)
-    assert compiled.beside(frequencies)[-1] == 0 < compiled.beside(frequencies)[-2]
+    np.testing.assert_allclose(compiled.flexibility_above(frequencies), beside, rtol=1e-12, atol=1e-15)
+    assert compiled.flexibility_above(frequencies)[-1] == 0 < compiled.flexibility_above(frequencies)[-2]

@@ -122,7 +122,7 @@ class HarmonicEquations(ContinuationProblem):
 
     @checked_arguments()
     def check_parameter(self, name: str) -> None:
-        """Raise KeyError for a name that is neither Omega nor a parameter of the model."""
+        """Raise KeyError for a name other than Omega and the parameters of the model."""
         self.models.check_parameter(name)
 
     def value_of(self, name: str) -> float:
@@ -220,7 +220,7 @@ class HarmonicEquations(ContinuationProblem):
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in a parameter; the latter is exact in Omega."""
         evaluator = self.compiled(parameters)
-        if name != "Omega" or evaluator.asked:
+        if name != "Omega" or evaluator.aft_laws:
             return super().curvature(X, v, name, **parameters)
         return evaluator.curvature(X, v, directional_step(X, v), float(parameters["Omega"]))
 
@@ -247,7 +247,7 @@ class HarmonicEquations(ContinuationProblem):
     @property
     def smooth(self) -> bool:  # type: ignore[override]
         """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint."""
-        return not any(law.breakpoints for _, law in self.compiled({}).asked)
+        return not any(law.breakpoints for _, law in self.compiled({}).aft_laws)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""
@@ -287,7 +287,7 @@ class HarmonicEquations(ContinuationProblem):
     def _packed_model(self, name: str, parameters: Mapping[str, float]) -> PackedModel | None:
         """Return the model as arrays for compiled loops along curves in a parameter; None if they cannot be used."""
         evaluator = self.compiled(parameters)
-        usable = name == "Omega" and evaluator.whole and self.pins is None
+        usable = name == "Omega" and evaluator.is_fully_compiled and self.pins is None
         return evaluator.numbers if usable and self.size <= _MAX_COMPILED_UNKNOWNS else None
 
     # ---- other structures

@@ -1,18 +1,18 @@
-"""Kernels: the balance of one motion, its residual, Jacobian and derivative in Omega.
+"""Kernels: residual of the balance of one motion, its Jacobian and its derivative in Omega.
 
     R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
 
-in the real basis (a0, a1, b1, ..., aH, bH) of each element: with the two-sided coefficients kappa = r + i s,
+The unknowns are the coefficients (a0, a1, b1, ..., aH, bH) of each element. With the two-sided coefficients
+kappa = r + i s of a periodic stiffness,
 
     T[a_k, a_l] = r_{k-l} + r_{k+l},   T[a_k, b_l] = s_{k-l} - s_{k+l},
     T[b_k, b_l] = r_{k-l} - r_{k+l},   T[b_k, a_l] = -s_{k-l} - s_{k+l}
 
-is the matrix of the product with kappa, r_{-n} = r_n and s_{-n} = -s_n; row 0 is the half of a_0's.
+is the matrix of the product with kappa, where r_{-n} = r_n and s_{-n} = -s_n. Row 0 is half of row a_0.
 
-Of these harmonics only the orders of the table are unknowns, if there are fewer: all others are zero in the motion, and
-their equations are left out.
-
-The linear part comes from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r); see `receptance`.
+With a harmonic selection only the selected orders are unknowns. All other harmonics are zero, and their equations are
+left out. The linear part is computed from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r), see
+`hbgear.harmonic.structure.receptance`.
 
 References
 ----------
@@ -36,11 +36,18 @@ from hbgear.mechanics.series.fourier_kernels import put_waves
 
 
 class Workspace(NamedTuple):
-    """Arrays in which motions are evaluated, overwritten each time.
+    """Preallocated arrays for evaluations, overwritten by each one.
 
-    space : see `ProjectionWorkspace`. rows (m, 2H + 1) : of the motion, see `spread`. matrices, constants : as of
-    `fill_linear_part`.
-    w (K + 1,), each (2, K + 1), sums (4, N, K + 1), work (3, K + 1, m, m) : for these.
+    Attributes
+    ----------
+    space : ProjectionWorkspace
+        Arrays of the force projection.
+    rows : ndarray, shape (m, 2H + 1)
+        Coefficients of the motion with all harmonics, see `spread`.
+    matrices, constants : ndarray
+        Linear part, see `fill_linear_part`.
+    w, each, sums, work : ndarray
+        Working memory of `fill_linear_part`, of shapes (K + 1,), (2, K + 1), (4, N, K + 1) and (3, K + 1, m, m).
     """
 
     space: ProjectionWorkspace
@@ -55,7 +62,7 @@ class Workspace(NamedTuple):
 
 @kernel
 def workspace_for(numbers: Any) -> Any:
-    """A `Workspace` for motions of a model."""
+    """Return a `Workspace` for motions of a model."""
     linear, m, H = numbers.linear, numbers.laws.cubic.shape[0], numbers.basis.shape[0] // 2
     K = linear.orders.shape[0]
     matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
@@ -72,7 +79,7 @@ def workspace_for(numbers: Any) -> Any:
 def assemble_allocating(
     numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
 ) -> float:
-    """`assemble` for calls from Python."""
+    """Call `assemble` from Python, with a workspace of its own."""
     return assemble(numbers, X, omega, matrices, constants, R, J, dR, workspace_for(numbers))
 
 
@@ -80,18 +87,18 @@ def assemble_allocating(
 def assemble(
     numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, room: Any
 ) -> float:
-    """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,) at Omega / nu; the size of the terms of R."""
+    """Fill R (n,), J = dR/dX (n, n), dR/dOmega (n,) at X (n,), omega = Omega / nu; return the size of its terms."""
     space, rows, some = room.space, room.rows, X.reshape(matrices.shape[2], -1)
     spread(numbers, X, rows)
     project(numbers, rows, space)
-    size = _forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
-    size += _add_own(numbers.own, numbers, rows, omega, R, J, dR)
+    size = _fill_forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
+    size += _add_compiled_laws(numbers.own, numbers, rows, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
 @kernel
 def spread(numbers: Any, X: Any, rows: Any) -> None:
-    """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), some of them; zero before where they are not."""
+    """Fill the selected harmonics of rows (m, 2H + 1) from unknowns X (n,); all others must be zero before."""
     orders, some = numbers.linear.orders, X.reshape(rows.shape[0], -1)
     for j in range(rows.shape[0]):
         rows[j, 0] = some[j, 0]
@@ -101,7 +108,7 @@ def spread(numbers: Any, X: Any, rows: Any) -> None:
 
 @kernel
 def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
-    """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
+    """Fill derivatives (n, n) of dR/dX along v (n,), by a central difference, and in Omega; change: dZ/dOmega."""
     m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
     room = workspace_for(numbers)
     space, rows, kappa, more = room.space, room.rows, room.space.kappa, room.space.more
@@ -122,7 +129,7 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
 
 @kernel
 def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
-    """Add the product of harmonic number k of the unknowns with a complex number, in the real basis, from a corner."""
+    """Add the product of Z with the k-th harmonic of the unknowns, in the real basis, to the block at (row, column)."""
     if k == 0:
         J[row, column] += Z.real
         return
@@ -134,8 +141,8 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
 
 
 @kernel
-def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
-    """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
+def _fill_forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
+    """Set R to kappa d + chi and J to T(kappa + more), adding more to kappa; return the norm of R."""
     kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
     for j in range(rows.shape[0]):
@@ -157,7 +164,7 @@ def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
 
 @kernel
 def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
-    """Add Z d + g to R, Z to J; dR = dZ d + dg; the norms of Z d and g together."""
+    """Add Z d + g to R and Z to J, set dR to dZ d + dg; return the norm of Z d plus the norm of g."""
     m, n = rows.shape
     moved = held = 0.0
     for k in range(matrices.shape[1]):
@@ -184,8 +191,8 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
 
 
 @kernel
-def _add_own(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
-    """Add what compiled laws say, if any, to R, J and dR; the norm of the forces of each, summed."""
+def _add_compiled_laws(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
+    """Add forces and slopes of compiled laws of the user, if any; return the sum of the norms of the forces."""
     if own is None:
         return 0.0
     size = 0.0
@@ -196,7 +203,7 @@ def _add_own(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR
 
 @kernel
 def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
-    """Add what a compiled law says to R, J and dR; the norm of its forces."""
+    """Add forces and slopes of one compiled law, evaluated by AFT; return the norm of the forces."""
     j, orders, nu = own.element[which], numbers.linear.orders, numbers.linear.nu
     n, total = 2 * orders.shape[0] - 1, 0.0
     samples, part = samples_of(own, numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
@@ -213,7 +220,7 @@ def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R:
     add_product(part, orders, T)
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
-    add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
+    add_product(part, orders, damping[:n, :n])  # a slice has the type of T above, so no further kernel is compiled
     _add_damped(numbers.corners, numbers, j, samples, part, dR)
     for a in range(n):
         for i in range(1, orders.shape[0]):
@@ -226,7 +233,7 @@ def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R:
 
 @kernel
 def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
-    """Add the derivative in Omega of what the damping of a compiled law makes of displacements with corners to dR."""
+    """Add to dR the damping force of a compiled law on prescribed displacements with breakpoints, over Omega."""
     if corners is None:
         return
     orders, nu, grid = numbers.linear.orders, numbers.linear.nu, corners.grid
@@ -243,7 +250,7 @@ def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR:
 
 @inlined
 def residual_and_jacobian(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
-    """`assemble` at u = (X, Omega) of a model with poles."""
+    """Call `assemble` at u = (X, Omega) for a structure with modes; return the size of the terms of R."""
     n = u.shape[0] - 1
     fill_linear_part(numbers.linear, u[n], room.w, room.each, room.sums, room.work, room.matrices, room.constants)
     return assemble(numbers, u[:n], u[n] / numbers.linear.nu, room.matrices, room.constants, R, J, dR, room)

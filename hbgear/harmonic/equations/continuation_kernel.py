@@ -1,7 +1,7 @@
-"""Kernel: a stretch of a curve of periodic motions in Omega, row after row without Python.
+"""Kernel: pseudo-arclength continuation of periodic motions in Omega without Python.
 
-The rules are those of `hbgear.continuation.stepping.kernels`, the equations those of
-`hbgear.harmonic.equations.assembly_kernels`.
+Steps are predicted, accepted and adapted by `hbgear.continuation.stepping.kernels`. Residual and Jacobian are computed
+by `hbgear.harmonic.equations.assembly_kernels`.
 """
 
 from __future__ import annotations
@@ -41,34 +41,54 @@ def trace_compiled(
     tolerances: Any,
     rows: Any,
 ) -> tuple[int, float, int, float]:
-    """Follow the curve until rows are full, it leaves the span, or the shortest step fails.
+    """Compute points of a branch until ``rows`` is full, the branch leaves the span, or the smallest step fails.
 
     Parameters
     ----------
-    u, t : (history, n + 1) the last rows and their tangents, the newest first, ``count`` of them; overwritten.
-    size : (2,) largest motion so far, which is updated, and the span that the last unknown is scaled by.
-    span : (2,) ends of Omega; the row beyond one of them is the last. control : see `stepping.next_step`.
-    tolerances : of the residual, of the last Newton step, most iterations.
-    rows : (most, 2 (n + 1) + 4) u, tangent, step, orientation, iterations and residual of each new row, to be filled.
+    numbers : PackedModel
+        Arrays of the model.
+    u, t : ndarray, shape (history, n + 1)
+        The previous points (X, Omega) and their tangents, the newest first; overwritten.
+    count : int
+        Number of previous points in ``u`` and ``t``.
+    size : ndarray, shape (2,)
+        Norm of the largest motion so far, which is updated, and the scale of Omega.
+    step : float
+        First arclength step.
+    span : ndarray, shape (2,)
+        Interval of Omega; the first point outside is the last one.
+    control : ndarray
+        Step size control, see `hbgear.continuation.stepping.kernels.next_step`.
+    tolerances : ndarray, shape (3,)
+        Tolerance of the residual, tolerance of the last Newton step, maximum number of iterations.
+    rows : ndarray, shape (max_points, 2 (n + 1) + 4)
+        Array to be filled with u, tangent, step, orientation, iterations and residual of each new point.
 
     Returns
     -------
-    Number of rows, the next step, why the last attempt was refused (`ACCEPTED` if it was not), with its number.
+    made : int
+        Number of new points.
+    step : float
+        Next step.
+    why : int
+        Status of the last step, see `hbgear.continuation.stepping.status`; `ACCEPTED` unless it was rejected.
+    number : float
+        Value for the message of this status.
     """
     n = u.shape[1] - 1
     work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), workspace_for(numbers)
     room = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
-    return _pursued(numbers, room, u, t, count, size, step, span, control, tolerances, rows)
+    return _trace_in_workspace(numbers, room, u, t, count, size, step, span, control, tolerances, rows)
 
 
 @inlined
-def _pursued(
+def _trace_in_workspace(
     numbers: Any, room: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
     tolerances: Any, rows: Any,
 ) -> tuple[int, float, int, float]:  # fmt: skip
-    """`trace_compiled`, in the arrays of the room."""
+    """Run `trace_compiled` in preallocated arrays."""
     n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
-    work, vectors, told, limits = room
+    work, vectors, statistics, limits = room
     scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, ACCEPTED, 0.0
@@ -76,23 +96,23 @@ def _pursued(
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        why = _corrected(numbers, predicted, normal, tolerances, work, found, direction, told)
-        number, missed = told[2], 0.0
+        why = _corrected(numbers, predicted, normal, tolerances, work, found, direction, statistics)
+        number, prediction_error = statistics[2], 0.0
         if why == ACCEPTED:
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
-            why, turn, missed = accept_step(found, direction, predicted, u[0], t[0], scale, step, limits)
-            number = missed if why == PREDICTION_ERROR else turn
+            why, turn, prediction_error = accept_step(found, direction, predicted, u[0], t[0], scale, step, limits)
+            number = prediction_error if why == PREDICTION_ERROR else turn
         if why != ACCEPTED:
             if step <= control[0]:
                 break
             step = max(0.5 * step, control[0])
             continue
-        _keep(rows[made], found, direction, step, told)
+        _store(rows[made], found, direction, step, statistics)
         made += 1
         count = min(count + 1, u.shape[0])
         _shift(u, found, count)
         _shift(t, direction, count)
-        step = next_step(step, told[1], turn, missed, control)
+        step = next_step(step, statistics[1], turn, prediction_error, control)
         if not span[0] < found[n] < span[1]:
             break
     return made, step, why, number
@@ -100,7 +120,7 @@ def _pursued(
 
 @kernel
 def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
-    """Scales of the unknowns: the largest motion so far, and the span."""
+    """Fill the scales of the unknowns: the norm of the largest motion so far, and the span of Omega."""
     n = u.shape[0] - 1
     whole = moving = 0.0
     for i in range(n):
@@ -117,7 +137,7 @@ def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
 
 @kernel
 def _shift(past: Any, new: Any, count: int) -> None:
-    """Put a new row before the others."""
+    """Insert a new point before the previous ones."""
     for i in range(new.shape[0]):
         for k in range(count - 1, 0, -1):
             past[k, i] = past[k - 1, i]
@@ -125,30 +145,34 @@ def _shift(past: Any, new: Any, count: int) -> None:
 
 
 @kernel
-def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
+def _store(row: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
+    """Store a new point, its tangent, step and Newton statistics."""
     n = u.shape[0]
     for i in range(n):
         row[i], row[n + i] = u[i], t[i]
     row[2 * n] = step
     for k in range(3):
-        row[2 * n + 1 + k] = told[k]
+        row[2 * n + 1 + k] = statistics[k]
 
 
 @inlined
 def _corrected(
-    numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, told: Any
+    numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, statistics: Any
 ) -> int:
-    """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
+    """Solve by Newton's method in the plane through the prediction; return the status.
+
+    statistics (3,) receives the sign of the determinant, the number of iterations and the residual.
+    """
     R, dR, A, u, room = work
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]
     last = first = best = math.inf
-    most = int(tolerances[2])
-    for iteration in range(most + 2):
+    max_iterations = int(tolerances[2])
+    for iteration in range(max_iterations + 2):
         if not u[n] > 0.0:
             return NOT_CONVERGED
-        size = residual_and_jacobian(numbers, u, R, A, dR, room)  # J in the corner of A
+        size = residual_and_jacobian(numbers, u, R, A, dR, room)  # J in the upper left block of A
         residual = scaled_norm(R) / size
         off = 0.0
         for i in range(n):
@@ -165,17 +189,17 @@ def _corrected(
             moved += A[i, n + 1] ** 2
             reached += (u[i] - A[i, n + 1]) ** 2
         step = math.sqrt(moved / max(reached, 1e-300))
-        good, what = newton_status(
-            residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, POLISH_ABOVE
+        acceptable, what = newton_status(
+            residual, step, last, first, best, iteration, tolerances[0], tolerances[1], max_iterations, POLISH_ABOVE
         )
         first, last = min(first, residual), step
-        if good:
+        if acceptable:
             best = residual
-            told[0], told[1], told[2] = sign, iteration, residual
+            statistics[0], statistics[1], statistics[2] = sign, iteration, residual
             for i in range(n + 1):
                 found[i], direction[i] = u[i], A[i, n + 2]
         if what == DIVERGED:
-            told[2] = residual
+            statistics[2] = residual
             return NOT_CONVERGED
         if what == CONVERGED:
             return ACCEPTED

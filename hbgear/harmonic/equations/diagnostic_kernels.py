@@ -1,8 +1,8 @@
-"""Kernels: what is said of periodic motions beside their stability: reach, impact regime, harmonics left out.
+"""Kernels: quantities of periodic motions except stability: extrema, impact regime, truncated harmonics.
 
-delta d_k = -G_k f_k,   k <= 2H       the neglected force harmonics drive the closed structure
+delta d_k = -G_k f_k,   k <= 2H       response of the structure to the truncated force harmonics
 
-at orders k that are no unknowns: H < k <= 2H, and those below H that a balance with some orders only leaves out.
+The orders k are not unknowns: H < k <= 2H, and orders below H outside a harmonic selection.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.harmonic.forces.aft_kernels import neglected_samples
+from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 from hbgear.harmonic.forces.projection_kernels import coefficient, cross, project, projection_workspace
 from hbgear.harmonic.structure.receptance_kernels import receptance
@@ -22,7 +22,7 @@ from hbgear.mechanics.series.fourier_kernels import put_waves
 
 @kernel
 def extrema(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
-    """Clearances (P, 2 K) of the extrema from the corners, and numbers (P, m) of corners crossed, at most 2."""
+    """Fill clearances (P, 2 K) of extrema from breakpoints, and regimes (P, m), see `HarmonicBalance.regime`."""
     laws, m = numbers.laws, regime.shape[1]
     c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(numbers.basis.shape[1])
     regime[:, :] = 0
@@ -43,7 +43,7 @@ def extrema(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
 
 @kernel
 def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
-    """Shortest intervals (P,) between two crossings of a corner by motions X (P, n); 2 pi without any."""
+    """Fill out (P,) with the shortest intervals between two switching times of motions X (P, n); 2 pi without any."""
     space = projection_workspace(numbers, m, X.shape[1] // (2 * m), 0)
     for p in range(X.shape[0]):
         cross(numbers, X[p].reshape(m, -1), np.bool_(False), space)
@@ -57,22 +57,23 @@ def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
 
 @kernel
 def truncated_force_harmonics(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
-    """One-sided force harmonics (P, m, L) of the orders left at Omega (P,): exact, of compiled laws by samples.
+    """Fill f (P, m, L) with the one-sided force harmonics of the truncated orders at Omega (P,).
 
-    The dampers' part is that of the displacements with corners, which alone have other harmonics than the motion.
+    They are exact for piecewise-linear and cubic laws, and from samples for compiled laws. Of the dampers only
+    prescribed displacements with breakpoints contribute, because all other velocities have no truncated harmonics.
     """
     m, H = f.shape[1], numbers.basis.shape[0] // 2
     space = projection_workspace(numbers, m, H, 3 * H)
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
-        _project_left(numbers, rows, space, f[p])
-        neglected_samples(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        _project_truncated(numbers, rows, space, f[p])
+        truncated_sample_harmonics(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         _add_damped(numbers.corners, numbers.linear, Omega[p], f[p])
 
 
 @kernel
 def _add_damped(corners: Any, linear: Any, Omega: float, f: Any) -> None:
-    """Add the forces (m, L) of dampers on displacements with corners."""
+    """Add the truncated forces (m, L) of dampers on displacements with breakpoints."""
     if corners is None:
         return
     for j in range(f.shape[0]):
@@ -82,8 +83,8 @@ def _add_damped(corners: Any, linear: Any, Omega: float, f: Any) -> None:
 
 
 @inlined
-def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
-    """Force harmonics (m, L) of the orders left of laws in the table."""
+def _project_truncated(numbers: Any, rows: Any, space: Any, f: Any) -> None:
+    """Fill f (m, L) with the exact force harmonics of the truncated orders."""
     left, c = numbers.linear.left, space.waves
     project(numbers, rows, space)
     for j in range(rows.shape[0]):
@@ -94,7 +95,7 @@ def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
 
 @kernel
 def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
-    """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
+    """Fill the truncated harmonics of out (P, n) with the response of the elements to force harmonics (P, m, L)."""
     P, m, L = f.shape
     w, each, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
     for p in range(P):

@@ -49,7 +49,7 @@ MAX_REFINED_UNKNOWNS = 700
 class Discretization:
     """Harmonics and samples of the motions of m elements.
 
-    Parameters
+    Attributes
     ----------
     m : int
         Number of elements.
@@ -96,7 +96,7 @@ class Discretization:
         self._check_unknowns(len(self.orders) - 1)
 
     def _check_unknowns(self, count: int) -> None:
-        """Raise ValueError if so many orders, the mean apart, make too many unknowns."""
+        """Raise ValueError if this number of orders, without the mean, gives too many unknowns."""
         size = self.m * (2 * count + 1)
         if size <= MAX_UNKNOWNS:
             return

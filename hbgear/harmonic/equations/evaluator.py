@@ -1,4 +1,8 @@
-"""A model at one set of parameters, with everything that its evaluations share."""
+"""Evaluation of a model at one set of parameters: residual and Jacobian, forces, switching times, truncation error.
+
+The residual is that of `hbgear.harmonic.equations.assembly_kernels`. Laws without exact projection are evaluated by AFT
+(alternating frequency/time), see `hbgear.harmonic.forces.aft`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from hbgear.harmonic.forces.aft import SampledLaws
 from hbgear.harmonic.forces.breakpoints import corners_of, gap
 from hbgear.harmonic.forces.packed_model import PackedModel, own_of, pack_laws
 from hbgear.harmonic.instants.equations import Equations
-from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, parts_of
+from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
 from hbgear.harmonic.structure.receptance import LinearPart, LinearStructure, Receptance
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import System
@@ -22,9 +26,16 @@ from hbgear.mechanics.series.fourier import Transform, places, spread, to_real
 
 
 class Crossings(NamedTuple):
-    """Instants at which elements cross corners of their laws.
+    """Switching times: phases at which elements cross breakpoints of their laws.
 
-    row (R,) which of the corners; theta (R,) in [0, 2 pi], ascending within a row; sign (R,) +1 upwards, -1 downwards.
+    Attributes
+    ----------
+    row : ndarray, shape (R,)
+        Number of the breakpoint, counted over all elements.
+    theta : ndarray, shape (R,)
+        Basis phase in [0, 2 pi] [rad], ascending for each breakpoint.
+    sign : ndarray, shape (R,)
+        +1 for a crossing upwards, -1 downwards.
     """
 
     row: np.ndarray
@@ -33,13 +44,40 @@ class Crossings(NamedTuple):
 
 
 class Evaluator:
-    """A model at one parameter set, ready to be evaluated.
+    """A model at one parameter set, with the data that its evaluations share.
 
-    H, nu, N : harmonics, subharmonic order and samples per basis period. reduce : whether stability may leave out modes
-    far above those of the motion. system, structure, receptance, laws : of the model. numbers : all that kernels need.
-    sampled : the laws that the numbers do not hold; None if there are none. asked : laws that must be asked for their
-    slopes, these and compiled ones, each with the number of its element. corner, element : (K,) corners of all laws
-    and the element each belongs to. orders : basis harmonics that are unknowns, 0 among them; all up to H by default.
+    Parameters
+    ----------
+    system : System
+        System of the model at these parameters.
+    structure : LinearStructure
+        Its linear structure.
+    H, nu : int
+        Number of harmonics of the basis, and its subharmonic order.
+    sampled : bool
+        Whether piecewise-linear laws are evaluated by AFT too.
+    transform : Transform
+        Fourier transform with N samples per basis period.
+    reduce : bool, optional
+        Whether stability may leave out modes far above the frequencies of the motion. True by default.
+    orders : ndarray, optional
+        Basis harmonics that are unknowns, including 0; all up to H by default.
+
+    Attributes
+    ----------
+    receptance : Receptance
+        Linear part of the balance.
+    laws : tuple of Law
+        Laws of the elements.
+    numbers : PackedModel
+        Arrays for kernels.
+    sampled : SampledLaws or None
+        Laws that Python evaluates by AFT, because the kernels cannot; None without any.
+    aft_laws : tuple of (int, Law)
+        All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
+        closed form.
+    breakpoints, element : ndarray, shape (K,)
+        Breakpoints of all laws, and the element of each.
     """
 
     def __init__(
@@ -61,14 +99,14 @@ class Evaluator:
         self._transform = transform
         laws, springs, left = pack_laws(self.laws, sampled, nu)
         own = own_of(self.laws)
-        self.asked = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
+        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
         linear = self.receptance.numbers
         self.corners = corners = corners_of(
-            system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0, linear.orders, linear.left
+            system.elements, springs, laws.cubic, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
         self.numbers = PackedModel(laws, linear, transform.basis, corners if len(corners.phases) else None, own)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
-        self.corner, self.element = laws.level, laws.owner
+        self.breakpoints, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: LRUCache[ModalBlocks] = LRUCache(32)
         self._at: LRUCache[Evaluator] = LRUCache(16)
@@ -79,12 +117,12 @@ class Evaluator:
         return len(self.laws)
 
     @property
-    def whole(self) -> bool:
-        """Whether the numbers are all there is: kernels can do without Python."""
+    def is_fully_compiled(self) -> bool:
+        """Whether kernels evaluate the whole model without Python."""
         return self.sampled is None and self.structure.modal
 
     def at(self, Omega: float) -> Evaluator:
-        """The same with the structure as it is at Omega, which has modes; itself if that does not depend on speed."""
+        """Return the evaluator with the structure at Omega, which has modes; itself without speed terms."""
         if not self.structure.spins:
             return self
         structure = self.structure.at(Omega)
@@ -97,23 +135,23 @@ class Evaluator:
 
     @cached_property
     def contact_equations(self) -> Equations:
-        """The equations between contact instants; see `hbgear.harmonic.instants`.
+        """Equations of the exact motion between switching times; see `hbgear.harmonic.instants`.
 
         Raises
         ------
         NotPiecewiseLinear
-            If there are none.
+            If a law is not piecewise linear.
         """
         return Equations(self.system, self.nu)
 
     @cached_property
     def reference_sign(self) -> int:
-        """Constant of the parity check of +1, see `parity`: that of the structure with its reference springs.
+        """Sign of the structure with its reference springs in the parity check of the multiplier +1, see `parity`.
 
-        0 where it is not known: the structure has no modes or depends on speed, its elements are tied to each other.
+        0 if it is unknown: the structure has no modes, depends on speed, or has dependent element directions.
         """
         structure = self.structure
-        if structure.spins or structure.modes is None or structure.tied:
+        if structure.spins or structure.modes is None or structure.constrained:
             return 0
         poles, stiffness = structure.modes.poles, self.receptance.at(1.0).Z[0].real
         above = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
@@ -121,7 +159,7 @@ class Evaluator:
         return int(sign) * (1 - 2 * (int(above) % 2)) if np.isfinite(log) else 0
 
     def parts(self, reach: float = math.inf, lumped: bool = False) -> ModalBlocks:
-        """The modes as stability needs them, those above a frequency as flexibility, or lumped; see `modes`."""
+        """Return the modes for the variational equation; above ``reach`` as flexibility or lumped, see `modes`."""
         return self._parts.get((reach, lumped), lambda: self._parts_to(reach, lumped))
 
     def _parts_to(self, reach: float, lumped: bool) -> ModalBlocks:
@@ -129,12 +167,12 @@ class Evaluator:
         assert modes is not None
         alike = [(element.law, element.damping) for element in self.system.elements]
         groups = np.array([alike.index(one) for one in alike])
-        return parts_of(modes.poles, modes.output, modes.input, groups, reach, lumped)
+        return modal_blocks(modes.poles, modes.output, modes.input, groups, reach, lumped)
 
-    def beside(self, frequencies: Array) -> Array:
-        """Flexibility (P, m) of the elements beside the modes up to frequencies (P,)."""
-        sizes, beside = self._flexibilities
-        out: Array = beside[np.searchsorted(sizes, frequencies, side="right")]
+    def flexibility_above(self, frequencies: Array) -> Array:
+        """Return the flexibility (P, m) of the elements from modes above frequencies (P,)."""
+        sizes, residual = self._flexibilities
+        out: Array = residual[np.searchsorted(sizes, frequencies, side="right")]
         return out
 
     @cached_property
@@ -144,16 +182,16 @@ class Evaluator:
         return flexibilities(modes.poles, modes.output, modes.input)
 
     def linear(self, Omega: float) -> LinearPart:
-        """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""
+        """Return the linear part at Omega; the last one is cached for Newton's method at fixed Omega."""
         last = self._linear
         if last is None or last[0] != Omega:
             self._linear = last = (Omega, self.receptance.at(Omega))
-        return last[1]  # not of self._linear, which another thread may have set meanwhile
+        return last[1]  # another thread may have replaced self._linear meanwhile
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
-        """R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
+        """Return R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
         R, J, dR, size = self._balance(X, Omega, self.linear(Omega))
-        if not self.structure.tied:
+        if not self.structure.constrained:
             return R, J, dR, size
         ties = self.structure.ties
         R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
@@ -162,11 +200,12 @@ class Evaluator:
         return R, J, dR, size
 
     def _joined(self, rows: Array) -> Array:
-        """Rows of the balance of each element by itself (n, ...) as those of all of them."""
+        """Return the constrained balance from the balances (n, ...) of the single elements."""
         out: Array = np.einsum("ij,j...->i...", self.structure.joint, rows.reshape(self.m, -1, *rows.shape[1:]))
         return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
+        """Return `linearise` without constraints between elements."""
         from hbgear.harmonic.equations.assembly_kernels import assemble_allocating
 
         n = self._length(X)
@@ -177,7 +216,7 @@ class Evaluator:
         return R, J, dR, size
 
     def _add_sampled(self, sampled: SampledLaws, X: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
-        """Add what laws say that must be asked, which give all harmonics."""
+        """Add the forces and slopes of laws in Python, which have all harmonics; return the norm of the forces."""
         n = self.m * (2 * self.H + 1)
         if n == len(R):
             return sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
@@ -190,7 +229,7 @@ class Evaluator:
         return float(np.linalg.norm(whole[0][some]))
 
     def spread(self, X: Array) -> Array:
-        """Motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); as they are if they have them, and more."""
+        """Return motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); unchanged if they have 0..H or 0..2H."""
         full = self.m * (2 * self.H + 1)
         if X.shape[-1] == full or X.shape[-1] == self.m * (4 * self.H + 1):
             return _writable(X)
@@ -198,7 +237,7 @@ class Evaluator:
         return spread(X, self.m, self.orders, self.H).reshape(*X.shape[:-1], full)
 
     def _length(self, X: Array) -> int:
-        """Number of unknowns of motions X (..., n); kernels would read or write beyond the end of others."""
+        """Return the number of unknowns of motions X (..., n); raise an error for another size."""
         n = self.m * (2 * len(self.orders) - 1)
         if X.shape[-1] != n:
             each = "(2H + 1)" if len(self.orders) == self.H + 1 else f"(1 + 2 x {len(self.orders) - 1} orders)"
@@ -209,27 +248,27 @@ class Evaluator:
         return n
 
     def numbers_of(self, X: Array) -> PackedModel:
-        """What kernels need for motions X with all harmonics, as of `spread`, or as they are `processed`."""
+        """Return the arrays for kernels, for motions X with all harmonics up to H, or up to 2H."""
         if X.shape[-1] == self.m * (2 * self.H + 1):
             return self.numbers
         return self.numbers._replace(basis=self._transform.wider.basis)
 
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
-        """Derivatives (n, n) of dR/dX along v, by a central difference over 2 h, and in Omega; of known laws only."""
+        """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
         from hbgear.harmonic.equations.assembly_kernels import curvature
 
         n = self._length(X)
         along, across = np.empty((2, n, n))
         curvature(self.numbers, _writable(X), _writable(v), h, self.linear(Omega).matrices[1], along, across)
-        return (self._joined(along), self._joined(across)) if self.structure.tied else (along, across)
+        return (self._joined(along), self._joined(across)) if self.structure.constrained else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
-        """Force harmonics of all laws as real rows (m, 2H + 1)."""
+        """Return the force harmonics (m, 2H + 1) of all laws in the real basis."""
         R, *_ = self._balance(X, Omega, LinearPart.zero(len(self.orders), self.m))
         return self.spread(R).reshape(self.m, -1)
 
     def crossings(self, X: Array) -> Crossings:
-        """All instants of a motion."""
+        """Return the switching times of a motion."""
         from hbgear.harmonic.forces.projection_kernels import instants
 
         self._length(X)
@@ -238,12 +277,12 @@ class Evaluator:
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
-        """Gap of element j, or a derivative in theta, at phases theta of the basis, its motion being the row."""
+        """Return the displacement of element j with coefficients ``row``, or a derivative, at basis phases theta."""
         displacement, kept = self.system.elements[j].displacement, self.corners.kept[:, j]
         return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
-        """The largest value of side times the gap of element j, and its phase."""
+        """Return the largest value of ``side`` times the displacement of element j, and its phase."""
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
@@ -251,19 +290,19 @@ class Evaluator:
         value, theta = highest_gap(self.numbers.corners, j, side, c, samples)
         return float(value), float(theta)
 
-    def reach(self, X: Array) -> tuple[Array, np.ndarray]:
-        """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
+    def extrema_and_regime(self, X: Array) -> tuple[Array, np.ndarray]:
+        """Return clearances (P, 2 K) and impact regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.equations.diagnostic_kernels import extrema
 
-        clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
+        clearance, regime = np.empty((len(X), 2 * len(self.breakpoints))), np.zeros((len(X), self.m), dtype=np.int8)
         X = self.spread(X)
         extrema(self.numbers_of(X), X, clearance, regime)
         return clearance, regime
 
     def shortest_intervals(self, X: Array) -> Array:
-        """Shortest intervals (P,) of the phase of the basis between two crossings of a corner by motions X (P, n).
+        """Return the shortest intervals (P,) of the basis phase between two switching times of motions X (P, n).
 
-        They are the durations of the shortest contact or flight; 2 pi of a motion that crosses no corner.
+        They are the durations of the shortest contact or separation; 2 pi without switching times.
         """
         from hbgear.harmonic.equations.diagnostic_kernels import shortest_intervals
 
@@ -272,7 +311,7 @@ class Evaluator:
         return out
 
     def with_driven_harmonics(self, X: Array, Omega: Array) -> Array:
-        """Motions X (P, n) with the harmonics up to 2H, no unknowns, that their own forces drive, (P, m (4H + 1))."""
+        """Return motions X (P, n) with the truncated harmonics up to 2H that their forces drive, (P, m (4H + 1))."""
         from hbgear.harmonic.equations.diagnostic_kernels import driven_response, truncated_force_harmonics
 
         self._length(X)
@@ -281,67 +320,69 @@ class Evaluator:
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         truncated_force_harmonics(self.numbers, X, Omega, f)
         if self.sampled:
-            self.sampled.add_neglected(X, Omega, left, f)
+            self.sampled.add_truncated(X, Omega, left, f)
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)
-        if self._unstated.size:
-            rows[..., places(left)] = self._driven(Omega, f, self._stiffness_beyond(X))
+        if self.unstated.size:
+            rows[..., places(left)] = _response_to_forces(self, Omega, f, _stiffness_beyond_reference(self, X))
         elif self.structure.modal:
             driven_response(self.numbers.linear, Omega, f, out)
         else:
-            rows[..., places(left)] = self._driven(Omega, f)
+            rows[..., places(left)] = _response_to_forces(self, Omega, f)
         return out
 
     @cached_property
-    def _unstated(self) -> np.ndarray:
-        """Numbers of the elements whose laws state no reference: their reference springs are no estimate of them."""
+    def unstated(self) -> np.ndarray:
+        """Numbers of the elements whose laws state no reference stiffness."""
         return np.flatnonzero([law.reference == 0 for law in self.laws])
 
-    def _stiffness_beyond(self, X: Array) -> Array:
-        """Mean stiffness (P, m) of laws along motions X (P, n) less that of their reference springs, where unstated."""
-        basis, out = self.numbers.basis, np.zeros((len(X), self.m))
-        N = basis.shape[1]
-        tau = np.tile(2 * np.pi * (self.nu * np.arange(N) % N) / N, len(X))
-        still = np.zeros(len(tau))
-        d = X.reshape(len(X), self.m, -1) @ basis
-        grid = self.corners.grid
-        d[..., : grid.shape[2]] += grid[0]
-        for j in self._unstated.tolist():
-            slope = self.laws[j].force(d[:, j].ravel(), still, tau)[1]
-            out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - self.structure.kr[j]
-        return out
-
-    def _driven(self, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
-        """Return the result (P, m, 2L) of `driven_response`, also with receptances solved for or stiffness added.
-
-        beyond (P, m) : stiffness of the elements less that of their reference springs, none by default.
-        """
-        ratio = self.numbers.linear.left / self.nu
-        G = np.zeros((len(Omega), len(ratio), self.m, self.m), dtype=complex)
-        modes = self.structure.modes if self.structure.modal else None
-        for i, w in enumerate(Omega.tolist()):
-            if modes is not None:
-                G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
-                continue
-            known = w * ratio <= self.structure.highest
-            G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
-        delta = G @ f.transpose(0, 2, 1)[..., None]
-        if beyond is not None:
-            delta = np.linalg.solve(np.eye(self.m) + G * beyond[:, None, None, :], delta)
-        delta = delta[..., 0].transpose(0, 2, 1)
-        return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
-
-    def left_out(self, processed: Array) -> Array:
-        """Root mean square (P,) of the harmonics of `processed` motions that are no unknowns."""
-        beyond = processed.reshape(len(processed), self.m, -1)[..., places(self.numbers.linear.left)]
+    def truncation_error(self, extended: Array) -> Array:
+        """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
+        beyond = extended.reshape(len(extended), self.m, -1)[..., places(self.numbers.linear.left)]
         rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms
 
 
+def _stiffness_beyond_reference(evaluator: Evaluator, X: Array) -> Array:
+    """Return the mean stiffness (P, m) along motions X (P, n) minus the reference springs."""
+    basis, out = evaluator.numbers.basis, np.zeros((len(X), evaluator.m))
+    N = basis.shape[1]
+    tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
+    still = np.zeros(len(tau))
+    d = X.reshape(len(X), evaluator.m, -1) @ basis
+    grid = evaluator.corners.grid
+    d[..., : grid.shape[2]] += grid[0]
+    for j in evaluator.unstated.tolist():
+        slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
+        out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - evaluator.structure.kr[j]
+    return out
+
+
+def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
+    """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
+
+    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
+    """
+    ratio = evaluator.numbers.linear.left / evaluator.nu
+    G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
+    modes = evaluator.structure.modes if evaluator.structure.modal else None
+    for i, w in enumerate(Omega.tolist()):
+        if modes is not None:
+            G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
+            continue
+        known = w * ratio <= evaluator.structure.highest
+        G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
+    delta = G @ f.transpose(0, 2, 1)[..., None]
+    if beyond is not None:
+        delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
+    delta = delta[..., 0].transpose(0, 2, 1)
+    return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
+
+
 def _writable(X: Array) -> Array:
-    """Numbers as kernels take them; for those that are read-only, another type, they would be compiled anew."""
-    if X.flags.carray and X.dtype == float:  # the usual case; `require` takes several times as long to see it
+    """Return a writable contiguous array; kernels would be compiled again for the type of read-only arrays."""
+    if X.flags.carray and X.dtype == float:  # faster than the same check in `require`
         return X
     out: Array = np.require(X, float, ("C", "W"))
     return out

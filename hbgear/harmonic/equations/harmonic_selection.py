@@ -1,10 +1,10 @@
-"""Which orders are unknowns: all up to the highest, or those that matter where meshes have several tooth frequencies.
+"""Harmonic selection: all orders up to H, or a selection for meshes with several tooth frequencies.
 
     k = |k_1 p_1 + k_2 p_2 + ...|,      (1 + |k_1|) (1 + |k_2|) ... <= 1 + B
 
-Every element is excited at multiples of an order p_i of its own. A motion has the multiples of each, up to the B-th,
-and combinations, which are the smaller the more of them are combined. Combinations of halves count double: only motions
-of twice a tooth period have them. With a single p = 1 these are all orders 1..B.
+Each mesh excites multiples of its tooth order p_i. A motion contains the multiples of each p_i up to the B-th and their
+combinations. The amplitudes decrease with the number of combined orders, so a hyperbolic cross selects them. Half
+orders count double, because only motions of twice a tooth period contain them. A single p = 1 selects all orders 1..B.
 
 References
 ----------
@@ -27,22 +27,32 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 
-_FAR = 8  # multiple of an order from which another one is a tone of its own, as that of 40 teeth beside their shaft
+_SEPARATE_ORDER_RATIO = 8
+"""Multiple of an excited order from which another order counts as separate, e.g. 40 teeth and their shaft."""
 
+_ZERO_AMPLITUDE_RATIO = 1e-13
+"""Amplitude of a harmonic, relative to the largest coefficient, up to which it counts as zero (rounding)."""
 
-_ROUNDING = 1e-13  # amplitude of a harmonic, relative to the largest, that is none
+_SERIES_ORDERS = 600
+"""Number of orders of a function with breakpoints that are evaluated to find its excited orders."""
 
 HIGHEST = 10_000
-"""Order of the excitation that may be given."""
+"""Highest order of the excitation that may be given."""
 
 
 @dataclass(frozen=True)
 class HarmonicSelection:
-    """A rule for the orders that are unknowns; what it keeps up to a highest one grows with that.
+    """Rule that selects the orders that are unknowns; their number grows with the highest order H.
 
-    tones : orders whose combinations are kept. given : orders that are kept instead, up to the highest of them. more :
-    these and others, kept where H is up to twice as high; with each further doubling, and without them, sums and
-    differences of pairs.
+    Attributes
+    ----------
+    tones : tuple of int, optional
+        Excited orders whose combinations are selected.
+    given : tuple of int, optional
+        Orders that are selected instead, for H up to the highest of them.
+    more : tuple of int, optional
+        Orders that are selected for H up to twice the highest of ``given``. For each further doubling of H, and
+        without ``more``, sums and differences of pairs are added.
     """
 
     tones: tuple[int, ...] = ()
@@ -51,24 +61,24 @@ class HarmonicSelection:
 
     @property
     def unit(self) -> int:
-        """Harmonics of the excitation's frequency that are one of the fastest mesh."""
+        """Order of the fastest mesh, in multiples of the excitation frequency."""
         return max(self.tones, default=1)
 
     def least(self, H: int) -> int:
-        """A number of orders up to H that are kept at least, without counting them."""
+        """Return a lower bound of the number of orders selected up to H."""
         return 0 if self.given else H // self.unit
 
     @property
     def described(self) -> dict[str, list[int]]:
-        """As plain data, for the header of a saved branch."""
+        """Plain data for the header of a saved branch."""
         return {name: list(some) for name, some in vars(self).items() if some}
 
     def kept(self, H: int, nu: int) -> np.ndarray:
-        """Basis harmonics (K + 1,) of Omega / nu up to H, ascending from 0."""
-        return _kept(self, int(H), int(nu))
+        """Return the selected basis harmonics (K + 1,) of Omega / nu up to H, ascending from 0."""
+        return _orders_up_to(self, int(H), int(nu))
 
     def of_length(self, n: int, nu: int) -> np.ndarray | None:
-        """The basis harmonics of rows of n coefficients; None if there are never so many."""
+        """Return the basis harmonics that give n coefficients per element; None if no H gives this number."""
         low, high = 0, 1
         while 2 * len(self.kept(high, nu)) - 1 < n and high < HIGHEST * nu:
             low, high = high, 2 * high
@@ -80,7 +90,8 @@ class HarmonicSelection:
 
 
 @lru_cache(maxsize=256)
-def _kept(selection: HarmonicSelection, H: int, nu: int) -> np.ndarray:
+def _orders_up_to(selection: HarmonicSelection, H: int, nu: int) -> np.ndarray:
+    """Return the selected basis harmonics up to H, see `HarmonicSelection.kept`."""
     whole = _given(selection, H // nu) if selection.given else _crossed(selection.tones, H // nu)
     out = {nu * k for k in whole}
     if nu > 1 and selection.given:
@@ -94,7 +105,7 @@ def _kept(selection: HarmonicSelection, H: int, nu: int) -> np.ndarray:
 
 
 def _given(selection: HarmonicSelection, H: int) -> set[int]:
-    """Given orders, and what each doubling of the highest adds."""
+    """Return the given orders, and the orders that each doubling of the highest one adds."""
     doublings = max(0, int(np.ceil(log2(max(H, 1) / max(selection.given)) - 1e-12)))
     listed = doublings > 0 and bool(selection.more)
     out = {0, *(selection.more if listed else selection.given)}
@@ -104,14 +115,14 @@ def _given(selection: HarmonicSelection, H: int) -> set[int]:
 
 
 def _crossed(tones: tuple[int, ...], H: int) -> set[int]:
-    """Combinations of the tones up to order H, those of halves with half the reach."""
+    """Return the combinations of the tones up to order H; those of half orders with half the bound."""
     bound = 1 + H / max(tones)
     halves = {k // 2 for k in _combined(tones, 2, bound / 2) if k % 2 == 0}
     return {k for k in halves | _combined(tones, 1, bound) if k <= H}
 
 
 def _combined(tones: tuple[int, ...], parts: int, bound: float) -> set[int]:
-    """Orders |sum_i a_i p_i|, in units of 1 / parts, with prod_i (1 + |a_i| / parts) <= bound."""
+    """Return the orders |sum_i a_i p_i|, in units of 1 / parts, with prod_i (1 + |a_i| / parts) <= bound."""
     found = {(0, 1.0)}
     for tone in tones:
         steps = range(-int(parts * max(bound - 1.0, 0.0)), int(parts * max(bound - 1.0, 0.0)) + 1)
@@ -123,12 +134,12 @@ def _combined(tones: tuple[int, ...], parts: int, bound: float) -> set[int]:
 
 
 def select_harmonics(orders: Any, system: System) -> HarmonicSelection | None:
-    """What ``orders`` of a balance ask for; None for all.
+    """Return the selection for the argument ``orders`` of a balance; None for all orders.
 
     Raises
     ------
     ValueError
-        If they are neither None, "meshes" nor whole numbers from 1.
+        If ``orders`` is not None, "meshes" or whole numbers from 1.
     """
     if orders is None or isinstance(orders, HarmonicSelection):
         return orders
@@ -146,27 +157,29 @@ def select_harmonics(orders: Any, system: System) -> HarmonicSelection | None:
 
 
 def tooth_orders(system: System) -> tuple[int, ...]:
-    """The orders of which each function that excites has multiples only: of every mesh, and of a shaft out of balance.
+    """Return the base orders of the excitation: one for each mesh, and one for shaft unbalance.
 
-    An order that is a low multiple of another is no tone of its own. (1,), which is all orders, if a law does not tell
-    whether it depends on the phase.
+    All orders that a function excites are multiples of its base order. An order below 8 times another one that divides
+    it is left out. (1,), which selects all orders, if the dependence of a law on the phase is unknown.
 
     Examples
     --------
     >>> import hbgear as hb
-    >>> tones_of(hb.SpurPair().system())
+    >>> tooth_orders(hb.SpurPair().system())
     (1,)
     """
     found = sorted({gcd(*some) for some in excited_orders(system) if some})
     if not found or any(springs_of(e.law) is None for e in system.elements):
         return (1,)
-    return tuple(k for k in found if not any(k % other == 0 and other < k < _FAR * other for other in found))
+    return tuple(
+        k for k in found if not any(k % other == 0 and other < k < _SEPARATE_ORDER_RATIO * other for other in found)
+    )
 
 
 def excited_orders(system: System, corners: bool = True) -> list[list[int]]:
-    """Orders of each function that excites, but of laws that do not tell.
+    """Return the orders of each excitation: stiffness, prescribed displacements and loads of known laws.
 
-    corners : whether functions with corners count, which have endless orders, all of which the forces know.
+    corners : whether to include functions with breakpoints, which have infinitely many orders.
     """
     functions = [f for e in system.elements for f in (*_stiffness(e.law), e.displacement)]
     each = [_orders(f) for f in functions if corners or not f.corners]
@@ -174,15 +187,14 @@ def excited_orders(system: System, corners: bool = True) -> list[list[int]]:
 
 
 def _stiffness(law: Any) -> list[Phased]:
+    """Return the periodic stiffness functions of a law; none if they are unknown."""
     known = springs_of(law)
     return [spring.stiffness for spring in known[0]] if known else []
 
 
 def _orders(function: Phased) -> list[int]:
-    row = function.row(_SEEN) if isinstance(function, Periodic) else function.row()
+    """Return the orders of a periodic function whose amplitudes are not zero."""
+    row = function.row(_SERIES_ORDERS) if isinstance(function, Periodic) else function.row()
     size = np.hypot(row[1::2], row[2::2])
-    found: list[int] = (1 + np.flatnonzero(size > _ROUNDING * np.abs(row).max(initial=0.0))).tolist()
+    found: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
     return found
-
-
-_SEEN = 600  # orders of a function with corners that are looked at

@@ -1,8 +1,8 @@
-"""Guesses from which Newton finds a first periodic motion.
+"""Initial guesses for Newton's method, and homotopies to a first periodic motion.
 
-The state of rest under the constant loads comes first, with the linear response about it. Other static states are
-looked for where laws bend: at their corners, and where a smooth law has changed its stiffness by that of the structure.
-No length comes from the unit in which a model is written.
+The first guess is the linear response about the static state under the constant loads. Other static states are searched
+at the breakpoints of laws, and where the stiffness of a smooth law has changed by the stiffness of the structure. All
+lengths come from the model, so the search does not depend on its units.
 """
 
 from __future__ import annotations
@@ -59,21 +59,21 @@ def find_motion(problem: Any, here: dict[str, float]) -> Array:
 
 
 def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:
-    """Linear responses about static states, and these states alone: the stable ones first."""
+    """Yield the linear responses about static states, and the static states, the stable ones first."""
     for static in statics(compiled, Omega):
         d = linear_response(compiled, Omega, static)
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
 
 
-class _Damped(ContinuationProblem):
-    """The balance with dampers parallel to the elements that hold them still at s = 0 and are gone at s = 1.
+class _DampedBalance(ContinuationProblem):
+    """Homotopy from a static state at s = 0 to the balance at s = 1, with dampers parallel to the elements.
 
         R_0 = 0,   s^3 R_k + (1 - s)^3 i (k / nu) kr d_k = 0,  k > 0
 
-    With damping the power of the loads bounds the velocity, so the path cannot run off to infinity while s < 1; it
-    starts at a static state, and ends at a motion if there is but one such state. The third power spreads dampers
-    over many orders of magnitude along the path, for contacts may be stiff compared with the structure.
+    With damping the power of the loads bounds the velocity, so the path stays bounded for s < 1. It ends at a motion if
+    there is only one static state. The third power varies the damping over many orders of magnitude along the path,
+    because contacts may be stiff compared with the structure.
     """
 
     def __init__(self, problem: Any, here: Mapping[str, float]) -> None:
@@ -85,28 +85,27 @@ class _Damped(ContinuationProblem):
         self.moving = np.tile(kept > 0, compiled.m)
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        """The equations at s."""
+        """Return the equations at s."""
         s, now = parameters["s"], self.problem.linearise(X, "", **self.here)
-        share, damped = np.where(self.moving, s**_POWER, 1.0), self.dampers @ X
-        held = (1 - s) ** _POWER
-        R = share * now.R + held * damped
-        J = share[:, None] * now.dR_dX + held * self.dampers
-        rate = np.where(self.moving, s ** (_POWER - 1) * now.R, 0.0) - (1 - s) ** (_POWER - 1) * damped
-        return Evaluation(R, J, _POWER * rate, now.size)
+        force_factor, damped = np.where(self.moving, s**_DAMPING_POWER, 1.0), self.dampers @ X
+        damping_factor = (1 - s) ** _DAMPING_POWER
+        R = force_factor * now.R + damping_factor * damped
+        J = force_factor[:, None] * now.dR_dX + damping_factor * self.dampers
+        rate = np.where(self.moving, s ** (_DAMPING_POWER - 1) * now.R, 0.0) - (1 - s) ** (_DAMPING_POWER - 1) * damped
+        return Evaluation(R, J, _DAMPING_POWER * rate, now.size)
 
 
-_POWER = 3
+_DAMPING_POWER = 3
+"""Exponent of s and 1 - s in the homotopy, see `_DampedBalance`."""
 
 
 def from_damped(problem: Any, here: dict[str, float]) -> Solution:
-    """A motion at parameters on the path from a static state, held by dampers that are taken away.
-
-    problem : a `HarmonicBalance`.
+    """Return a motion of a `HarmonicBalance` by the homotopy that removes dampers, starting at a static state.
 
     Raises
     ------
     NoConvergence
-        If no path from a static state reaches one.
+        If no path from a static state reaches a motion.
     """
     compiled = problem.compiled(here)
     failure: NoConvergence | None = None
@@ -117,22 +116,23 @@ def from_damped(problem: Any, here: dict[str, float]) -> Solution:
         d[:, 0] = static.d
         X = to_real(d).ravel()
         try:
-            return solve_along(_Damped(problem, here), problem, X, here, steps=600)
+            return solve_along(_DampedBalance(problem, here), problem, X, here, steps=600)
         except NoConvergence as error:
             failure = failure or error
     raise failure or NoConvergence("there is no static state", np.zeros(problem.size), here, [])
 
 
-_ELSEWHERE = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)  # times the frequency, where a motion may be easier to find
+_FREQUENCY_FACTORS = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)
+"""Factors of the frequency at which a motion is searched instead, in this order."""
 
 
 def continue_from_nearby_frequency(problem: Any, here: dict[str, float]) -> Array | None:
-    """A motion at the parameters ``here`` on the curve of one found at another frequency; None if none leads there.
+    """Return a motion at the parameters ``here`` by continuation from another frequency; None if this fails.
 
-    problem : a `HarmonicBalance` that finds nothing from the `initial_guesses` at this frequency.
+    It is used if Newton's method converges from no initial guess at this frequency. problem : `HarmonicBalance`.
     """
     Omega = here["Omega"]
-    for other in (Omega * times for times in _ELSEWHERE):
+    for other in (Omega * times for times in _FREQUENCY_FACTORS):
         there = {**here, "Omega": other}
         for guess in initial_guesses(problem.compiled(there), other):
             try:
@@ -141,11 +141,11 @@ def continue_from_nearby_frequency(problem: Any, here: dict[str, float]) -> Arra
                 continue
             fixed = {name: value for name, value in here.items() if name != "Omega"}
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of the other frequency nobody asked
+                warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
                 curve = trace(problem, "Omega", (other, Omega), X, at=fixed, steps=StepControl(max_points=1000),
                               stability=False, special=False, cover=False)  # fmt: skip
             if curve.values[-1] == Omega:
-                try:  # with as many harmonics as are wanted
+                try:  # with the harmonics of the problem
                     return solve(problem, problem.from_point(curve[-1]), here).X
                 except NoConvergence:
                     pass

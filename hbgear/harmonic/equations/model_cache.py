@@ -104,7 +104,7 @@ class ModelCache:
     def expanded(self, parameters: Mapping[str, float], sets: int) -> ModelCache:
         """Return a cache whose structures are expanded to first order about the one at these parameters."""
         structure, out = self.evaluator(parameters).structure, self.with_size(sets)
-        out._expansion = FirstOrderExpansion(structure) if FirstOrderExpansion.reaches(structure) else None
+        out._expansion = FirstOrderExpansion(structure) if FirstOrderExpansion.is_possible(structure) else None
         return out
 
     def reduced_up_to(self, Omega: float | None) -> ModelCache:
@@ -131,7 +131,7 @@ class ModelCache:
     # ---- parameters
 
     def check_parameter(self, name: str) -> None:
-        """Raise KeyError for a name that is neither Omega nor a parameter of the model."""
+        """Raise KeyError for a name other than Omega and the parameters of the model."""
         known = ("Omega", *self.own)
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")

@@ -63,13 +63,13 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 
 def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
     """Return the number of breakpoints (m,) of each law that the motion crosses, at most 2."""
-    regime: np.ndarray = evaluator.reach(X[None])[1][0]
+    regime: np.ndarray = evaluator.extrema_and_regime(X[None])[1][0]
     return regime
 
 
 def clearance(evaluator: Evaluator, X: Array) -> Array:
     """Return the signed distances (2 K,) of the extrema of the elements from the K breakpoints of their laws."""
-    clearance: Array = evaluator.reach(X[None])[0][0]
+    clearance: Array = evaluator.extrema_and_regime(X[None])[0][0]
     return clearance
 
 
@@ -78,7 +78,7 @@ def grazing_distance(evaluator: Evaluator, X: Array, which: int) -> tuple[float,
     breakpoint_, sign = which // 2, 1 if which % 2 else -1
     element = int(evaluator.element[breakpoint_])
     value, theta = evaluator.highest(element, _rows(evaluator, X)[element], float(sign))
-    return float(sign * value - evaluator.corner[breakpoint_]), theta
+    return float(sign * value - evaluator.breakpoints[breakpoint_]), theta
 
 
 def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ def truncation_error(evaluator: Evaluator, X: Array, Omega: float) -> float:
 
     These are the harmonics H < k <= 2H, and lower orders that are not unknowns.
     """
-    return float(evaluator.left_out(evaluator.with_driven_harmonics(X[None], np.array([Omega])))[0])
+    return float(evaluator.truncation_error(evaluator.with_driven_harmonics(X[None], np.array([Omega])))[0])
 
 
 def largest_amplitudes(problem: Any, curve: Branch) -> Array:
@@ -130,9 +130,9 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
 
     The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
     """
-    clearances, regimes = evaluator.reach(X)
+    clearances, regimes = evaluator.extrema_and_regime(X)
     extended = evaluator.with_driven_harmonics(X, Omega)
-    each = zip(clearances, regimes, evaluator.left_out(extended).tolist(), strict=True)
+    each = zip(clearances, regimes, evaluator.truncation_error(extended).tolist(), strict=True)
     return [{"clearance": c, "regime": r, "error": e} for c, r, e in each], extended
 
 

@@ -1,10 +1,12 @@
-"""Kernels: motions at a given Omega, folds and grazing contacts of a curve in it by Newton, without Python.
+"""Kernels: motions at a fixed Omega, folds and grazing contacts by Newton's method, without Python.
 
-    {R, g}(X, Omega) = 0        g the bordered determinant of dR/dX, an extremum less a corner, or nothing: Omega stays
+    {R, g}(X, Omega) = 0
 
-The equations are those of `continuation.bordered.Fold` and of `harmonic.special.Grazing`, Newton that of
-`continuation.newton`. The borders of a fold are found by inverse iteration, so that g is the least singular value
-of dR/dX up to its sign; its weight is that value over the norm of the matrix.
+g is the bordered determinant of dR/dX (fold), an extremum minus a breakpoint (grazing), or the change of Omega (fixed).
+
+The equations agree with `FoldProblem` and `GrazingProblem`, and the step halving with
+`hbgear.continuation.solvers.newton`. The borders of a fold are the singular vectors of the smallest singular value of
+dR/dX, computed by inverse iteration. Then g is this singular value except for its sign, weighted by the norm of dR/dX.
 """
 
 from __future__ import annotations
@@ -20,41 +22,62 @@ from hbgear.continuation.problem.evaluation import FOLD, HELD
 from hbgear.harmonic.equations.assembly_kernels import curvature, residual_and_jacobian, workspace_for
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
-_TURNED = 1e-10  # one minus the cosine of the angle by which borders may still turn
+_BORDER_TOLERANCE = 1e-10
+"""Change of a border, 1 - cos(angle), at which the inverse iteration has converged."""
 
-_STEP = 1e-5  # `differences.STEP`
+_RELATIVE_STEP = 1e-5
+"""Step of the central difference for the curvature, relative to the motion; as in `finite_differences`."""
 
-_ITERATIONS = 30
+_MAX_INVERSE_ITERATIONS = 30
+"""Maximum number of inverse iterations for the borders."""
 
-_HALVINGS = 12
+_MAX_HALVINGS = 12
+"""Maximum number of halvings of one Newton step."""
 
 
 @kernel
 def locate(
     numbers: Any, which: int, u: Any, plain: int, tolerance: float, most: int, R: Any, A: Any
 ) -> tuple[int, float]:
-    """Newton from u (n + 1,), which is overwritten, as are R (n + 1,) and A (n + 1, n + 1), the equations there.
+    """Solve {R, g} = 0 by Newton's method, starting at u.
 
     Parameters
     ----------
-    which : the clearance that vanishes, as numbered by `HarmonicBalance.clearance`; or `FOLD`, `HELD`.
-    plain : so many steps are taken, whatever they lead to; if 0, it is iterated with step halving until the residual is
-        below the tolerance, at most so many times, and but for `HELD` a step more is taken if that lowers it.
+    numbers : PackedModel
+        Arrays of the model.
+    which : int
+        Index of the clearance that vanishes, see `HarmonicBalance.clearance`; or `FOLD`, or `HELD` for a fixed Omega.
+    u : ndarray, shape (n + 1,)
+        Initial guess (X, Omega), overwritten by the solution.
+    plain : int
+        Number of full Newton steps without checks. If 0, the iteration uses step halving and stops when the residual is
+        below ``tolerance``; except for `HELD`, one more step is taken if it reduces the residual.
+    tolerance : float
+        Tolerance of the residual, relative to the size of its terms.
+    most : int
+        Maximum number of iterations.
+    R : ndarray, shape (n + 1,)
+        Array for the residual at the solution.
+    A : ndarray, shape (n + 1, n + 1)
+        Array for the Jacobian at the solution.
 
     Returns
     -------
-    Number of steps, -1 if it does not converge; the size of the terms of R.
+    count : int
+        Number of steps; -1 if the iteration does not converge.
+    size : float
+        Size of the terms of R.
     """
     n, room = u.shape[0] - 1, workspace_for(numbers)
     rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
     borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
     count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
-    while True:  # the equations are evaluated at one place, for what is called at several takes as often to compile
+    while True:  # one call only: each further call of an inlined function adds its compile time
         new = residual_and_jacobian(numbers, trial, rest, J, dR, room)
         if count < 0:
-            weight = new / (_bordered(J, borders) if which == FOLD else 1.0 + scaled_norm(u[:n]))
+            weight = new / (_fill_borders(J, borders) if which == FOLD else 1.0 + scaled_norm(u[:n]))
         if which == HELD:
-            g = _held(B[n])
+            g = _fixed_parameter(B[n])
         elif which == FOLD:
             g = _determinant(numbers, trial[:n], J, room.matrices[1], borders, B[n])
         else:
@@ -67,18 +90,18 @@ def locate(
         else:
             good = scaled_norm(after) < scaled_norm(R) * (1.0 - 0.1 * factor)
         if good:
-            size, halved, factor = _take(trial, after, B, new, u, R, A), 0, 1.0
+            size, halved, factor = _accept(trial, after, B, new, u, R, A), 0, 1.0
             count += 1
         else:
             halved, factor = halved + 1, 0.5 * factor
-        if last or halved == _HALVINGS:
+        if last or halved == _MAX_HALVINGS:
             return (count if last else -1), size
         last = not plain and scaled_norm(R) <= tolerance * size
         if last and which == HELD:
             return count, size
         if count == most and not last:
             return -1, size
-        if not _move(u, R, A, factor, u if count + 1 == plain else trial):
+        if not _newton_step(u, R, A, factor, u if count + 1 == plain else trial):
             return (count if last else -1), size
         if count + 1 == plain:
             return plain, size
@@ -86,7 +109,7 @@ def locate(
 
 @kernel
 def _fill(rest: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -> None:
-    """The residual and the Jacobian of {R, g}; A holds the gradient of g."""
+    """Fill residual and Jacobian of {R, g}; the last row of A contains the gradient of g."""
     n = rest.shape[0]
     for i in range(n):
         R[i], A[i, n] = rest[i], dR[i]
@@ -98,8 +121,8 @@ def _fill(rest: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -
 
 
 @kernel
-def _take(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -> float:
-    """Go on to the trial point with its equations; the size given."""
+def _accept(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -> float:
+    """Accept the trial point with its residual and Jacobian; return ``size``."""
     for i in range(u.shape[0]):
         u[i], R[i] = trial[i], after[i]
         for j in range(u.shape[0]):
@@ -108,8 +131,8 @@ def _take(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -
 
 
 @kernel
-def _move(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
-    """out = u - factor A^-1 R; False if A is singular."""
+def _newton_step(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
+    """Set out to u - factor A^-1 R; return False if A is singular."""
     n = u.shape[0]
     work = np.empty((n, n + 1))
     for i in range(n):
@@ -124,8 +147,8 @@ def _move(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
 
 
 @kernel
-def _bordered(J: Any, borders: Any) -> float:
-    """Put left and right singular vector of the least singular value of J into borders (2, n); the norm of J."""
+def _fill_borders(J: Any, borders: Any) -> float:
+    """Fill borders (2, n) with the singular vectors of the smallest singular value of J; return the norm of J."""
     n, total = J.shape[0], 0.0
     for i in range(n):
         borders[0, i], borders[1, i] = math.sin(1.0 + i * i), math.sin(2.0 + i * i)
@@ -134,21 +157,21 @@ def _bordered(J: Any, borders: Any) -> float:
     inverse, x = np.empty((n, 2 * n)), np.empty((2, n))
     if not _inverted(J, 0.0, inverse):
         _inverted(J, 1e-15 * math.sqrt(total), inverse)
-    for _ in range(_ITERATIONS):
+    for _ in range(_MAX_INVERSE_ITERATIONS):
         x[:, :] = 0.0
         for i in range(n):
             for j in range(n):
                 x[0, j] += inverse[i, n + j] * borders[1, i]
                 x[1, i] += inverse[i, n + j] * borders[0, j]
-        turned = max(_turned(borders[0], x[0]), _turned(borders[1], x[1]))
-        if not turned > _TURNED:
+        turned = max(_replace_border(borders[0], x[0]), _replace_border(borders[1], x[1]))
+        if not turned > _BORDER_TOLERANCE:
             break
     return math.sqrt(total)
 
 
 @kernel
 def _inverted(J: Any, shift: float, out: Any) -> bool:
-    """Put the inverse of J, whose diagonal is shifted, beside it in out (n, 2n); False if it is singular."""
+    """Fill out (n, 2n) with J + shift I and its inverse; return False if it is singular."""
     n = J.shape[0]
     for i in range(n):
         for j in range(n):
@@ -159,8 +182,8 @@ def _inverted(J: Any, shift: float, out: Any) -> bool:
 
 
 @kernel
-def _turned(border: Any, x: Any) -> float:
-    """One minus the cosine of the angle between a border and the vector x that takes its place, of length one."""
+def _replace_border(border: Any, x: Any) -> float:
+    """Replace a border by the normalized vector x; return one minus the cosine of the angle between them."""
     n, along, total, own = border.shape[0], 0.0, 0.0, scaled_norm(border)
     for i in range(n):
         along += border[i] * x[i]
@@ -172,8 +195,8 @@ def _turned(border: Any, x: Any) -> float:
 
 
 @kernel
-def _null(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
-    """The solution x (n + 1,) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
+def _solve_bordered(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
+    """Solve [J column; row^T 0] x = (0, ..., 0, 1) for x (n + 1,), or with J transposed."""
     n = J.shape[0]
     B = np.empty((n + 1, n + 2))
     for i in range(n):
@@ -188,14 +211,14 @@ def _null(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
 
 @inlined
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
-    """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
+    """Return the bordered determinant g of J; fill row (n + 1,) with its gradient. change : dZ/dOmega."""
     n = X.shape[0]
     x, w = np.empty(n + 1), np.empty(n + 1)
-    _null(J, borders[0], borders[1], np.bool_(False), x)
-    _null(J, borders[1], borders[0], np.bool_(True), w)
+    _solve_bordered(J, borders[0], borders[1], np.bool_(False), x)
+    _solve_bordered(J, borders[1], borders[0], np.bool_(True), w)
     v, g = x[:n], float(x[n])
     along, across = np.empty((n, n)), np.empty((n, n))
-    curvature(numbers, X, v, _STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), change, along, across)
+    curvature(numbers, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), change, along, across)
     moved = 0.0
     for j in range(n):
         row[j] = 0.0
@@ -208,8 +231,8 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
 
 
 @kernel
-def _held(row: Any) -> float:
-    """No change of Omega: zero, and its gradient in row (n + 1,)."""
+def _fixed_parameter(row: Any) -> float:
+    """Return g = 0 for a fixed Omega; fill row (n + 1,) with its gradient."""
     for i in range(row.shape[0]):
         row[i] = 0.0
     row[row.shape[0] - 1] = 1.0
@@ -218,10 +241,10 @@ def _held(row: Any) -> float:
 
 @kernel
 def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
-    """A clearance of the motion whose rows are in the room, see `spread`; its gradient in row (n + 1,)."""
+    """Return a clearance of the motion in ``room.rows``, see `spread`; fill row (n + 1,) with its gradient."""
     orders, c, samples = numbers.linear.orders, room.space.waves, room.space.samples
-    corner, side = which // 2, 1.0 if which % 2 else -1.0
-    j = numbers.laws.owner[corner]
+    breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
+    j = numbers.laws.owner[breakpoint_]
     sampled_gap(numbers, room.rows[j], j, c, samples)
     value, theta = highest_gap(numbers.corners, j, side, c, samples)
     for i in range(row.shape[0]):
@@ -230,4 +253,4 @@ def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
     row[at] = 1.0
     for i in range(1, orders.shape[0]):
         row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
-    return float(side * value - numbers.laws.level[corner])
+    return float(side * value - numbers.laws.level[breakpoint_])

@@ -2,8 +2,8 @@
 
     Z_0 d + g_0 + p(d) = 0,     k_j = mean over tau of dp_j/dd (d_j, 0, tau)
 
-with Z_0, g_0 as harmonic 0 of `receptance`. At a corner of a law, where an element touches without force, the smaller
-of the slopes on both sides counts: such a contact is open.
+Z_0 and g_0 are harmonic 0 of the linear part, see `hbgear.harmonic.structure.receptance`. At a breakpoint, where an
+element touches without force, the smaller of the two slopes is used: such a contact counts as open.
 """
 
 from __future__ import annotations
@@ -19,9 +19,20 @@ from hbgear.mechanics.reference_stiffness import bend
 
 
 class Static(NamedTuple):
-    """A static state of the elements: d (m,), the stiffness (m,) of laws there, whether it is balanced, and stable.
+    """A static state of the elements.
 
-    flat : balanced, and neither stable nor unstable, as in a gap without load.
+    Attributes
+    ----------
+    d : ndarray, shape (m,)
+        Displacements of the elements.
+    stiffness : ndarray, shape (m,)
+        Mean stiffness of the laws.
+    balanced : bool
+        Whether the forces are in equilibrium.
+    stable : bool
+        Whether the stiffness is positive definite.
+    flat : bool
+        Whether the smallest stiffness is zero, as in a clearance without load. False by default.
     """
 
     d: Array
@@ -32,17 +43,17 @@ class Static(NamedTuple):
 
 
 def statics(compiled: Evaluator, Omega: float) -> Iterator[Static]:
-    """Static states that Newton finds with harmonic 0 alone: of rest, and from several sides; the stable ones first.
+    """Yield static states from Newton's method with harmonic 0 alone, the stable ones first.
 
-    Where Newton finds no balance, its last iterate comes in the end.
+    It starts at rest and at displacements on both sides. Iterates that did not converge come last.
     """
-    rest = _balanced(compiled, Omega, -compiled.receptance.e[0].real)
+    rest = _solve_static(compiled, Omega, -compiled.receptance.e[0].real)
     if rest.stable or rest.flat:
         yield rest
-    reach = _reach(compiled, Omega) * _pushed(compiled, Omega)
+    reach = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
     others = []
     for side in (1.5, -1.5, 4.0, -4.0):
-        found = _balanced(compiled, Omega, side * reach)
+        found = _solve_static(compiled, Omega, side * reach)
         if found.stable:
             yield found
         elif np.isfinite(found.d).all():
@@ -51,47 +62,48 @@ def statics(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     yield from sorted(others, key=lambda one: not one.balanced)
 
 
-def _balanced(compiled: Evaluator, Omega: float, d: Array) -> Static:
-    """The static state that Newton finds from displacements d (m,) of the elements."""
+def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
+    """Return the static state from Newton's method that starts at displacements d (m,)."""
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
-    for _ in range(_STEPS):
-        p, k = _static(compiled.laws, d)
+    for _ in range(_MAX_ITERATIONS):
+        p, k = _mean_force_and_stiffness(compiled.laws, d)
         r = joint @ (Z @ d + g + p) + ties @ (d + e)
         terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
-        if np.linalg.norm(r) <= _ROUNDING * np.linalg.norm(terms):
+        if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
             break
         step = np.linalg.lstsq(joint @ (Z + np.diag(k)) + ties, r, rcond=1e-12)[0]
         d = d - step
-        if not np.isfinite(d).all() or (np.abs(step) <= _STATIC * np.abs(d)).all():
+        if not np.isfinite(d).all() or (np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all():
             break
-    balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _BALANCED * np.linalg.norm(terms))
-    own = joint[compiled.structure.own]  # forces on the others act through their ties
+    balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms))
+    own = joint[compiled.structure.own]  # forces on dependent elements act through the constraints
     A = Z[np.ix_(compiled.structure.own, compiled.structure.own)] + (own * k) @ own.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
     if not balanced:
         return Static(d, k, False, False)
     least = float(np.linalg.eigvalsh(0.5 * (A + A.T))[0])
-    return Static(d, k, True, least > _FLAT * size, abs(least) <= _FLAT * size)
+    return Static(d, k, True, least > _ZERO_STIFFNESS_RATIO * size, abs(least) <= _ZERO_STIFFNESS_RATIO * size)
 
 
-_STEPS = 50  # of Newton to a static state
+_MAX_ITERATIONS = 50
+"""Maximum number of Newton iterations for a static state."""
 
+_RESIDUAL_ROUNDING = 1e-13
+"""Residual force, relative to its terms, at which Newton's method stops because of rounding."""
 
-_ROUNDING = 1e-13  # force left over, relative to the terms, that no step makes smaller
+_MIN_RELATIVE_STEP = 1e-7
+"""Relative Newton step after which a static state is accurate to rounding, because convergence is quadratic."""
 
+_EQUILIBRIUM_TOLERANCE = 1e-6
+"""Residual force, relative to its terms, up to which a state counts as balanced."""
 
-_STATIC = 1e-7  # step of Newton, relative, behind which a static state is one to all digits
-
-
-_BALANCED = 1e-6  # force left over, relative to the terms it is the sum of, of a static state
-
-
-_FLAT = 1e-9  # stiffness, relative, of a position that is arbitrary
+_ZERO_STIFFNESS_RATIO = 1e-9
+"""Stiffness, relative to the largest one, up to which a position counts as arbitrary."""
 
 
 def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
-    """Harmonics (m, K + 1) of the linear response about a static state."""
+    """Return the harmonics (m, K + 1) of the linear response about a static state."""
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     with np.errstate(all="ignore"):
         try:
@@ -104,25 +116,31 @@ def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
     return np.where(np.isfinite(d), d, 0.0)
 
 
-def _reach(compiled: Evaluator, Omega: float) -> Array:
-    """Lengths (m,) at which laws change: corners, where a smooth law bends, or as far as the loads move the element."""
+def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
+    """Return lengths (m,) at which laws change: breakpoints, bends of smooth laws, or load displacements."""
     springs = compiled.structure.kr
     reach = np.array([max(np.abs(law.breakpoints), default=0.0) for law in compiled.laws])
     if reach.all():
         return reach
-    own = np.abs(np.diag(compiled.linear(Omega).Z[0].real) + _static(compiled.laws, np.zeros(compiled.m))[1])
-    stiffness = np.where(own > _FLAT * springs, own, springs)  # what a smooth law must change by to matter
+    own = np.abs(
+        np.diag(compiled.linear(Omega).Z[0].real) + _mean_force_and_stiffness(compiled.laws, np.zeros(compiled.m))[1]
+    )
+    stiffness = np.where(
+        own > _ZERO_STIFFNESS_RATIO * springs, own, springs
+    )  # change of a smooth law that is significant
     for j in np.flatnonzero(reach == 0):
         reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not reach.all():
         whole = Static(np.zeros(compiled.m), springs, True, True)
-        moved = np.abs(linear_response(compiled, Omega, whole)).sum(axis=1) + np.abs(_against(compiled, Omega))
+        moved = np.abs(linear_response(compiled, Omega, whole)).sum(axis=1) + np.abs(
+            _load_displacements(compiled, Omega)
+        )
         reach = np.where(reach == 0, moved, reach)
     return reach
 
 
-def _against(compiled: Evaluator, Omega: float) -> Array:
-    """Where the constant load puts the elements (m,), as if their laws were linear springs."""
+def _load_displacements(compiled: Evaluator, Omega: float) -> Array:
+    """Return the displacements (m,) under the constant load with linear reference springs as laws."""
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     b = joint @ linear.g[0].real + ties @ compiled.receptance.e[0].real
     closed = joint @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + ties
@@ -130,32 +148,33 @@ def _against(compiled: Evaluator, Omega: float) -> Array:
     return d
 
 
-def _pushed(compiled: Evaluator, Omega: float) -> Array:
-    """Side, +1 or -1, to which the constant load pushes each element (m,)."""
-    return np.where(_against(compiled, Omega) < 0, -1.0, 1.0)
+def _load_signs(compiled: Evaluator, Omega: float) -> Array:
+    """Return the sign, +1 or -1, of the displacement of each element (m,) under the constant load."""
+    return np.where(_load_displacements(compiled, Omega) < 0, -1.0, 1.0)
 
 
-def _static(laws: Any, d: Array) -> tuple[Array, Array]:
-    """Mean over the phase of each law's force and stiffness at constant d (m,)."""
+def _mean_force_and_stiffness(laws: Any, d: Array) -> tuple[Array, Array]:
+    """Return the mean force and stiffness of each law over the phase at constant d (m,)."""
     tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
-    with np.errstate(all="ignore"):  # a law may have no value so far out
+    with np.errstate(all="ignore"):  # a law may be undefined at large displacements
         out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(laws, d, strict=True)]
     p, k = np.array(out).sum(axis=2).T / 64
     return p, k
 
 
-_CORNER = 1e-9  # distance from a corner, over the reach of an element, within which a contact carries no force
+_BREAKPOINT_DISTANCE = 1e-9
+"""Distance from a breakpoint, over the length of `_characteristic_lengths`, within which a contact has no force."""
 
 
 def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
-    """Stiffness of each element in the static equilibrium at Omega (m,); None if none is found.
+    """Return the stiffness (m,) of the elements in a static equilibrium at Omega; None if no equilibrium is found.
 
-    Of several equilibria a stable one is taken, first that of rest, then on the side of the load.
+    Stable equilibria are preferred, first at rest, then on the side of the load.
     """
     for static in statics(compiled, Omega):
         if static.balanced:
-            near = _CORNER * _reach(compiled, Omega)
-            below, above = (_static(compiled.laws, static.d + side * near)[1] for side in (-1.0, 1.0))
+            near = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
+            below, above = (_mean_force_and_stiffness(compiled.laws, static.d + side * near)[1] for side in (-1.0, 1.0))
             smaller: Array = np.where(np.abs(below) <= np.abs(above), below, above)
             return smaller
     return None

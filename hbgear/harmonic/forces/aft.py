@@ -1,4 +1,6 @@
-"""Laws that are sampled: force harmonics from N samples per period by fast Fourier transform.
+"""AFT (alternating frequency/time): force harmonics from N samples per period by fast Fourier transform.
+
+    d_k -> d(theta_n) -> p(d, d', tau) -> f_k,   theta_n = 2 pi n / N
 
 References
 ----------
@@ -19,12 +21,21 @@ from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_co
 
 
 class SampledLaws:
-    """Some laws of a model, by samples.
+    """Laws in Python, evaluated by AFT.
 
     Parameters
     ----------
-    laws : of all elements; elements : numbers of those that are sampled. nu : subharmonic order.
-    grid : (2, m, N) what gaps have beside the unknowns, and its derivative in theta; N = 0 for nothing.
+    laws : sequence of Law
+        Laws of all elements.
+    elements : ndarray
+        Numbers of the elements whose laws are evaluated by AFT.
+    transform : Transform
+        Fourier transform with N samples per basis period.
+    nu : int
+        Subharmonic order.
+    grid : ndarray, shape (2, m, N)
+        Samples of the part of the displacements that is not in the unknowns (prescribed displacements with
+        breakpoints), and of its derivative in theta. N = 0 without such displacements.
     """
 
     def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array) -> None:
@@ -32,13 +43,14 @@ class SampledLaws:
         self.laws = [laws[j] for j in elements]
         self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
-        self._bound = [_bound(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
+        self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
 
     def forces(self, rows: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
-        """Force harmonics (s, 2H + 1) of the s laws, and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
+        """Return force harmonics (s, 2H + 1) of the s laws and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
 
-        rows (m, 2H + 1) are the motions of all elements; the second derivative is None if no law depends on d'. Last
-        come the harmonics (s, 2H + 1) of the damping times what gaps have beside the unknowns, 0 if nothing.
+        rows (m, 2H + 1) are the coefficients of all elements. The derivative in d' is None if no law depends on it. The
+        fourth value is the harmonics (s, 2H + 1) of the damping times the velocity of prescribed displacements with
+        breakpoints, 0 without any.
         """
         c = to_complex(rows[self.elements])
         waves = [c, Omega / self.nu * derive(c)] if self.rated else [c]
@@ -48,24 +60,24 @@ class SampledLaws:
             samples[1] += Omega / self.nu * self._grid[1]
         rest = np.zeros(self._transform.N)
         found = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
-            zip(self._bound, samples[0], strict=True))]  # fmt: skip
+            zip(self._bind, samples[0], strict=True))]  # fmt: skip
         p, stiffness, damping = (np.array(parts) for parts in zip(*found, strict=True))
         damped = self.rated and bool(damping.any())
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
         force, *slopes = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
-        T = [products(one) for one in slopes]
+        T = [product_matrices(one) for one in slopes]
         H = rows.shape[1] // 2
-        moved: Array | float = 0.0
+        imposed: Array | float = 0.0
         if damped and self._grid.any():
-            moved = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
-        return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, moved
+            imposed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
+        return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, imposed
 
     def add_to(self, rows: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
-        """Add the forces to the balance of all elements, R, J and dR; the norm of the forces."""
+        """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
         m, n = rows.shape
-        f, stiffness, damping, moved = self.forces(rows, Omega)
+        f, stiffness, damping, imposed = self.forces(rows, Omega)
         R.reshape(m, n)[self.elements] += f
-        dR.reshape(m, n)[self.elements] += moved / self.nu
+        dR.reshape(m, n)[self.elements] += imposed / self.nu
         blocks = J.reshape(m, n, m, n)
         for i, j in enumerate(self.elements):
             blocks[j, :, j] += stiffness[i]
@@ -74,8 +86,8 @@ class SampledLaws:
                 dR.reshape(m, n)[j] += damping[i] @ derivative(rows[j]) / self.nu
         return float(np.linalg.norm(f))
 
-    def add_neglected(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
-        """Put the force harmonics ``left`` (L,) of motions X (P, n) into f (P, m, L), as far as N samples reach."""
+    def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
+        """Fill f (P, m, L) with the truncated force harmonics ``left`` (L,) of motions X (P, n), up to N / 2."""
         P, m, _ = f.shape
         N = self._transform.N
         reached = left[left < N // 2]
@@ -88,13 +100,13 @@ class SampledLaws:
             f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
 
 
-def _bound(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
-    """The law at phases tau.
+def _bind(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
+    """Return the law at fixed phases tau.
 
     Raises
     ------
     ValueError
-        If it does not give three arrays of the shape of the displacements.
+        If the law does not return three arrays of the shape of the displacements.
     """
     bound, rest = law.bind(tau), np.zeros(len(tau))
     with np.errstate(all="ignore"):
@@ -102,8 +114,8 @@ def _bound(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
     return bound
 
 
-def products(kappa: ComplexArray) -> Array:
-    """Real matrices (s, 2H + 1, 2H + 1) of products with functions of two-sided coefficients 0..2H, (s, 2H + 1)."""
+def product_matrices(kappa: ComplexArray) -> Array:
+    """Return the real matrices (s, 2H + 1, 2H + 1) of products with functions of two-sided coefficients."""
     from hbgear.harmonic.forces.toeplitz_kernel import add_product
 
     out: Array = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))

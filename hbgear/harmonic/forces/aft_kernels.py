@@ -1,6 +1,6 @@
-"""Kernels: the user's compiled laws, sampled; the same for them as `sampled` is for laws in Python.
+"""Kernels: AFT (alternating frequency/time) for compiled laws of the user; `hbgear.harmonic.forces.aft` for Python.
 
-x_k = (1 / N) sum_n x(theta_n) exp(-i k theta_n),   theta_n = 2 pi n / N       of p, dp/dd and dp/dv
+x_k = (1 / N) sum_n x(theta_n) exp(-i k theta_n),   theta_n = 2 pi n / N       x: p, dp/dd, dp/dv
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hbgear.mechanics.series.fourier_kernels import sampled
 
 @kernel
 def samples_of(own: Any, numbers: Any, rows: Any, which: int, omega: float) -> Any:
-    """p, dp/dd, dp/dv (N, 3) of the compiled law number ``which`` along the motions rows (m, 2H + 1) at omega."""
+    """Return samples (N, 3) of p, dp/dd, dp/dv of compiled law ``which`` for coefficients (m, 2H + 1) at omega."""
     j, N = own.element[which], numbers.basis.shape[1]
     row = rows[j]
     speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
@@ -35,7 +35,7 @@ def samples_of(own: Any, numbers: Any, rows: Any, which: int, omega: float) -> A
 
 @kernel
 def _add_grid(corners: Any, j: int, omega: float, d: Any, v: Any) -> None:
-    """Add to samples of a gap and its rate what has corners."""
+    """Add prescribed displacements with breakpoints to samples of the displacement and velocity of element j."""
     if corners is None:
         return
     for n in range(corners.grid.shape[2]):
@@ -45,7 +45,7 @@ def _add_grid(corners: Any, j: int, omega: float, d: Any, v: Any) -> None:
 
 @kernel
 def spectrum(x: Any, basis: Any, out: Any) -> None:
-    """Two-sided coefficients 0, 1, ... of samples (N,); zeros where N is too short to hold them."""
+    """Fill out with two-sided coefficients 0, 1, ... of samples (N,); zero above order N / 2."""
     N = x.shape[0]
     for k in range(out.shape[0]):
         real = imaginary = 0.0
@@ -56,8 +56,8 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
 
 
 @kernel
-def neglected_samples(own: Any, numbers: Any, rows: Any, omega: float, f: Any) -> None:
-    """Put one-sided force harmonics of the orders left, of the compiled laws if any, in their rows of f (m, L)."""
+def truncated_sample_harmonics(own: Any, numbers: Any, rows: Any, omega: float, f: Any) -> None:
+    """Fill f (m, L) with the one-sided truncated force harmonics of the compiled laws, if any."""
     if own is None:
         return
     H, N, left = numbers.basis.shape[0] // 2, numbers.basis.shape[1], numbers.linear.left

@@ -1,4 +1,4 @@
-"""Kernel: products with a periodic stiffness, Toeplitz plus Hankel in the real basis."""
+"""Kernel: matrix of the product with a periodic stiffness, Toeplitz plus Hankel in the real basis."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from hbgear.common.process.compiling import kernel
 
 @kernel
 def add_product(kappa: Any, orders: Any, T: Any) -> None:
-    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
+    """Add the matrix of the product with kappa to T, in the real basis of some orders, of which the first is 0.
 
-    But for row 0 it is symmetric.
+    The matrix is symmetric except for row and column 0.
     """
     T[0, 0] += kappa[0].real
     for k in range(1, orders.shape[0]):

@@ -221,7 +221,7 @@ def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt,
 
 
 def _empty_contact(at: EquationsAt, iterate: Iterate) -> int | None:
-    """Return a contact without duration, whose equation would be divided by zero; None if there is none."""
+    """Return a contact without duration, whose equation would be divided by zero; None without one."""
     switches, durations = iterate.pattern.switches, iterate.durations(at.period)
     for i in np.flatnonzero(durations <= EMPTY_DURATION * at.period).tolist():
         if switches[i].opposite(switches[(i + 1) % len(switches)]):

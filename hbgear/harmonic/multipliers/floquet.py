@@ -11,7 +11,7 @@ collocation at s Gauss points,
     d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
 
-The integrals are known in closed form, so neither stiff supports nor fast modes limit the step. The order is 2s. No
+The integrals are known in closed form, so stiff supports and fast modes do not limit the step. The order is 2s. No
 saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. (A
 law whose *damping* jumps at a breakpoint is not allowed; see the contract in `laws`.)
 
@@ -186,7 +186,9 @@ def _reduced_multipliers(
     """Return `floquet_multipliers` with modes retained up to ``times`` the usual frequency."""
     reach, largest = _retained_frequency(compiled, X, Omega)
     levels = np.ceil(RETAINED_LEVELS_PER_OCTAVE * np.log2(times * reach)).astype(int)
-    soft = (largest * compiled.beside(2.0 ** (levels / RETAINED_LEVELS_PER_OCTAVE))).sum(axis=1) > LUMPING_FLEXIBILITY
+    soft = (largest * compiled.flexibility_above(2.0 ** (levels / RETAINED_LEVELS_PER_OCTAVE))).sum(
+        axis=1
+    ) > LUMPING_FLEXIBILITY
     mu = np.empty((len(X), LISTED_MULTIPLIERS), dtype=complex)
     for level, lumped in {*zip(levels.tolist(), soft.tolist(), strict=True)}:
         rows = np.flatnonzero((levels == level) & (soft == lumped))
@@ -203,7 +205,7 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     so the stiffness is returned as zero and no such mode is used.
     """
     most: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
-    if compiled.asked:
+    if compiled.aft_laws:
         return most, np.zeros((len(X), compiled.m))
     from hbgear.harmonic.multipliers import monodromy_kernels
 
@@ -309,7 +311,7 @@ def monodromies(
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
     schemes = ((*gauss_nodes(short), width or short / 5.0), (*gauss_nodes(10), width or usual), long)
-    if not compiled.asked:
+    if not compiled.aft_laws:
         count = monodromy_kernels.monodromies(
             compiled.numbers_of(X),
             part.modes,
@@ -373,7 +375,7 @@ def _monodromy_with_python_laws(
 def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:
     """Return dp/dd and dp/dv (2, m, T) of the Python laws at phases theta of the basis; zero for all other laws."""
     out = np.zeros((2, compiled.m, len(theta)))
-    for j, law in compiled.asked:
+    for j, law in compiled.aft_laws:
         d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
         out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

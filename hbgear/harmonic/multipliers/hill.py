@@ -85,7 +85,7 @@ def _two_sided(slopes: ComplexArray) -> ComplexArray:
 
 def _require_compiled_laws(compiled: Evaluator) -> None:
     """Raise an error if the model has Python laws."""
-    if compiled.asked:
+    if compiled.aft_laws:
         raise ValueError("Hill's matrix needs laws of hbgear; it cannot be computed for laws written in Python")
 
 

@@ -82,23 +82,23 @@ UNRESOLVED_INTERVAL = 0.5
 
 
 def verify_multipliers(
-    problem: Any, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-    work: Work | None = None,
+    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    parameters: Mapping[str, float], work: Work | None = None,
 ) -> None:  # fmt: skip
     """Verify the multipliers of points in place; see `HarmonicBalance.verify_stability`."""
     work = work or Work(math.inf)
-    for record in seen:
+    for record in observed:
         record["modulus_error"] = math.nan
-    multipliers = np.array([record["multipliers"] for record in seen])
+    multipliers = np.array([record["multipliers"] for record in observed])
     known = np.flatnonzero(~np.isnan(multipliers).any(axis=1))
     if not known.size:
         return
-    multipliers, relative_errors = multipliers[known], np.array([seen[i]["error"] for i in known.tolist()])
+    multipliers, relative_errors = multipliers[known], np.array([observed[i]["error"] for i in known.tolist()])
     relative_errors /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
     parity = Parity.of(problem, name, values[known], parameters)
-    signs = np.array([seen[i].get("determinant", 0) for i in known.tolist()])
+    signs = np.array([observed[i].get("determinant", 0) for i in known.tolist()])
     flagged = parity.mismatch(multipliers, signs) | np.array(
-        [seen[i].get("contradicts", False) for i in known.tolist()]
+        [observed[i].get("contradicts", False) for i in known.tolist()]
     )
     flagged |= _has_short_intervals(
         problem, X[known], {**parameters, name: float(values[known[0]])}, UNRESOLVED_INTERVAL
@@ -113,7 +113,7 @@ def verify_multipliers(
         plain = _plain_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
         return difference_of(multipliers[rows], plain)
 
-    regime = np.array([seen[i]["regime"] for i in selected.tolist()])
+    regime = np.array([observed[i]["regime"] for i in selected.tolist()])
     errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime, differences)
     distance = np.abs(_modulus(multipliers) - 1.0)
     uncertain = flagged | (distance <= errors)
@@ -121,17 +121,17 @@ def verify_multipliers(
         problem, X[selected], {**parameters, name: float(values[selected[0]])}, SHORT_INTERVAL
     )
     for i, record, error in zip(selected.tolist(), multipliers, errors.tolist(), strict=True):
-        seen[i]["multipliers"], seen[i]["modulus_error"] = record, error
+        observed[i]["multipliers"], observed[i]["modulus_error"] = record, error
     for k in np.flatnonzero(uncertain | short).tolist():
         i = int(selected[k])
         at = {**parameters, name: float(values[i])}
         stability = _Stability(multipliers[k], float(errors[k]), not flagged[k])
-        expected = parity.expected(int(seen[i].get("determinant", 0)))
-        resolved = not is_under_resolved(problem, X[i], seen[i]["error"])
+        expected = parity.expected(int(observed[i].get("determinant", 0)))
+        resolved = not is_under_resolved(problem, X[i], observed[i]["error"])
         stability = _refine_stability(
             problem, X[i], name, at, stability, expected, bool(uncertain[k]) and resolved, work
         )
-        seen[i]["multipliers"], seen[i]["modulus_error"] = stability.multipliers, stability.stated_error
+        observed[i]["multipliers"], observed[i]["modulus_error"] = stability.multipliers, stability.stated_error
 
 
 class _Stability(NamedTuple):
@@ -252,7 +252,7 @@ def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods
     refined exactly at little cost.
     """
     compiled = problem.compiled(here)
-    if compiled.asked or not len(compiled.corner) or not _has_constant_stiffness(problem, here):
+    if compiled.aft_laws or not len(compiled.breakpoints) or not _has_constant_stiffness(problem, here):
         return np.zeros(len(X), dtype=bool)
     short: NDArray[np.bool_] = compiled.shortest_intervals(X) < periods * 2 * np.pi / problem.H
     return short

@@ -1,8 +1,11 @@
-"""A structure part of which is known by its receptances alone; see `hbgear.mechanics.structures.receptances`.
+"""Structures with a part that is known only by measured receptances.
+
+See `hbgear.mechanics.structures.receptances` for the receptances H and their derivatives.
 
     D(w) = K + W kr W^T + i w (C + W c W^T) - w^2 M + S Z(w) S^T,   dD/dw = i C - 2 w M + S Z' S^T,   Z = H^-1
 
-Everything is solved for directly. There are no modes: no multipliers, no integration in time.
+The dynamic stiffness D is solved directly at each frequency. Such a structure has no modes, so Floquet multipliers and
+time integration are not available.
 """
 
 from __future__ import annotations
@@ -14,21 +17,27 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
 from hbgear.mechanics.models import System
 
-STABILITY_NOT_AVAILABLE = "not available: measured receptances do not tell how a disturbance dies out"
+STABILITY_NOT_AVAILABLE = "not available: measured receptances do not determine how a disturbance decays"
+"""Entry of ``branch.meta["stability"]`` for structures with measured receptances."""
 
 
 class MeasuredStructure(LinearStructure):
-    """A `LinearStructure` with receptances.
+    """A `LinearStructure` with measured receptances.
+
+    Parameters
+    ----------
+    system : System
+        System with receptances, of at most 1500 coordinates.
 
     Raises
     ------
     ValueError
-        If there are too many coordinates to solve for them at every frequency.
+        If the system has too many coordinates for a direct solution at every frequency.
     """
 
     def __init__(self, system: System) -> None:
         if system.n > MODAL_LIMIT:
-            raise ValueError(f"{system.n} coordinates beside receptances are too many; at most {MODAL_LIMIT}")
+            raise ValueError(f"{system.n} coordinates are too many with receptances: reduce them to {MODAL_LIMIT}")
         assert system.receptances is not None
         self._part = system.receptances
         self.highest = self._part.highest
@@ -36,14 +45,15 @@ class MeasuredStructure(LinearStructure):
         super().__init__(system)
 
     def _check_mass(self) -> None:
-        """Coordinates with receptances need no mass of their own."""
+        """Accept a singular M: coordinates with receptances need no entry in it."""
 
     def _close(self, system: System) -> None:
+        """Set K with the reference springs; there are no modes."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
         self.modes, self.parted = None, False
 
     def _stiffness(self, w: float) -> tuple[ComplexArray, ComplexArray]:
-        """D and dD/dw (n, n)."""
+        """Return D and dD/dw (n, n)."""
         D = self.K + 1j * w * self.C - w**2 * self.M
         dD = 1j * self.C - 2 * w * self.M
         Z, dZ = self._part.stiffness(w)

@@ -1,16 +1,16 @@
-"""The linear part of structures next to one, to first order, for derivatives in the parameters of a model.
+"""First-order expansion of a structure in the parameters of its model, for derivatives in them.
 
-    D(s) = K + s C + s^2 M,   E = D_near - D,   s = i w
+    D(s) = K + s C + s^2 M,   E = D_near - D,   s = i w        D_near: perturbed parameters
 
     G_near = W_near^T D_near^-1 F_near  ~  L (F_near - E D^-1 F_near),   L = W_near^T D^-1
 
-Half the difference of two of these, on both sides of a point, is that of the exact ones but for h^2, as any central
-difference is, and rounding of D^-1 drops out of it. D^-1 is that of the modes of the one structure, or is computed once
-for all of them where something moves freely under the loads or modes are nearly alike, so that another value of a
-parameter takes products of small matrices, and no decomposition.
+A central difference of this expansion has the same error O(h^2) as one of the exact receptances, and the rounding of
+D^-1 cancels in it. D^-1 is computed from the modes of the unperturbed structure. If the loads act on a free motion, or
+the eigenvectors are ill-conditioned, D^-1 is computed once by direct inversion. A further parameter value then needs
+only products of small matrices and no decomposition.
 
-Where something moves freely and bears no load, D(0) is singular, and the pseudo-inverse of the one structure serves:
-first-order changes of the free motion and of what acts on it cancel in G.
+If the structure has a free motion without load, D(0) is singular and the pseudo-inverse of the unperturbed structure is
+used. The first-order changes of the free motion and of the loads on it cancel in G.
 """
 
 from __future__ import annotations
@@ -25,17 +25,21 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.structure.receptance import LinearStructure, Modes, UnbalancedLoadError, dense
 from hbgear.mechanics.models import System
 
-_MOST = 300  # coordinates up to which inverses at all harmonics are kept
+_MAX_COORDINATES = 300
+"""Number of coordinates up to which D^-1 at all harmonics is cached; it takes n^2 numbers per harmonic."""
 
-_KEPT = 4  # lists of frequencies whose inverses are kept
+_CACHED_FREQUENCY_LISTS = 4
+"""Number of lists of frequencies whose inverses are cached."""
 
-_WELL = 1e5  # condition of modes up to which they stand for inverses
+_MAX_MODAL_CONDITION = 1e5
+"""Condition number of the eigenvectors up to which D^-1 is computed from modes."""
 
-_BALANCED = 1e-8  # work of a constant load on a free motion, relative, that is rounding or of second order
+_FREE_WORK_TOLERANCE = 1e-8
+"""Relative work of a constant load on a free motion that counts as zero: rounding or terms of second order."""
 
 
 class Solutions(NamedTuple):
-    """L and dL/ds (P, m, n), Q and dQ/ds (n, 2, P, c)."""
+    """Left solutions L and dL/ds (P, m, n), right solutions Q and dQ/ds (n, 2, P, c)."""
 
     L: ComplexArray
     dL: ComplexArray
@@ -43,26 +47,27 @@ class Solutions(NamedTuple):
 
 
 class FirstOrderExpansion:
-    """A structure and the inverses of its dynamic stiffness, which those next to it share.
+    """A structure with cached inverses of its dynamic stiffness, from which perturbed structures are computed.
 
     Parameters
     ----------
-    structure : one whose receptances come from modes, of at most 300 coordinates; see `reaches`.
+    structure : LinearStructure
+        Structure with modal receptances and at most 300 coordinates, see `is_possible`.
     """
 
     def __init__(self, structure: LinearStructure) -> None:
         self.structure = structure
-        self._inverses: LRUCache[tuple[ComplexArray, ComplexArray]] = LRUCache(_KEPT)
-        self._solutions: LRUCache[Solutions] = LRUCache(_KEPT)
-        self._static: LRUCache[Array] = LRUCache(_KEPT)
+        self._inverses: LRUCache[tuple[ComplexArray, ComplexArray]] = LRUCache(_CACHED_FREQUENCY_LISTS)
+        self._solutions: LRUCache[Solutions] = LRUCache(_CACHED_FREQUENCY_LISTS)
+        self._static: LRUCache[Array] = LRUCache(_CACHED_FREQUENCY_LISTS)
 
     @staticmethod
-    def reaches(structure: LinearStructure) -> bool:
-        """Whether there is a neighbourhood of a structure."""
-        return structure.modal and structure.n <= _MOST
+    def is_possible(structure: LinearStructure) -> bool:
+        """Return whether a structure has modal receptances and at most 300 coordinates."""
+        return structure.modal and structure.n <= _MAX_COORDINATES
 
     def of(self, system: System) -> LinearStructure:
-        """The structure of a system: to first order where it has the coordinates and elements of the first."""
+        """Return the structure of a perturbed system, to first order if its size is the same, else exactly."""
         one = self.structure
         if (system.n, len(system.elements)) != (one.n, one.m) or system.speed or system.receptances:
             return LinearStructure(system)
@@ -70,17 +75,20 @@ class FirstOrderExpansion:
         return near if near.differs else one
 
     def static(self, F: Array) -> Array:
-        """K^-1 F (n,) of a constant load."""
+        """Return K^-1 F (n,) of a constant load."""
         return self._static.get(F.tobytes(), lambda: self.structure.solve(0.0, F[:, None])[:, 0])
 
     def solutions(self, s: ComplexArray, W: Array, F: ComplexArray) -> Solutions:
-        """L = W^T D^-1 and Q = D^-1 F of the structure at s (P,), which changes of springs alone do not touch."""
+        """Return L = W^T D^-1 and Q = D^-1 F of the unperturbed structure at s (P,); they are cached."""
         return self._solutions.get((s.tobytes(), W.tobytes(), F.tobytes()), lambda: self._solved(s, W, F))
 
     def _solved(self, s: ComplexArray, W: Array, F: ComplexArray) -> Solutions:
+        """Compute `solutions` from modes, or by inversion if these are ill-conditioned or F acts on a free motion."""
         modes, free = self.structure.modes, self.structure.free_left.T
         assert modes is not None
-        if modes.condition < _WELL and np.all(np.abs(free @ F) <= _BALANCED * (np.abs(free) @ np.abs(F))):
+        if modes.condition < _MAX_MODAL_CONDITION and np.all(
+            np.abs(free @ F) <= _FREE_WORK_TOLERANCE * (np.abs(free) @ np.abs(F))
+        ):
             away = 1.0 / (s[:, None] - modes.poles)
             output, input_ = W.T @ modes.right, modes.left @ F
             L, dL = ((output * part[:, None]) @ modes.left for part in (away, -np.square(away)))
@@ -92,7 +100,7 @@ class FirstOrderExpansion:
         return Solutions(L, dL, np.ascontiguousarray(np.stack([Q, dQ]).transpose(2, 0, 1, 3)))
 
     def _inverse(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """D^-1 and dD/ds (P, n, n)."""
+        """Return D^-1 and dD/ds (P, n, n)."""
         one, at = self.structure, s[:, None, None]
         out = np.empty((len(s), one.n, one.n), dtype=complex)
         moving = s != 0
@@ -103,9 +111,19 @@ class FirstOrderExpansion:
 
 
 class PerturbedStructure(LinearStructure):
-    """A structure that differs little from that of a neighbourhood; its receptances are of first order.
+    """A perturbed structure, whose receptances are first-order expansions.
 
-    differs : whether it does at all.
+    Parameters
+    ----------
+    around : FirstOrderExpansion
+        Expansion about the unperturbed structure.
+    system : System
+        Perturbed system, with the same coordinates and elements.
+
+    Attributes
+    ----------
+    differs : bool
+        Whether any matrix differs from the unperturbed structure.
     """
 
     def __init__(self, around: FirstOrderExpansion, system: System) -> None:
@@ -122,7 +140,7 @@ class PerturbedStructure(LinearStructure):
         self.differs = bool(self._changes) or any(map(np.any, (self.W - one.W, self.c - one.c)))
 
     def check_balance(self, system: System) -> None:
-        """Refuse a load on what moves freely: r^T F = 0 stays so if r^T (F - E K^-1 F) does to first order."""
+        """Raise an error if a constant load acts on a free motion r, r^T (F - E K^-1 F) != 0 to first order."""
         one = self._around.structure
         for load in system.loads if one.free_left.shape[1] else ():
             if load.constant is None:
@@ -130,7 +148,7 @@ class PerturbedStructure(LinearStructure):
             F = np.asarray(load.constant)
             held = F - (self.K - one.K) @ self._around.static(F)
             for r in one.free_left.T:
-                if abs(r @ held) > _BALANCED * np.abs(r * F).sum():
+                if abs(r @ held) > _FREE_WORK_TOLERANCE * np.abs(r * F).sum():
                     raise UnbalancedLoadError(self._describe_unbalance(r, float(r @ held)))
 
     @property
@@ -139,7 +157,7 @@ class PerturbedStructure(LinearStructure):
 
     @cached_property
     def modes(self) -> Modes:  # type: ignore[override]
-        """Of the structure itself, not to first order."""
+        """Modes of the perturbed structure, exactly."""
         self.free = self._null(self.K)
         self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
         return self._decompose(0.0)
@@ -152,7 +170,7 @@ class PerturbedStructure(LinearStructure):
         return G, dG * (1j * ratio)[:, None, None]
 
     def _first_order(self, s: ComplexArray, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D^-1 F and its derivative in s (P, m, c), of F (n, c)."""
+        """Return W^T D^-1 F and its derivative in s (P, m, c), of F (n, c)."""
         L, dL, Q = self._around.solutions(s, self.W, F)
         bent = np.zeros_like(Q)  # E Q, and its derivative
         for power, A in self._changes:

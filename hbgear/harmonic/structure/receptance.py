@@ -1,22 +1,24 @@
-"""The linear part of a system, seen from its element coordinates.
+"""Linear part of the harmonic balance, condensed to the element coordinates by receptances.
 
-With reference stiffness kr and the dampers c of the elements put into the structure,
+With the reference stiffness kr and the damping c of the elements included in the structure,
 
     D(w) = K + W kr W^T + i w (C + W c W^T) - w^2 M,      G(w) = W^T D(w)^-1 W   (m x m)
 
-the balance of harmonic k of the element coordinates reads, with w = k omega and f_k the force harmonics of the laws,
+the balance of harmonic k of the element coordinates is, with w = k omega and the force harmonics f_k of the laws,
 
     Z_k d_k + g_k + f_k = 0,   Z_k = G^-1 - kr,   g_k = G^-1 (e_k - y_k) - (kr + i w c) e_k,   y_k = W^T D^-1 F_k
 
-where neither kr nor the number of coordinates appears in the result. One eigen-decomposition of the state matrix,
+The solution does not depend on kr, and its size not on the number of coordinates. One eigendecomposition of the state
+matrix,
 
     G(w) = sum_r a_r b_r^T / (i w - lambda_r),
 
-gives every harmonic and the derivative in omega without a solve. Free motions (rigid motions r with
-W^T r = 0) are split off first; a constant load on one of them is refused, for no periodic motion exists.
+gives all harmonics and their derivatives in omega without further solutions. Free motions (rigid-body motions r with
+W^T r = 0) are removed first. A constant load that acts on a free motion raises an error, because no periodic motion
+exists.
 
-Directions of elements may depend on each other, W_b = W_a B. Then G is singular, and the balance is that of the others
-under all forces, with the ties between the coordinates,
+If directions of elements are linearly dependent, W_b = W_a B, then G is singular. The balance is then written for the
+independent elements a under all forces, with constraints for the dependent elements b,
 
     Z_a,k d_a,k + g_a,k + f_a,k + B (f_b,k - kr_b d_b,k - (kr_b + i w c_b) e_b,k) = 0,   d_b + e_b = B^T (d_a + e_a)
 
@@ -41,55 +43,70 @@ from hbgear.mechanics.reference_stiffness import references
 from hbgear.mechanics.series.fourier import stretch, to_complex
 
 MODAL_LIMIT = 1500
-"""Above this many coordinates the receptance is solved for directly instead of by eigen-decomposition."""
+"""Number of coordinates above which receptances are computed by direct solutions, not by eigendecomposition."""
 
 
-_FREE = 1e-12  # squared frequency, relative to the highest, below which a motion counts as free
+_FREE_MOTION_TOLERANCE = 1e-12
+"""Squared frequency, relative to the highest, below which a motion counts as free."""
 
+_BALANCED_WORK_RATIO = 1e-8
+"""Work of a constant load on a free motion, relative to the sum of its absolute terms, that counts as rounding."""
 
-_BALANCED = 1e-8  # relative work of the constant load on a free motion that is still rounding
+_BALANCED_WORK_BOUND = 1e-13
+"""The same, relative to the largest work that a load of this size can do."""
 
+_BACKWARD_ERROR = 32 * float(np.finfo(float).eps)
+"""Backward error of a decomposition, relative to the norm of its matrix."""
 
-_ROUNDING = 1e-13  # the same, relative to the work the load could do at most
+_REAL_MODES_FROM = 30
+"""Number of coordinates above which real modes are tried first, because they cost less."""
 
+_MODAL_COUPLING_TOLERANCE = 1e-13
+"""Off-diagonal modal damping, relative to the largest entry, that counts as rounding."""
 
-_DIGITS = 32 * float(np.finfo(float).eps)  # backward error of a decomposition, relative to the size of its matrix
+_DEPENDENT_DIRECTION_TOLERANCE = 1e-9
+"""Relative residual of a direction up to which it counts as a combination of others."""
 
-
-_SOME = 30  # coordinates from which it is worth looking for real modes
-
-
-_MIXED = 1e-13  # share of the damping that couples modes that is rounding
-
-
-_DEPENDENT = 1e-9  # part of a direction that others leave over and that is rounding
-
-
-_CLOSURES = (
+_REFERENCE_TRIALS = (
     (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10),
-    (1.0, 0.0, _FREE), (1.37, 0.0, _FREE), (0.61, 0.0, _FREE), (1.0, 1e-10, _FREE),
+    (1.0, 0.0, _FREE_MOTION_TOLERANCE), (1.37, 0.0, _FREE_MOTION_TOLERANCE), (0.61, 0.0, _FREE_MOTION_TOLERANCE),
+    (1.0, 1e-10, _FREE_MOTION_TOLERANCE),
 )  # fmt: skip
-"""Factors of the reference springs, disturbances, and singular values that count as zero, in the order of trial."""
+"""Trials of `LinearStructure._close`: factor of the reference springs, disturbance, and zero singular value."""
 
 
-_FELT = 1e-5  # sum of the terms of an element's displacement over their sizes, above which they do not cancel
+_CANCELLATION_RATIO = 1e-5
+"""Displacement of an element, relative to the sum of its absolute terms, above which the terms do not cancel."""
 
+_MIN_DISPLACEMENT_RATIO = 1e-9
+"""Displacement of an element in a unit motion, relative to the largest possible, that counts as rounding."""
 
-_MEASURED = 1e-9  # displacement in a unit motion over its largest possible, below which it is rounding of the motion
-
-
-_ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
+_MAX_CONDITION = 1e8
+"""Condition number of the eigenvectors above which receptances are computed by direct solutions."""
 
 
 class UnbalancedLoadError(ValueError):
-    """A constant load acts on a motion that nothing holds: no periodic motion exists."""
+    """A constant load acts on a free motion, so that no periodic motion exists."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Diagonal form z' = poles z + left (F - W u), q = right z of the structure closed by the reference springs.
+    """Modal form z' = poles z + left (F - W u), q = right z of the structure with the reference springs.
 
-    poles (r,); right (n, r); left (r, n); output = W^T right (m, r); input = left W (r, m).
+    Attributes
+    ----------
+    poles : ndarray, shape (r,)
+        Poles [1 / time].
+    right : ndarray, shape (n, r)
+        Right eigenvectors of the coordinates.
+    left : ndarray, shape (r, n)
+        Left eigenvectors.
+    output : ndarray, shape (m, r)
+        Modal displacements W^T right of the elements.
+    input : ndarray, shape (r, m)
+        Modal forces left W of the elements.
+    condition : float
+        Condition number of the eigenvectors.
     """
 
     poles: ComplexArray
@@ -103,8 +120,12 @@ class Modes:
 class LinearPart(NamedTuple):
     """Linear part Z_k d_k + g_k of the balance at one frequency.
 
-    matrices (2, K+1, m, m): Z, the dynamic stiffness seen from the elements without their reference springs, and
-    dZ/dOmega; constants (2, K+1, m): g, from loads and prescribed displacements, and dg/dOmega; of K+1 harmonics.
+    Attributes
+    ----------
+    matrices : ndarray, shape (2, K + 1, m, m)
+        Condensed dynamic stiffness Z without the reference springs, and dZ/dOmega, of K + 1 harmonics.
+    constants : ndarray, shape (2, K + 1, m)
+        Constant terms g from loads and prescribed displacements, and dg/dOmega.
     """
 
     matrices: ComplexArray
@@ -112,7 +133,7 @@ class LinearPart(NamedTuple):
 
     @staticmethod
     def zero(count: int, m: int) -> LinearPart:
-        """Of nothing, at so many harmonics."""
+        """Return a linear part of zeros for ``count`` harmonics and m elements."""
         return LinearPart(np.zeros((2, count, m, m), dtype=complex), np.zeros((2, count, m), dtype=complex))
 
     @property
@@ -129,7 +150,7 @@ class LinearPart(NamedTuple):
 
 
 def dense(A: Any) -> Array:
-    """A matrix, sparse or not, as an array."""
+    """Return a matrix, sparse or not, as an array."""
     return A if isinstance(A, np.ndarray) else A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)
 
 
@@ -137,15 +158,15 @@ def _is_diagonal(A: Array) -> bool:
     return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
 
 
-def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
-    """`Structure.own`, `joint` and `ties` of directions W (n, m)."""
+def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
+    """Return ``own``, ``joint`` and ``ties`` of `LinearStructure` for directions W (n, m)."""
     m = W.shape[1]
     own: list[int] = []
     joint, ties = np.eye(m), np.zeros((m, m))
-    stiffness = float(kr.max(initial=0.0)) or 1.0  # so that ties are of the size of forces
+    stiffness = float(kr.max(initial=0.0)) or 1.0  # scales the constraints to the size of forces
     for j in range(m):
         B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0] if own else np.empty(0)
-        if not own or norm(W[:, j] - W[:, own] @ B) > _DEPENDENT * norm(W[:, j]):
+        if not own or norm(W[:, j] - W[:, own] @ B) > _DEPENDENT_DIRECTION_TOLERANCE * norm(W[:, j]):
             own.append(j)
             continue
         joint[own, j], joint[j, j] = B, 0.0
@@ -154,40 +175,45 @@ def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
 
 
 def _null_space(A: Array, least: float | None = None) -> Array:
-    """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled.
+    """Return an orthonormal basis of the null space of a matrix with scaled rows and columns.
 
-    least : the largest singular value that counts as zero; by default that of a free motion.
+    least : largest singular value that counts as zero, by default 1e-12 times the largest one.
     """
     _, s, vt = np.linalg.svd(A)
     largest = s.max(initial=0.0)
-    rank = int(np.sum(s > (_FREE * largest if least is None else least))) if largest > 0 else 0
+    rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if least is None else least))) if largest > 0 else 0
     null: Array = vt[rank:].T
     return null
 
 
 class LinearStructure:
-    """M, C, K of a system with the reference springs and the dampers of its elements closed.
+    """M, C, K of a system with the reference springs and the dampers of its elements.
 
     Parameters
     ----------
-    system : `System`.
-    springs : reference stiffness (m,) of the elements, by default that of `references`.
+    system : System
+        System of coordinates, elements and loads.
+    springs : array_like, shape (m,), optional
+        Reference stiffness of the elements, by default from `references`.
 
     Attributes
     ----------
-    own : numbers of the elements a whose directions do not depend on those before. joint, ties (m, m) : with the
-        balance Z d + g + f of each element by itself, that of all is ``joint @ (Z d + g + f) + ties @ (d + e)``.
+    own : ndarray
+        Numbers of the elements with linearly independent directions.
+    joint, ties : ndarray, shape (m, m)
+        Matrices of the constrained balance ``joint @ (Z d + g + f) + ties @ (d + e)``; identity and zero without
+        constraints.
 
     Raises
     ------
     ValueError
         If M is singular.
-    UnbalancedLoad
+    UnbalancedLoadError
         If a constant load acts on a free motion.
     """
 
     spins = False
-    """Whether C and K depend on Omega, see `spinning`."""
+    """Whether C and K depend on Omega, see `SpeedDependentStructure`."""
 
     highest: float = np.inf
     """The highest frequency at which receptances are known."""
@@ -200,7 +226,7 @@ class LinearStructure:
         self.W = system.W
         self.kr = references(system) if springs is None else springs
         self.c = np.array([e.damping for e in system.elements])
-        self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
+        self.own, self.joint, self.ties = _constraints(self.W, self.kr)
         self.free = self.free_left = np.zeros((self.n, 0))
         self.large = self.n > MODAL_LIMIT
         if self.large:
@@ -212,71 +238,62 @@ class LinearStructure:
             return
         self.M = dense(system.M)
         self.C = dense(system.C) + (self.W * self.c) @ self.W.T
-        # scaling by the masses makes "free" a statement about frequencies, whatever units the coordinates have
+        # scaled by the masses, the test for free motions compares frequencies in any units of the coordinates
         diagonal = np.abs(np.diag(self.M))
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
         self._check_mass()
         self._close(system)
 
     def _close(self, system: System) -> None:
-        """Close the structure by the reference springs and decompose it.
+        """Add the reference springs to K and compute the modes.
 
-        With some springs two poles meet and their modes become one, or K is negative and a spring makes it zero; other
-        springs give other poles and the same receptance in the end, so they are tried. What no spring changes is parted
-        by a disturbance of 1e-10.
+        With some reference springs two poles coincide and the eigenvectors become dependent, or a negative K becomes
+        singular. Other springs give other poles and the same receptance, so several factors are tried. If no factor
+        helps, the state matrix is disturbed by 1e-10 to separate the poles.
         """
         references = self.kr
-        modes = self._unmixed(system) if self.n > _SOME else None
+        modes = self._real_modes(system) if self.n > _REAL_MODES_FROM else None
         if modes is not None:
             self.modes, self.parted = modes, False
             return
-        for factor, part, near in _CLOSURES:
+        for factor, part, near in _REFERENCE_TRIALS:
             self.kr = factor * references
             self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
-            if self._frees(system, near):
+            if self._has_supported_free_motion(system, near):
                 continue
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self.check_balance(system)
             modes = self._decompose(part)
-            if modes.condition < _ILL:
+            if modes.condition < _MAX_CONDITION:
                 break
-        if modes is None:  # no reference spring holds it: the laws have no stiffness
-            raise ValueError(self._describe_loose())
+        if modes is None:  # laws without stiffness leave a free motion
+            raise ValueError(_describe_unsupported(self))
         self.modes, self.parted = modes, part > 0
 
-    def _frees(self, system: System, near: float) -> bool:
-        """Whether the reference springs free a motion that elements measure, K r = -W kr W^T r, as no rigid body can.
+    def _has_supported_free_motion(self, system: System, near: float) -> bool:
+        """Return whether K has a free motion r with displacements of elements, K r = 0 and W^T r != 0.
 
-        near : singular value of K, over the size of the terms that it is the sum of, that counts as zero.
+        near : singular value of K, relative to the sum of its absolute terms, that counts as zero.
         """
         s, W = self._scale, np.abs(self.W)
-        rounding = _MEASURED * norms(W.T * s)[:, None]
+        rounding = _MIN_DISPLACEMENT_RATIO * norms(W.T * s)[:, None]
         terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
         least = near * float(terms.sum(axis=1).max())
         for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
             self.free = s[:, None] * _null_space(K * np.outer(s, s), least)
-            felt = np.abs(self.W.T @ self.free)
-            if ((felt > _FELT * (W.T @ np.abs(self.free))) & (felt > rounding)).any():
+            measured = np.abs(self.W.T @ self.free)
+            if ((measured > _CANCELLATION_RATIO * (W.T @ np.abs(self.free))) & (measured > rounding)).any():
                 return True
         return False
 
-    def _describe_loose(self) -> str:
-        felt = np.abs(self.W.T @ self.free)
-        element, motion = np.unravel_index(int(np.argmax(felt)), felt.shape)
-        return (
-            f"element '{self.system.elements[int(element)].name}' measures a motion that no stiffness holds "
-            f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support "
-            "that motion in K"
-        )
-
-    def _unmixed(self, system: System) -> Modes | None:
-        """Modes of a symmetric structure whose damping does not mix its real modes, at a small part of the cost.
+    def _real_modes(self, system: System) -> Modes | None:
+        """Return the modes of a symmetric structure with modal damping, from its real modes at a lower cost.
 
             K phi = w^2 M phi,   phi^T C phi = 2 delta,   poles = -delta +- sqrt(delta^2 - w^2)
 
-        Where the springs of the elements spoil it, it is tried without them; None if that does not help either, or
-        something moves freely.
+        The reference springs are left out if the damping is modal only without them. None if the damping is not modal,
+        or if there is a free motion.
         """
         references, s = self.kr, self._scale
         M, C = (A * np.outer(s, s) for A in (self.M, self.C))
@@ -289,10 +306,10 @@ class LinearStructure:
             squares, V = scipy.linalg.eigh(A, None if _is_diagonal(M) else M)
             D = V.T @ C @ V
             delta = 0.5 * np.diag(D)
-            mixed = np.abs(D - np.diag(np.diag(D))).max() > _MIXED * np.abs(D).max()
+            mixed = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
             gap = 2 * np.sqrt((delta**2 - squares).astype(complex))
-            near = np.abs(gap) * _ILL < np.abs(delta) + np.sqrt(np.abs(squares))
-            if squares[0] <= _FREE * squares[-1] or mixed or near.any():
+            near = np.abs(gap) * _MAX_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
+            if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or mixed or near.any():
                 continue
             self.kr, self.K = kr, K
             poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
@@ -309,16 +326,22 @@ class LinearStructure:
         return None
 
     @property
-    def tied(self) -> bool:
-        """Whether directions of elements depend on each other."""
+    def constrained(self) -> bool:
+        """Whether directions of elements are linearly dependent."""
         return len(self.own) < self.m
 
     @property
     def modal(self) -> bool:
-        """Whether receptances come from the eigen-decomposition."""
-        return self.modes is not None and self.modes.condition < _ILL and not self.parted and not self.tied
+        """Whether receptances are computed from the modes."""
+        return (
+            self.modes is not None
+            and self.modes.condition < _MAX_CONDITION
+            and not self.parted
+            and not self.constrained
+        )
 
     def _check_mass(self) -> None:
+        """Raise an error if M is singular."""
         scaled = self.M * np.outer(self._scale, self._scale)
         if _is_diagonal(scaled) and np.diag(scaled).all():
             return
@@ -326,49 +349,47 @@ class LinearStructure:
         if s[-1] <= 1e-13 * s[0]:
             worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
             raise ValueError(
-                f"M is singular (coordinate '{worst}' carries no mass of its own); "
-                "give it a mass or eliminate it from M, C and K"
+                f"M is singular (coordinate '{worst}' has no mass); give it a mass or eliminate it from M, C and K"
             )
 
     def _null(self, A: Array) -> Array:
+        """Return the null space of a matrix of the coordinates, scaled by the masses."""
         return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
 
     def check_balance(self, system: System) -> None:
-        """Refuse constant loads, of a system with these matrices, that act on a free motion."""
+        """Raise an error if a constant load of a system with these matrices acts on a free motion."""
         for load in system.loads if self.free_left.shape[1] else ():
             if load.constant is None:
                 continue
             for r in self.free_left.T:
                 work = r * np.asarray(load.constant)
                 largest = np.linalg.norm(r / self._scale) * np.linalg.norm(self._scale * np.asarray(load.constant))
-                rounding = max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest)
+                rounding = max(_BALANCED_WORK_RATIO * np.abs(work).sum(), _BALANCED_WORK_BOUND * largest)
                 if abs(work.sum()) > rounding and abs(work.sum()) > self._rounding(r, np.asarray(load.constant)):
                     raise UnbalancedLoadError(self._describe_unbalance(r, float(work.sum())))
 
     def _rounding(self, r: Array, F: Array) -> float:
-        """Work on a computed free motion r that a balanced load F may do: K r = 0 holds to eps |K| |r|.
+        """Return the work of a balanced load F on a computed free motion r that rounding explains.
 
-        An error E of K moves r by -K^+ E r, and so the work by (K^+ F)^T E r.
+        K r = 0 holds to eps |K| |r|. An error E of K changes r by -K^+ E r, and the work by (K^+ F)^T E r.
         """
         s = self._scale
         A = self.K * np.outer(s, s)
-        static = scipy.linalg.pinv(A.T, rtol=_FREE) @ (s * F)
-        return _DIGITS * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
+        static = scipy.linalg.pinv(A.T, rtol=_FREE_MOTION_TOLERANCE) @ (s * F)
+        return _BACKWARD_ERROR * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
 
     def _describe_unbalance(self, r: Array, work: float) -> str:
+        """Return the error message for a load that does work on a free motion r."""
         return (
-            f"the constant load does work {work:.3g} on a motion that nothing holds ({self._motion_of(r)}); "
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({_motion_text(self, r)}); "
             "a periodic motion needs it balanced: correct the load or support that motion"
         )
 
-    def _motion_of(self, r: Array) -> str:
-        """The largest coordinates of a motion (n,), in words."""
-        r = r / r[np.argmax(np.abs(r))]
-        order = np.argsort(-np.abs(r))[:6]
-        return ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
-
     def _decompose(self, part: float) -> Modes:
-        """Eigen-decomposition of the state matrix without the free motions that neither springs nor dampers hold."""
+        """Return the eigendecomposition of the state matrix without the undamped free motions.
+
+        part : relative disturbance that separates coincident poles.
+        """
         M, K, C = self.M, self.K, self.C
         free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
         if free.shape[1]:
@@ -379,7 +400,7 @@ class LinearStructure:
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]
-        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock): no bias from the unit of time
+        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock) are independent of the unit of time
         A = np.zeros((2 * size, 2 * size))
         A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
         if part:
@@ -389,27 +410,27 @@ class LinearStructure:
         try:
             U = np.linalg.inv(V)
         except np.linalg.LinAlgError:
-            U = np.full_like(V, np.inf)  # the condition is judged by the caller
+            U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
         right = B @ V[:size]
         left_vectors = U[:, size:] @ (Mi @ T.T) / clock
         output, input_ = self.W.T @ right, left_vectors @ self.W
-        # a pole at zero that is left belongs to a drift that no element feels; it carries no receptance
+        # a remaining pole at zero is a drift that no element measures, without effect on the receptance
         keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
         condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
         return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
 
     def _undamped(self, free: Array, C: Array) -> Array:
-        """The free motions that no damper feels either."""
+        """Return the free motions that no damper acts on."""
         if not free.shape[1] or not np.any(C):
             return free
-        felt = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
-        _, s, vt = scipy.linalg.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
+        measured = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
+        _, s, vt = scipy.linalg.svd(measured / np.linalg.norm(free / self._scale[:, None], axis=0))
         held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
         undamped: Array = free @ vt[~held].T
         return undamped
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
-        """D(w)^-1 rhs; at w = 0 the solution without free motion."""
+        """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
         x: ComplexArray
         if self.large:
             D = self.K + 1j * w * self.C - w**2 * self.M
@@ -417,26 +438,26 @@ class LinearStructure:
         elif w == 0.0:
             s = self._scale
             scaled = self.K * np.outer(s, s)
-            x = s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
+            x = s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE_MOTION_TOLERANCE) @ (s[:, None] * rhs))
         else:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
 
     def at(self, Omega: float) -> LinearStructure:
-        """The structure at a frequency of the excitation, with its modes: itself."""
+        """Return the structure at a frequency of the excitation, with its modes: itself without speed terms."""
         return self
 
     def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
+        """Return G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
         return self.response(Omega, ratio, self.W)
 
     def transfer(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/ds (P, m, m) at exponents s (P,).
+        """Return G and dG/ds (P, m, m) at exponents s (P,).
 
         Raises
         ------
         ValueError
-            If one of these is a pole, or there are no modes.
+            If an exponent is a pole, or the structure has no modes.
         """
         if self.modes is None:
             raise ValueError("Hill's determinant needs the modes of the structure, which is too large for them")
@@ -451,12 +472,12 @@ class LinearStructure:
         )
 
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D^-1 F and its derivative in Omega, (P, m, c) each, at frequencies Omega ratio (P,), of F (n, c)."""
+        """Return W^T D^-1 F and its derivative in Omega, (P, m, c), of F (n, c) at frequencies Omega ratio (P,)."""
         Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))
         return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
+        """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
         Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
         dQ = np.array([
             -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
@@ -465,8 +486,26 @@ class LinearStructure:
         return Q, dQ
 
 
+def _describe_unsupported(structure: LinearStructure) -> str:
+    """Return the error message for an element that no stiffness holds."""
+    measured = np.abs(structure.W.T @ structure.free)
+    element, motion = np.unravel_index(int(np.argmax(measured)), measured.shape)
+    return (
+        f"element '{structure.system.elements[int(element)].name}' measures a motion that no stiffness holds "
+        f"({_motion_text(structure, structure.free[:, motion])}): its mean is arbitrary; give the law a "
+        "stiffness, or support that motion in K"
+    )
+
+
+def _motion_text(structure: LinearStructure, r: Array) -> str:
+    """Return the largest coordinates of a motion (n,) as text."""
+    r = r / r[np.argmax(np.abs(r))]
+    order = np.argsort(-np.abs(r))[:6]
+    return ", ".join(f"{structure.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
+
+
 class _LoadPart(NamedTuple):
-    """One harmonic Omega^power Re(amplitudes exp(i k theta)) of a load, amplitudes (n,); k is order number ``at``."""
+    """One harmonic Omega^power Re(amplitudes exp(i k theta)) of a load, amplitudes (n,); ``at`` is the index of k."""
 
     power: int
     at: int
@@ -474,18 +513,23 @@ class _LoadPart(NamedTuple):
 
 
 class Receptance:
-    """The linear part of the balance for harmonics 0..H of the basis frequency Omega / nu, or some of them.
+    """Linear part of the balance for harmonics 0..H of the basis frequency Omega / nu, or a selection of them.
 
     Parameters
     ----------
-    structure : `LinearStructure`.
-    system : the system, for its loads and prescribed displacements.
-    H, nu : harmonics of the basis and its subharmonic order.
-    orders : (K+1,) those of the basis harmonics 0..H that are unknowns; all by default.
+    structure : LinearStructure
+        Structure of the system.
+    system : System
+        System with the loads and prescribed displacements.
+    H, nu : int
+        Number of harmonics of the basis, and its subharmonic order.
+    orders : ndarray, shape (K + 1,), optional
+        Basis harmonics among 0..H that are unknowns; all by default.
 
     Attributes
     ----------
-    numbers : the same for kernels; without poles where receptances are solved for directly.
+    numbers : PackedLinearPart
+        Arrays for kernels, without poles if the receptances are computed by direct solutions.
     """
 
     def __init__(
@@ -498,15 +542,16 @@ class Receptance:
             c = to_complex(stretch(element.displacement.row(H // nu), nu))
             e[: len(c), j] = c
         self.e = np.ascontiguousarray(e[self.k])
-        place = {k: i for i, k in enumerate(self.k.tolist())}
+        index = {k: i for i, k in enumerate(self.k.tolist())}
         self._loads: list[_LoadPart] = []
         for load in system.loads:
             for order, amplitudes in load.complex(system.n).items():
-                if order * nu in place:
-                    self._loads.append(_LoadPart(load.power, place[order * nu], amplitudes))
-        self.numbers = self._numbers()
+                if order * nu in index:
+                    self._loads.append(_LoadPart(load.power, index[order * nu], amplitudes))
+        self.numbers = self._pack()
 
-    def _numbers(self) -> PackedLinearPart:
+    def _pack(self) -> PackedLinearPart:
+        """Return the arrays for kernels."""
         structure, m = self.structure, self.structure.m
         poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
         if structure.modal and structure.modes is not None:
@@ -524,14 +569,14 @@ class Receptance:
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
-        """Load harmonics (K+1, n) at Omega."""
+        """Return the load harmonics (K + 1, n) at Omega."""
         F = np.zeros((len(self.k), self.structure.n), dtype=complex)
         for part in self._loads:
             F[part.at] += Omega**part.power * part.amplitudes
         return F
 
     def at(self, Omega: float) -> LinearPart:
-        """Z_k, g_k and their derivatives in Omega."""
+        """Return Z_k, g_k and their derivatives in Omega."""
         out = LinearPart.zero(len(self.k), self.structure.m)
         if self.structure.modal:
             from hbgear.harmonic.structure.receptance_kernels import linear_part
@@ -539,22 +584,22 @@ class Receptance:
             linear_part(self.numbers, float(Omega), *out)
             if not np.isfinite(out.matrices).all():
                 raise ValueError(
-                    f"at Omega = {Omega:g} the structure does not give way to its elements at all, or without end: "
-                    "numbers of the model lie too far apart; check their units"
+                    f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
+                    "values of the model differ by too many orders of magnitude; check their units"
                 )
         else:
-            self._directly(Omega, out)
+            self._fill_directly(Omega, out)
         return out
 
-    def _directly(self, Omega: float, out: LinearPart) -> None:
-        """The same by solving for the receptances."""
+    def _fill_directly(self, Omega: float, out: LinearPart) -> None:
+        """Fill the linear part at Omega from receptances that are computed by direct solutions."""
         s, ratio = self.structure, self.k / self.nu
         w, m = Omega * ratio, s.m
         amplitudes = np.array([part.amplitudes for part in self._loads]).reshape(-1, s.n)
         x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
         G, dG = x[..., :m], dx[..., :m]
         Y, dY = out.matrices
-        own = np.ix_(np.arange(len(w)), s.own, s.own) if s.tied else ...
+        own = np.ix_(np.arange(len(w)), s.own, s.own) if s.constrained else ...
         Y[own] = np.linalg.inv(G[own])
         dY[own] = -(Y[own] @ dG[own] @ Y[own])
         constants = out.constants
@@ -571,7 +616,7 @@ class Receptance:
         Y -= np.diag(s.kr)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
-        """Harmonics q_k (K+1, n) of all coordinates from those of the gaps d and of the law forces f, (K+1, m) each.
+        """Return harmonics q_k (K + 1, n) of the coordinates from displacements d and law forces f, (K + 1, m) each.
 
         q_k = D_k^-1 (F_k - W (f_k - kr d_k - (kr + i w c) e_k))
         """

@@ -1,4 +1,7 @@
-"""Kernels: receptances and dynamic stiffnesses of the linear structure."""
+"""Kernels: receptances and dynamic stiffnesses of the linear structure.
+
+G(w) = sum_r a_r b_r^T / (i w - lambda_r),   Z = G^-1 - kr
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,14 @@ from hbgear.common.process.compiling import kernel
 
 @kernel
 def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
-    """sum_r residue_r / (i w - pole_r) of N rows at K frequencies w, and i times the derivative in w: sums (4, N, K).
+    """Fill sums (4, N, K) with N receptances sum_r residue_r / (i w - pole_r) at K frequencies w.
 
-    They are real and imaginary part of the one and of the other. each : (2, K) room.
+    sums[0] and sums[1] are the real and imaginary parts, sums[2] and sums[3] those of i times the derivative in w.
+    each (2, K) is working memory.
     """
     sums[:, :, :] = 0.0
     for r in range(poles.shape[1]):
-        for k in range(w.shape[0]):  # all frequencies together, several of them at once
+        for k in range(w.shape[0]):  # the inner loop over frequencies is vectorized
             a, b = -poles[0, r], w[k] - poles[1, r]
             size = 1.0 / (a * a + b * b)
             each[0, k], each[1, k] = a * size, -b * size
@@ -35,7 +39,10 @@ def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
 
 @kernel
 def _invert(A: Any, out: Any) -> None:
-    """A^-1 of K complex matrices (K, m, m), by Gauss and Jordan with exchanges of rows; A is lost. nan if singular."""
+    """Compute the inverses of K complex matrices (K, m, m) by Gauss-Jordan elimination with pivoting; A is overwritten.
+
+    The inverse of a singular matrix is nan.
+    """
     m = A.shape[1]
     for n in range(A.shape[0]):
         for i in range(m):
@@ -60,12 +67,13 @@ def _invert(A: Any, out: Any) -> None:
 
 @kernel
 def _size(z: complex) -> float:
+    """Return |Re z| + |Im z|, which needs no square root."""
     return abs(z.real) + abs(z.imag)
 
 
 @kernel
 def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
-    """out = factor A B of K matrices (K, m, m)."""
+    """Set out to factor A B for K matrices (K, m, m)."""
     m = A.shape[1]
     for n in range(A.shape[0]):
         for i in range(m):
@@ -78,7 +86,7 @@ def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
 
 @kernel
 def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
-    """`fill_linear_part` for calls from Python."""
+    """Call `fill_linear_part` from Python, with working memory of its own."""
     K, m = linear.orders.shape[0], matrices.shape[2]
     sums, work = np.empty((4, linear.residues.shape[0], K)), np.empty((3, K, m, m), np.complex128)
     fill_linear_part(linear, Omega, np.empty(K), np.empty((2, K)), sums, work, matrices, constants)
@@ -88,7 +96,10 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
 def fill_linear_part(
     linear: Any, Omega: float, w: Any, each: Any, sums: Any, work: Any, matrices: Any, constants: Any
 ) -> None:
-    """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders; the rest is as of `Workspace`."""
+    """Fill matrices with Z and dZ/dOmega (2, K + 1, m, m) and constants with g and dg/dOmega (2, K + 1, m).
+
+    w, each, sums and work are working memory, see `Workspace`.
+    """
     m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
     K = orders.shape[0]
     for k in range(K):
@@ -120,9 +131,9 @@ def fill_linear_part(
 
 @kernel
 def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
-    """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
+    """Fill matrices with Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders; nan where G is singular."""
     K, m = orders.shape[0], matrices.shape[2]
-    if m == 1:  # the usual case
+    if m == 1:  # most models have one element
         for k in range(K):
             G, dG = complex(sums[0, 0, k], sums[1, 0, k]), complex(sums[3, 0, k], -sums[2, 0, k])
             Y = 1.0 / G if G != 0.0 else complex(math.nan, math.nan)

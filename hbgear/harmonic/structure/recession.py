@@ -1,9 +1,9 @@
-"""What a machine becomes for motions far larger than every length of it: its recession.
+"""Recession of a system: the limit of its laws for motions much larger than all lengths of the model.
 
     p_far(d, v, tau) = lim p(r d, r v, tau) / r,   r -> inf
 
-Gaps shrink to nothing beside such motions, and loads and prescribed displacements vanish beside the forces: what is
-left is homogeneous, and linear where a law is equally stiff on both sides, as backlash is (all teeth always in mesh).
+Gaps, loads and prescribed displacements are negligible for such motions. The limit p_far is homogeneous of degree one.
+It is linear if a law has equal stiffness on both sides, as with backlash (all teeth always in mesh).
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLi
 from hbgear.mechanics.models import Load, Model, System
 from hbgear.mechanics.series.fourier import Series
 
-_FAR = 1e12  # lengths, in whatever unit, beside which any gap is nothing
+_RECESSION_LENGTH = 1e12
+"""Displacement, in the unit of the model, at which a law is evaluated as its limit: any gap is negligible."""
 
-
-_SAME = 1e-6  # difference of the stiffness at two such lengths, relative, of a law that has a recession
+_RECESSION_TOLERANCE = 1e-6
+"""Largest relative change of p / r between r = 1e10 and 1e12 for which a law has a recession."""
 
 
 def recession(law: Law) -> Law | None:
-    """The law that holds for motions without bound; None if its force does not grow in proportion there (a cubic)."""
+    """Return the limit of a law for large motions; None if the force is not proportional to them, as of a cubic law."""
     if law.piecewise is not None:
         springs = tuple(_spring(spring) for spring in law.piecewise)
         return springs[0] if len(springs) == 1 else Parallel(springs)
     if type(law) is Cubic:
         return None if law.k3 else PiecewiseLinear((), (law.k1,))
-    far = _Far(law)
-    return far if far.settled else None
+    limit = _ScaledLaw(law)
+    return limit if limit.is_proportional else None
 
 
 def receded(system: System) -> System | None:
-    """The system far out: no gaps, no loads, no prescribed displacements; None if a law has no recession."""
+    """Return the system without gaps, loads and prescribed displacements; None if a law has no recession."""
     elements = []
     for element in system.elements:
         law = recession(element.law)
@@ -50,13 +51,19 @@ def receded(system: System) -> System | None:
 
 
 def longest(system: System) -> float:
-    """The largest length that laws and prescribed displacements of a system know; 0 if they know none."""
-    corners = [abs(x) for element in system.elements for x in element.law.breakpoints]
-    return max([*corners, *(e.displacement.bound for e in system.elements)], default=0.0)
+    """Return the largest breakpoint or bound of a prescribed displacement in a system; 0 without any."""
+    breakpoints = [abs(x) for element in system.elements for x in element.law.breakpoints]
+    return max([*breakpoints, *(e.displacement.bound for e in system.elements)], default=0.0)
 
 
 class Receded(Model):
-    """A model as it is far out, at any of its parameters; every law of it must have a recession."""
+    """Recession of a model, at any of its parameters.
+
+    Parameters
+    ----------
+    model : Model
+        Model whose laws all have a recession.
+    """
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -67,14 +74,14 @@ class Receded(Model):
 
     @property
     def ranges(self) -> Mapping[str, Range]:  # type: ignore[override]
-        """Those of the model."""
+        """Ranges of the parameters of the model."""
         return self.model.ranges
 
     def replace(self, /, **changes: float) -> Self:
         return type(self)(self.model.replace(**changes))
 
     def system(self) -> System:
-        """The system far out.
+        """Return the recession of the system of the model.
 
         Raises
         ------
@@ -83,11 +90,12 @@ class Receded(Model):
         """
         system = receded(self.model.system())
         if system is None:
-            raise ValueError(f"a law of {self.model!r} does not grow in proportion to the motion")
+            raise ValueError(f"a law of {self.model!r} has no recession: its force does not grow in proportion")
         return system
 
 
 def _spring(spring: PiecewiseLinear) -> PiecewiseLinear:
+    """Return the recession of a piecewise-linear spring: its outermost slopes, with breakpoint 0 if they differ."""
     left, right = spring.slopes[0], spring.slopes[-1]
     if left == right:
         return PiecewiseLinear((), (left,), stiffness=spring.stiffness)
@@ -95,8 +103,8 @@ def _spring(spring: PiecewiseLinear) -> PiecewiseLinear:
 
 
 @dataclass(frozen=True)
-class _Far(Law):
-    """Any law, asked at lengths beside which its own are nothing."""
+class _ScaledLaw(Law):
+    """Recession of any law, p(r d, r v, tau) / r at r = 1e12."""
 
     law: Law
 
@@ -113,16 +121,17 @@ class _Far(Law):
         return (0.0,)
 
     @property
-    def settled(self) -> bool:
-        """Whether the force is proportional to the motion at such lengths."""
+    def is_proportional(self) -> bool:
+        """Whether p / r agrees at r = 1e10 and r = 1e12."""
         d, v, tau = (x.ravel() for x in np.meshgrid([-1.0, 1.0], [-1.0, 0.0, 1.0], np.arange(8.0)))
         with np.errstate(all="ignore"):
-            near, far = (np.asarray(self._at(r, d, v, tau)[0]) for r in (1e-2 * _FAR, _FAR))
-        return bool(np.all(np.abs(near - far) <= _SAME * self.reference))  # not of what is not finite
+            near, far = (np.asarray(self._at(r, d, v, tau)[0]) for r in (1e-2 * _RECESSION_LENGTH, _RECESSION_LENGTH))
+        return bool(np.all(np.abs(near - far) <= _RECESSION_TOLERANCE * self.reference))  # False if not finite
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        return self._at(_FAR, d, v, tau)
+        return self._at(_RECESSION_LENGTH, d, v, tau)
 
     def _at(self, r: float, d: Array, v: Array, tau: Array) -> Forces:
+        """Return p(r d, r v, tau) / r and the slopes there."""
         p, dd, dv = self.law.force(r * d, r * v, tau)
         return p / r, dd, dv

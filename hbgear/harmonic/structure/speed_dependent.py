@@ -1,13 +1,13 @@
-"""The linear part of a structure that depends on speed.
+"""Structures whose stiffness and damping depend on speed, for example by gyroscopic terms.
 
     D(w, Omega) = K(Omega) + i w C(Omega) - w^2 M,   w = (k / nu) Omega
 
-with the reference springs and dampers of the elements in K and C. Receptances are solved for directly, in one batch of
-all harmonics; with left and right solutions L = W^T D^-1 and Q = D^-1 F,
+K and C include the reference springs and dampers of the elements. Receptances are computed by direct solutions, in one
+batch for all harmonics. With the left and right solutions L = W^T D^-1 and Q = D^-1 F, the derivative
 
     d(W^T Q)/dOmega = -L D' Q,   D' = K' + i w C' + i (k / nu) C - 2 w (k / nu) M
 
-takes no more. Where modes are needed, for stability and time integration, they are those of the structure at one Omega.
+needs no further solution. Stability and time integration use the modes of the structure at one value of Omega.
 """
 
 from __future__ import annotations
@@ -20,16 +20,22 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
 from hbgear.mechanics.models import System
 
-_KEPT = 16  # structures at one Omega: the points of a curve that are looked at together
+_CACHED_SPEEDS = 16
+"""Number of speeds whose structures are cached: the points of a branch that are evaluated together."""
 
 
 class SpeedDependentStructure(LinearStructure):
     """A `LinearStructure` whose C and K depend on Omega.
 
+    Parameters
+    ----------
+    system : System
+        System with speed-dependent terms, of at most 1500 coordinates.
+
     Raises
     ------
     ValueError
-        If M is singular, or there are too many coordinates to solve for them at every frequency.
+        If M is singular, or the system has too many coordinates for a direct solution at every frequency.
     """
 
     spins = True
@@ -42,17 +48,18 @@ class SpeedDependentStructure(LinearStructure):
             )
         assert system.speed is not None
         self._speed = system.speed
-        self._whole: LRUCache[LinearStructure] = LRUCache(_KEPT)
+        self._structures: LRUCache[LinearStructure] = LRUCache(_CACHED_SPEEDS)
         self._free: bool | None = None
         super().__init__(system)
 
     def _close(self, system: System) -> None:
+        """Set K at standstill with the reference springs; modes exist at one Omega only, see `at`."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
         self.modes, self.parted = None, False
 
     def at(self, Omega: float) -> LinearStructure:
-        """The structure at one Omega, with its modes."""
-        return self._whole.get(Omega, lambda: LinearStructure(self.system.at_speed(Omega)))
+        """Return the structure at one Omega, with its modes."""
+        return self._structures.get(Omega, lambda: LinearStructure(self.system.at_speed(Omega)))
 
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         C, K = (A + dense(B) for A, B in zip((self.C, self.K), self._speed.at(Omega, self.n), strict=True))
@@ -61,7 +68,7 @@ class SpeedDependentStructure(LinearStructure):
         D = K + 1j * w * C - w**2 * self.M
         dD = dK + 1j * w * dC + 1j * r * C - 2 * w * r * self.M
         Q, L = np.empty((len(ratio), *F.shape), dtype=complex), np.empty((len(ratio), self.n, self.m), dtype=complex)
-        moving = ratio > 0 if self._loose(K) else np.full(len(ratio), True)
+        moving = ratio > 0 if self._has_free_motion(K) else np.full(len(ratio), True)
         Q[moving] = np.linalg.solve(D[moving], np.broadcast_to(F, Q[moving].shape))
         L[moving] = np.linalg.solve(D[moving].transpose(0, 2, 1), np.broadcast_to(self.W, L[moving].shape))
         if not moving.all():
@@ -70,10 +77,10 @@ class SpeedDependentStructure(LinearStructure):
         Lt = L.transpose(0, 2, 1)
         return self.W.T @ Q, -(Lt @ (dD @ Q))
 
-    def _loose(self, K: Array) -> bool:
-        """Whether something moves freely, judged once, as the loads are held against it.
+    def _has_free_motion(self, K: Array) -> bool:
+        """Return whether the structure has a free motion; check the loads on it at the first call.
 
-        Where nothing does, K can be singular at single speeds only, as D can at any other harmonic.
+        Without one, K is singular at isolated speeds only, as D can be at any other harmonic.
         """
         if self._free is None:
             closed, self.K = self.K, K
@@ -86,7 +93,7 @@ class SpeedDependentStructure(LinearStructure):
         return self._free
 
     def _flexibility(self, K: Array) -> Array:
-        """The inverse of K without its free motions."""
+        """Return the pseudo-inverse of K, scaled by the masses."""
         s = self._scale
         inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=1e-12) * s
         return inverse
