@@ -192,7 +192,7 @@ class Model(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Reaction:
+class Reaction:  # numpydoc ignore=PR02
     """Force of a linear support on the structure, in one direction or in several directions with one resultant.
 
         F = stiffness q + damping q'
@@ -234,7 +234,7 @@ MAX_PARAMETER = 1e60
 
 
 @dataclass(frozen=True)
-class Element:
+class Element:  # numpydoc ignore=PR02
     """Scalar element: direction, law, damper, prescribed displacement.
 
         d = direction^T q - displacement(tau),   force on the structure  -direction [law(d, d', tau) + damping d']
@@ -295,7 +295,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Load:
+class Load:  # numpydoc ignore=PR02
     """Periodic load on the coordinates.
 
         F(tau) = Omega^power (constant + sum_l cosine[l] cos(l tau) + sine[l] sin(l tau))
@@ -380,7 +380,7 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class System(Model):
+class System(Model):  # numpydoc ignore=PR02
     """Equations of motion from matrices. Every model is reduced to this form, which is a model itself.
 
     Parameters

@@ -12,7 +12,7 @@ from hbgear.mechanics.models import Element, Load, Model, System
 
 
 @dataclass(frozen=True)
-class Duffing(Model):
+class Duffing(Model):  # numpydoc ignore=PR02
     """Duffing oscillator.
 
         x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t

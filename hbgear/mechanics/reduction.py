@@ -36,7 +36,7 @@ from hbgear.mechanics.reference_stiffness import references
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class Reduction:  # numpydoc ignore=PR02
     """Reduced system, and the transformation to the full coordinates.
 
     Parameters

@@ -19,7 +19,7 @@ _C_FUNCTION: Any = ctypes.CFUNCTYPE(None).__mro__[1]
 
 
 @dataclass(frozen=True)
-class CompiledLaw(Law):
+class CompiledLaw(Law):  # numpydoc ignore=PR02
     """A law of the user with a compiled force, as fast as the laws of hbgear.
 
     The force is sampled at N instants per period like a `Law` written in Python, but compiled loops call it directly.

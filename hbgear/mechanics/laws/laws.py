@@ -177,7 +177,7 @@ class Law(ABC):
 
 
 @dataclass(frozen=True)
-class Cubic(Law):
+class Cubic(Law):  # numpydoc ignore=PR02
     """Cubic spring.
 
         p(d) = k1 d + k3 d^3
@@ -223,7 +223,7 @@ class Cubic(Law):
 
 
 @dataclass(frozen=True)
-class PiecewiseLinear(Law):
+class PiecewiseLinear(Law):  # numpydoc ignore=PR02
     """Continuous piecewise-linear spring times a periodic stiffness.
 
         p(d, tau) = stiffness(tau) g(d),   dg/dd = slopes[i] between corners[i-1] and corners[i],   g(0) = force_at_zero
@@ -405,7 +405,7 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Phased = _CONSTANT_S
 
 
 @dataclass(frozen=True)
-class Parallel(Law):
+class Parallel(Law):  # numpydoc ignore=PR02
     """Sum of several laws that act on one element.
 
         p(d, v, tau) = sum_i laws[i](d, v, tau)

@@ -220,7 +220,7 @@ MOST_HARMONICS = 10_000
 
 
 @dataclass(frozen=True)
-class Series:
+class Series:  # numpydoc ignore=PR02
     """Prescribed periodic function of the phase tau, given by its Fourier coefficients.
 
         s(tau) = mean + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)

@@ -55,7 +55,7 @@ def rule() -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Periodic:
+class Periodic:  # numpydoc ignore=PR02
     """Prescribed periodic function of the phase tau with breakpoints: a polynomial on each segment between them.
 
         f(tau) = sum_q coefficients[i][q] (tau - phases[i])^q     from phases[i] to phases[i + 1]

@@ -77,7 +77,7 @@ def _index_of(names: Sequence[str], name: Any) -> int:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Receptances:
+class Receptances:  # numpydoc ignore=PR02
     """Displacements per force at p coordinates of a linear structure, at frequencies; a cubic spline between them.
 
     Parameters

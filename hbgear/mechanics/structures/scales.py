@@ -20,7 +20,7 @@ Numbers = TypeVar("Numbers", float, Array)
 
 
 @dataclass(frozen=True)
-class Scales:
+class Scales:  # numpydoc ignore=PR02
     """Units of a dimensionless gear model.
 
     Parameters

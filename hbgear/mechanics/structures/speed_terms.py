@@ -34,7 +34,7 @@ _SYMMETRY_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class MatrixTable:
+class MatrixTable:  # numpydoc ignore=PR02
     """Table of matrices over Omega, interpolated with a continuous derivative and without overshoot.
 
     Every entry is interpolated by monotone cubic polynomials (PCHIP).
@@ -121,7 +121,7 @@ OverSpeed: TypeAlias = MatrixTable | Callable[[float], Any]
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedTerms:
+class SpeedTerms:  # numpydoc ignore=PR02
     """Terms in addition to constant M, C and K:  C + s Omega G + C_b(Omega),  K + K_b(Omega).
 
     Parameters
