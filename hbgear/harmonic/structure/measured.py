@@ -14,7 +14,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
 from hbgear.mechanics.models import System
 
-STABILITY_NOT_AVAILABLE = "not available: measured receptances do not tell how a disturbance dies out"
+STABILITY_NOT_AVAILABLE = "not available: measured receptances do not determine how a disturbance decays"
 
 
 class MeasuredStructure(LinearStructure):
