@@ -34,10 +34,10 @@ from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model, System
 
-_MAX_COORDINATES = 1500
+_MAX_EIGENVALUE_COORDINATES = 1500
 """Largest number of coordinates; all modes are computed by a dense eigenvalue solver."""
 
-_SLOPE_PHASES = 256
+_STIFFNESS_PHASES = 256
 """Number of phases of a period over which the slope of a law is averaged."""
 
 _CLOSED_DISTANCE_RATIO = 1e3
@@ -190,9 +190,9 @@ def campbell(
     for name, order in named.items():
         checked("campbell", f"order '{name}'", order, POSITIVE)
     system = model.system()
-    if system.n > _MAX_COORDINATES:
+    if system.n > _MAX_EIGENVALUE_COORDINATES:
         raise ValueError(
-            f"campbell: the model has {system.n} coordinates, need at most {_MAX_COORDINATES} to compute all modes; "
+            f"campbell: the model has {system.n} coordinates, need at most {_MAX_EIGENVALUE_COORDINATES} to compute all modes; "
             "reduce the model with hb.mechanics.reduce"
         )
     if system.speed is not None and (first not in system.speed.range or last not in system.speed.range):
@@ -270,9 +270,11 @@ def _equilibrium_stiffness(
 
 def _mean_slope(law: Law, closed: bool) -> float:
     """Return the mean slope of a law over a period at zero displacement, or beyond all breakpoints if it is closed."""
-    tau = 2 * np.pi * np.arange(_SLOPE_PHASES) / _SLOPE_PHASES
+    tau = 2 * np.pi * np.arange(_STIFFNESS_PHASES) / _STIFFNESS_PHASES
     outside = _CLOSED_DISTANCE_RATIO * max(1.0, *map(abs, law.breakpoints)) if closed and law.breakpoints else 0.0
-    slopes = (law.force(np.full(_SLOPE_PHASES, d), np.zeros(_SLOPE_PHASES), tau)[1] for d in (outside, -outside))
+    slopes = (
+        law.force(np.full(_STIFFNESS_PHASES, d), np.zeros(_STIFFNESS_PHASES), tau)[1] for d in (outside, -outside)
+    )
     return max(float(slope.mean()) for slope in slopes)
 
 

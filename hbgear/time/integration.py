@@ -80,7 +80,7 @@ def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) ->
     return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0]])
 
 
-_MAX_SAMPLES = 10_000_000
+_MAX_RECORDED_SAMPLES = 10_000_000
 """Largest number of samples [-] of one motion; their memory is 80 MB per element and quantity."""
 
 
@@ -143,7 +143,7 @@ def integrate(
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
     counted("periods", periods)
     counted("samples", samples)
-    counted("periods * samples", periods * samples, _MAX_SAMPLES)
+    counted("periods * samples", periods * samples, _MAX_RECORDED_SAMPLES)
     checked("integrate", "phase", phase)
     checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
     phase, tolerance = float(phase), float(tolerance)  # they may be instances of Fraction

@@ -12,7 +12,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
-from hbgear.cli.commands.shares import ROUNDING, MaxRows, Saved, show_shares
+from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -133,7 +133,7 @@ def scatter(
         else:
             print("the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):
-            if not np.nanmax(np.abs(effect)) > ROUNDING:
+            if not np.nanmax(np.abs(effect)) > SHARE_ROUNDING:
                 print(f"{name} has no effect on the curve")
         i = int(np.nanargmax(band.deviation))
         print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "

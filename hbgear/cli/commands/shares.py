@@ -19,7 +19,7 @@ MaxRows = Annotated[int, typer.Option("--max-rows", min=1, help="Number of param
 
 Saved = Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")]
 
-ROUNDING = 1e-6
+SHARE_ROUNDING = 1e-6
 """Relative derivative that counts as zero: derivatives of a cusp are accurate to about 1e-7."""
 
 
@@ -41,7 +41,9 @@ def show_shares(found: Sensitivity, quantity: str, max_rows: int, output: Path |
 def _print(found: Sensitivity, quantity: str, max_rows: int) -> None:
     shares = {name: found.percent(name) for name in found.quantities}
     print(f"{found.label}: " + ", ".join(f"{q} = {found.size(q):.6g}" for q in found.quantities))
-    known = [name for name in shares[quantity] if any(not abs(share[name]) < ROUNDING for share in shares.values())]
+    known = [
+        name for name in shares[quantity] if any(not abs(share[name]) < SHARE_ROUNDING for share in shares.values())
+    ]
     rows = [
         [name, f"{found.values[found.parameters.index(name)]:.6g}", *(_percent_text(shares[q][name]) for q in shares)]
         for name in known[:max_rows]

@@ -20,7 +20,7 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 
-MAX_ITERATIONS = 12
+MAX_ASYMPTOTE_ITERATIONS = 12
 """Maximum number of Newton iterations on the limit equations."""
 
 
@@ -105,7 +105,7 @@ def _limit_solution(
     """
     allowed, size = far.range_of(name), abs(p) or 1.0
     across = y = y / norm(y)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_ASYMPTOTE_ITERATIONS):
         now = linearise(far, y, name, {**fixed, name: p})
         if norm(now.R) <= SOLUTION_RESIDUAL * size * norm(now.dR_dp):
             return y, p

@@ -22,7 +22,7 @@ from hbgear.continuation.problem.base import ContinuationProblem, linearise, obs
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
 
-MAX_ITERATIONS = 12
+MAX_REFINEMENT_ITERATIONS = 12
 """Maximum number of Newton iterations at a point."""
 
 RESIDUAL_TOLERANCE = 1e-11
@@ -59,7 +59,7 @@ def nearest_solution(
     """
     at, scale = dict(here), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
     scale[-1] = problem.unit_of(name, here[name])
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_REFINEMENT_ITERATIONS):
         now = linearise(problem, X, name, at)
         if norm(now.R) <= RESIDUAL_TOLERANCE * now.size:
             return X, at[name]

@@ -21,6 +21,11 @@ from hbgear.continuation.problem.base import ContinuationProblem
 _Event = TypeVar("_Event", bound=Event | type[Event])
 
 
+def _always(problem: ContinuationProblem, parameter: str) -> bool:
+    """Return True: the event can be located on all curves."""
+    return True
+
+
 @dataclass(frozen=True)
 class RegisteredEvent:
     """Entry of the registry.
@@ -46,7 +51,7 @@ class RegisteredEvent:
     meaning: str
     default: bool
     origin: str
-    applies: Callable[[ContinuationProblem, str], bool] = lambda problem, parameter: True
+    applies: Callable[[ContinuationProblem, str], bool] = _always
 
 
 EVENTS: dict[str, RegisteredEvent] = {}

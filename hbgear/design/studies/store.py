@@ -29,7 +29,7 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
 from hbgear.io.branches.archive import archive_of
 
-SCHEMA = 1
+STORE_SCHEMA = 1
 """Version of the file format."""
 
 
@@ -50,7 +50,7 @@ class Result:
 
 def key_of(inputs: Mapping[str, Any]) -> str:
     """Return the key of a case: a hash of its inputs, with all digits, and of the schema."""
-    text = json.dumps({"schema": SCHEMA, **inputs}, sort_keys=True)
+    text = json.dumps({"schema": STORE_SCHEMA, **inputs}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -76,7 +76,7 @@ class Store:
     def __init__(self, folder: str | os.PathLike[str], study: Mapping[str, Any]) -> None:
         self.folder = Path(folder)
         file = self.folder / "study.json"
-        head = {"schema": SCHEMA, "hbgear": __version__, "study": json.loads(json.dumps(study))}
+        head = {"schema": STORE_SCHEMA, "hbgear": __version__, "study": json.loads(json.dumps(study))}
         self._versions_known = True
         # functions of os.path return False for a name that is too long
         if os.path.exists(file) and not os.path.isfile(file):

@@ -66,7 +66,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     """Return the static state from Newton's method that starts at displacements d (m,)."""
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
-    for _ in range(_MAX_ITERATIONS):
+    for _ in range(_MAX_STATIC_ITERATIONS):
         p, k = _mean_force_and_stiffness(compiled.laws, d)
         r = joint @ (Z @ d + g + p) + ties @ (d + e)
         terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
@@ -86,7 +86,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     return Static(d, k, True, least > _ZERO_STIFFNESS_RATIO * size, abs(least) <= _ZERO_STIFFNESS_RATIO * size)
 
 
-_MAX_ITERATIONS = 50
+_MAX_STATIC_ITERATIONS = 50
 """Maximum number of Newton iterations for a static state."""
 
 _RESIDUAL_ROUNDING = 1e-13

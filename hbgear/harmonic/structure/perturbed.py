@@ -25,7 +25,7 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.structure.receptance import LinearStructure, Modes, UnbalancedLoadError, dense
 from hbgear.mechanics.models import System
 
-_MAX_COORDINATES = 300
+_MAX_EXPANDED_COORDINATES = 300
 """Number of coordinates up to which D^-1 at all harmonics is cached; it takes n^2 numbers per harmonic."""
 
 _CACHED_FREQUENCY_LISTS = 4
@@ -64,7 +64,7 @@ class FirstOrderExpansion:
     @staticmethod
     def is_possible(structure: LinearStructure) -> bool:
         """Return whether a structure has modal receptances and at most 300 coordinates."""
-        return structure.modal and structure.n <= _MAX_COORDINATES
+        return structure.modal and structure.n <= _MAX_EXPANDED_COORDINATES
 
     def of(self, system: System) -> LinearStructure:
         """Return the structure of a perturbed system, to first order if its size is the same, else exactly."""

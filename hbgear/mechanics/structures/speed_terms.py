@@ -24,7 +24,7 @@ from hbgear.mechanics.structures.matrices import Matrix, square
 _MAX_EXTRAPOLATION = 0.02
 """Fraction of the width of a table by which Newton iterations may exceed its ends [-]."""
 
-_RELATIVE_STEP = 1e-3
+_SPEED_STEP = 1e-3
 """Step of finite differences over Omega [-]; their relative error is its fourth power."""
 
 _ALLOWED_RATIOS = Range(-1e6, 1e6)  # far beyond any gear
@@ -270,6 +270,6 @@ def _slope(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
         return 0.0
     if isinstance(term, MatrixTable):
         return term.slope(Omega)
-    h = _RELATIVE_STEP * Omega
+    h = _SPEED_STEP * Omega
     near, far = ((_value(name, term, Omega + d, n) - _value(name, term, Omega - d, n)) / (2 * d) for d in (h, 2 * h))
     return (4 * near - far) / 3
