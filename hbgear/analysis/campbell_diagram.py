@@ -192,8 +192,8 @@ def campbell(
     system = model.system()
     if system.n > _MAX_EIGENVALUE_COORDINATES:
         raise ValueError(
-            f"campbell: the model has {system.n} coordinates, need at most {_MAX_EIGENVALUE_COORDINATES} to compute all modes; "
-            "reduce the model with hb.mechanics.reduce"
+            f"campbell: the model has {system.n} coordinates, need at most {_MAX_EIGENVALUE_COORDINATES} to compute "
+            "all modes; reduce the model with hb.mechanics.reduce"
         )
     if system.speed is not None and (first not in system.speed.range or last not in system.speed.range):
         raise ValueError(

@@ -358,7 +358,7 @@ DOUBLE_MULTIPLIER_DISTANCE = 1e-6
 """Distance up to which two multipliers on the unit circle are equal."""
 
 
-MAX_EXTRAPOLATION = 4.0
+MAX_CONTACT_EXTRAPOLATION = 4.0
 """Lengths of the last segment within which a contact beyond it is searched."""
 
 
@@ -424,7 +424,7 @@ class GrazingEvent(Event):
             distances = np.where(before * after > 0, after / (before - after), np.inf)
         distances[~(distances > 0)] = np.inf
         which = int(np.argmin(distances)) if distances.size else 0
-        if not distances.size or distances[which] > MAX_EXTRAPOLATION:
+        if not distances.size or distances[which] > MAX_CONTACT_EXTRAPOLATION:
             return None
         problem: Any = segment.problem
         extended = GrazingProblem(problem, segment.name, which)
@@ -433,7 +433,7 @@ class GrazingEvent(Event):
         except (NoConvergence, np.linalg.LinAlgError):
             return None
         s = segment.fraction_of(u)
-        is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_EXTRAPOLATION * segment.length
+        is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_CONTACT_EXTRAPOLATION * segment.length
         point = replace(singular(segment, u, segment.b), parameter_direction=segment.b.parameter_direction)
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 

@@ -81,7 +81,7 @@ _CANCELLATION_RATIO = 1e-5
 _MIN_DISPLACEMENT_RATIO = 1e-9
 """Displacement of an element in a unit motion, relative to the largest possible, that counts as rounding."""
 
-_MAX_MODAL_CONDITION = 1e8
+_MAX_EIGENVECTOR_CONDITION = 1e8
 """Condition number of the eigenvectors above which receptances are computed by direct solutions."""
 
 
@@ -265,7 +265,7 @@ class LinearStructure:
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self.check_balance(system)
             modes = self._decompose(part)
-            if modes.condition < _MAX_MODAL_CONDITION:
+            if modes.condition < _MAX_EIGENVECTOR_CONDITION:
                 break
         if modes is None:  # laws without stiffness leave a free motion
             raise ValueError(_describe_unsupported(self))
@@ -308,7 +308,7 @@ class LinearStructure:
             delta = 0.5 * np.diag(D)
             mixed = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
             gap = 2 * np.sqrt((delta**2 - squares).astype(complex))
-            near = np.abs(gap) * _MAX_MODAL_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
+            near = np.abs(gap) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
             if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or mixed or near.any():
                 continue
             self.kr, self.K = kr, K
@@ -335,7 +335,7 @@ class LinearStructure:
         """Whether receptances are computed from the modes."""
         return (
             self.modes is not None
-            and self.modes.condition < _MAX_MODAL_CONDITION
+            and self.modes.condition < _MAX_EIGENVECTOR_CONDITION
             and not self.parted
             and not self.constrained
         )

@@ -18,7 +18,7 @@ import scipy
 SPARE, TIMES = 2**28, 32
 """Bytes that a file may unpack to: the first number, plus the second times the size of the file."""
 
-_CHUNK_BYTES = 1 << 16
+_CHUNK_BYTES = 1 << 16  # bytes read at once
 
 _HEADER_BYTES = 128
 """Size of the header of a .mat file of version 5; its variables follow, each with a tag of 8 bytes."""

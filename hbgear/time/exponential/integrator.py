@@ -53,7 +53,7 @@ __all__ = ["ExponentialIntegrator", "StateBatch", "modal_state", "physical_state
 _REFERENCE_STIFFNESS_RATIO = 0.01
 """Reference stiffness of smooth laws as a fraction of the stiffness of the structure [-]."""
 
-_MAX_STEPS_PER_PERIOD = 100_000
+_MAX_EXCITATION_STEPS = 100_000
 """Largest number of steps per excitation period [-]; the tables hold the excitation of each step."""
 
 _MAX_BLOCK_MOTIONS = 512
@@ -162,7 +162,7 @@ class ExponentialIntegrator:
         self.of = np.broadcast_to(self._models, self.rows) if models == 1 else self._models
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
         self.N = steps or self.excitation.cells(self._default_steps())
-        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MAX_STEPS_PER_PERIOD, least=3)
+        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MAX_EXCITATION_STEPS, least=3)
         self._set_steady_part()
         self.plan, self.method, self.breakpoints = self._plan()
         self._output = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)

@@ -30,7 +30,7 @@ _MAX_BREAKPOINT_MISS = 1e-9  # distance of the end of a step from a breakpoint, 
 # the error it causes is quadratic in it
 _MAX_SEGMENTS_PER_CELL = 24  # segments passed within one cell, after which the rest of the cell is one step
 _MAX_LENGTH_CORRECTIONS = 3  # corrections of the length of a step that ends on a breakpoint
-_MAX_NEWTON_ITERATIONS = 30
+_MAX_NEWTON_ITERATIONS = 30  # of the implicit equations of a step; three are typical
 
 _TO_EXIT, _TO_END = -1, -2  # target of a step: its end unless an element leaves its segment; its end in any case
 
