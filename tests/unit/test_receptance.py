@@ -241,7 +241,7 @@ def test_critically_damped_structure(zeta):
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_numbers_too_far_apart_are_told():
     """A damper that holds all: the receptance of an element is zero to the last digit, and has no inverse."""
-    with pytest.raises(ValueError, match="the structure does not give way"):
+    with pytest.raises(ValueError, match="the receptance of the structure is zero or infinite"):
         HarmonicBalance(GearRotorBearing(zeta_2=1e30), 5).start(Omega=0.5)
 
 
