@@ -52,7 +52,7 @@ def test_what_cannot_be_refined(pair, tmp_path):
     curve, _ = pair
     curve.save(tmp_path / "curve.npz")
     lost = hb.load(tmp_path / "curve.npz")
-    with pytest.raises(ValueError, match="this one has lost its problem"):
+    with pytest.raises(ValueError, match="this one does not have its problem"):
         lost.refined()
     many = hb.trace(hb.HarmonicBalance(hb.Duffing(), 300), "Omega", (0.8, 0.81), steps=hb.StepControl(max_points=2))
     with pytest.raises(ValueError, match="has the largest number of harmonics already"):

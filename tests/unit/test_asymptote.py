@@ -177,7 +177,7 @@ def test_a_span_that_ends_before_the_asymptote_is_reached():
 
 def test_there_is_nothing_to_extend():
     curve = traced(PAIR)
-    with pytest.raises(ValueError, match="nothing to go on to"):
+    with pytest.raises(ValueError, match="nothing to extend"):
         hb.extend(curve)
 
 

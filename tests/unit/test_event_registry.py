@@ -115,7 +115,7 @@ def test_a_test_may_use_the_problem_of_the_point_while_traced_and_followed(probl
     held = hb.follow(curve, "limit1", "zeta", (0.05, 0.06), steps=hb.StepControl(max_points=3))
     assert held.amplitude("H1") == pytest.approx(0.3, abs=1e-8)
     multipliers = hb.Event("mu", lambda point: abs(point.multipliers).max() - 0.9)
-    with pytest.raises(ValueError, match="must use no more of a point than its unknowns, parameters and problem"):
+    with pytest.raises(ValueError, match="may use only the unknowns, parameters and problem of a point"):
         multipliers.equations(problem, "Omega", curve["limit1"])
 
 

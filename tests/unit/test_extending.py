@@ -100,7 +100,7 @@ def test_a_fold_curve_begins_and_goes_on_with_other_harmonics(problem, whole):
 def test_what_cannot_be_extended(problem, whole):
     with pytest.raises(TypeError, match=r"extend\(branch\) needs a Branch"):
         extend(problem)
-    with pytest.raises(ValueError, match="nothing to go on to"):
+    with pytest.raises(ValueError, match="nothing to extend"):
         extend(dataclasses.replace(whole, status="closed"))
     one = trace(problem, "Omega", (1.5, 0.6), steps=StepControl(max_points=2))
     assert_same(extend(one), whole)
