@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = rule()
 
 @kernel
 def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
-    """Put the one-sided coefficients of the gap of element j, whose motion is a row (2H + 1,), in the first of c.
+    """Put the one-sided coefficients of displacement j of an element whose motion is a row (2H + 1,) in the first of c.
 
     They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
     else the gap has stands in pieces.
@@ -48,10 +48,13 @@ def in_pieces(corners: Any, j: int) -> bool:
 
 @kernel
 def sizes_of(corners: Any) -> tuple[int, int, int]:
-    """Numbers of corners in a period, of pieces of gaps, and of coefficients of a piece."""
+    """Numbers of corners in a period, of pieces of the gap with the most, and of coefficients of a piece."""
     if corners is None:
         return 0, 0, 0
-    return corners.phases.shape[0], corners.at.shape[0], corners.pulled.shape[1]
+    most = corners.moves[1] - corners.moves[0]
+    for j in range(corners.moves.shape[0] - 1):
+        most = max(most, corners.moves[j + 1] - corners.moves[j])
+    return corners.phases.shape[0], most, corners.pulled.shape[1]
 
 
 @kernel
@@ -68,7 +71,7 @@ def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tupl
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
-            return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
+            return highest_on(c, corners.at, corners.rows, corners.broken, first, last, samples.shape[0], side)
     return highest(c, samples, side)
 
 
@@ -78,7 +81,7 @@ def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
-            return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
+            return crossings_on(c, level, corners, first, last, samples.shape[0], theta, sign)
     return crossings(c, level, samples, theta, sign), samples[0] > level
 
 
@@ -117,26 +120,46 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
 
 @kernel
 def crossings_on(
-    c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
+    c: Any, level: float, corners: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
     """Put the crossings of a level, ascending, in theta, and +1 (upwards) or -1 in sign.
 
-    Returns their number, and whether x is above the level at 0. At least N cells are looked at.
+    Returns their number, and whether x is above the level at 0. At least N cells are looked at, but on idle pieces,
+    where it matters only on which side of the level x begins the next piece. Jumps of x are crossings.
     """
+    at, rows = corners.at, corners.rows
     count: Any = np.int64(0)  # for a literal those called would be compiled once more
     before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
     for i in range(first, last):
+        if corners.broken[i] and i > first:
+            value = value_on(c, level, rows[i], at[i], at[i])[0]
+            count = _add_jump(before, value, at[i], theta, sign, count)
+            before = value
         end = at[i + 1] if i + 1 < last else 2 * math.pi
+        if corners.idle[i]:
+            value = value_on(c, level, rows[i], at[i], end)[0]
+            count = _add_jump(before, value, at[i], theta, sign, count)
+            before = value
+            continue
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
         a, slope = at[i], value_on(c, level, rows[i], at[i], at[i])[1]
         for n in range(1, cells + 1):
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
-            if n == cells and i + 1 == last:
+            if n == cells and i + 1 == last and not corners.broken[first]:
                 after = start  # what is one instant has one value
             count = _in_cell(c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
             a, before, slope = b, after, slope_after
     return count, start > 0.0
+
+
+@kernel
+def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
+    """Append a phase if two values there differ in sign."""
+    if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
+        return count
+    theta[count], sign[count] = at, 1 if after > before else -1
+    return count + 1
 
 
 @kernel
@@ -213,8 +236,10 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
 
 
 @kernel
-def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: float) -> tuple[float, float]:
-    """The largest value of side x, side +1 or -1, and its phase: at a corner, or between two."""
+def highest_on(
+    c: Any, at: Any, rows: Any, broken: Any, first: int, last: int, N: int, side: float
+) -> tuple[float, float]:
+    """The largest value of side x, side +1 or -1, and its phase: at a corner, on either side of a jump, or between."""
     most, place = -math.inf, 0.0
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
@@ -232,6 +257,8 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
                 if height > most:
                     most, place = height, top
             a, value, slope = b, after, slope_after
+        if broken[i + 1 if i + 1 < last else first] and side * value > most:
+            most, place = side * value, end
     return most, place
 
 
@@ -269,7 +296,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
 @kernel
 def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
-    """Add the pieces of the gap of element j at the first T phases."""
+    """Add the pieces of displacement j at the first T phases."""
     if corners is None:
         return
     first, end = corners.moves[j], corners.moves[j + 1]

@@ -102,12 +102,12 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
     last = -1
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
-        if ramped and not laws.ramped[i]:
-            continue
         j = laws.owner[i]
+        if not laws.ramped[i] and (ramped or j >= rows.shape[0]):  # of a moving level, for clearances only
+            continue
         if j != last:
             last = j
-            sampled_gap(numbers, rows[j], j, c, samples)
+            sampled_gap(numbers, rows[laws.element[j]], j, c, samples)
         space.number[i], space.above[i] = crossings_of(
             numbers.corners, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
         )
