@@ -31,6 +31,7 @@ class Corners(NamedTuple):
     moves (Q + 1,), at (T,), rows (T, 4) : of displacement j the pieces moves[j] to moves[j + 1] of w: where they begin,
         and their coefficients. None if e_j has no corners and there is no moving level.
     broken, idle (T,) : whether w of a moving level jumps at the beginning of a piece, and whether no spring acts there.
+    bounds (Q, 2) : lower and upper bound of w of a moving level, infinite for other displacements.
     kept, beyond (H + 1, Q), (L, m) : harmonics of e_j with corners, zero of others: those that are unknowns, among
         0..H, and the others up to 2H.
     parts (S + 1,), begin (U,), weight (U, 4) : the same of the springs whose stiffness k or e_j has corners, of k; of
@@ -47,6 +48,7 @@ class Corners(NamedTuple):
     rows: Array
     broken: np.ndarray
     idle: np.ndarray
+    bounds: Array
     kept: ComplexArray
     beyond: ComplexArray
     parts: np.ndarray
@@ -108,6 +110,7 @@ def corners_of(
         rows=_stacked([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
         broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
         idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
+        bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
         kept=np.ascontiguousarray(kept[:, [*range(m), *(one.element for one in levels)]]),
         beyond=beyond,
         parts=_ends(count),
@@ -123,7 +126,23 @@ def corners_of(
 def _phases(law: Law) -> Iterable[float]:
     """Return the phases at which dp/dd of a law jumps although no breakpoint is crossed; levels cause no such jump."""
     contacts = contacts_of(law)
-    return {x for contact in contacts for x in contact.stiffness.corners} if contacts else law.phases
+    return {x for contact in contacts for x in _abrupt_changes(contact.stiffness)} if contacts else law.phases
+
+
+def _abrupt_changes(stiffness: Phased) -> list[float]:
+    """Return the phases at which a contact stiffness jumps, or its slope by more than `_SMOOTH`."""
+    if not isinstance(stiffness, Periodic):
+        return []
+    jumps = np.abs(stiffness.jumps) / stiffness.bound
+    abrupt = jumps[:, 0] > _CONTINUOUS
+    if jumps.shape[1] > 1:
+        abrupt |= jumps[:, 1] > _SMOOTH
+    return [x % TURN for x, found in zip(stiffness.phases, abrupt.tolist(), strict=True) if found]
+
+
+_SMOOTH = 1e-2
+"""Jump of the slope of a contact stiffness, over its largest value and per radian, up to which Gauss points of the
+variational equation need no division there: the multipliers of tables with 160 values change by less than 1e-5."""
 
 
 def _level_table(
@@ -135,12 +154,22 @@ def _level_table(
         w = w.plus(_pieces(displacement, nu).scaled(-1.0))
     k = [_pieces(one, nu) for one in stiffness]
     for one in k:
-        w = w.on(one.at)
+        acts = np.any(one.rows != 0.0, axis=1)
+        w = w.on(one.at[acts != np.roll(acts, 1)])
     ends = np.array([np.polynomial.polynomial.polyval(x, row) for x, row in zip(w.widths, w.rows, strict=True)])
     jump = np.abs(w.rows[:, 0] - np.roll(ends, 1))
     broken: np.ndarray = jump > _CONTINUOUS * max(1e-300, np.abs(w.rows[:, 0]).max())
     acting = [np.any(one.rows_at(w.at) != 0.0, axis=1) for one in k]
     return w, broken, ~np.any(acting, axis=0) if acting else np.zeros(len(w.at), dtype=bool)
+
+
+def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
+    """Return bounds of w on the pieces that are not idle."""
+    used = np.flatnonzero(~idle)
+    rows, widths = w.rows[used], w.widths[used]
+    higher = sum((np.abs(rows[:, q]) * widths**q for q in range(2, rows.shape[1])), np.zeros(len(used)))
+    ends = rows[:, 0] + (rows[:, 1] * widths if rows.shape[1] > 1 else 0.0)
+    return float((np.minimum(rows[:, 0], ends) - higher).min()), float((np.maximum(rows[:, 0], ends) + higher).max())
 
 
 _CONTINUOUS = 1e-10
@@ -157,7 +186,7 @@ def _nothing(m: int, S: int, H: int, left: int) -> Corners:
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return Corners(
         none, _ends([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
-        np.zeros((H + 1, m), dtype=complex),
+        np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
         np.zeros((left, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
@@ -222,8 +251,16 @@ def _weighted(
     if level is not None:
         w = w.plus(_level_pieces(level, nu).scaled(-1.0))
     pulled = k.times(w)
-    k = k.on(pulled.at)
-    return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+    if level is None:
+        k = k.on(pulled.at)
+        return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+    from hbgear.harmonic.forces.piecewise_kernels import integrals
+
+    k = Pieced(pulled.at, k.rows_at(pulled.at))
+    sums = np.zeros((len(k.at) + 1, 2, length), dtype=complex)
+    for i, one in enumerate((k, pulled)):
+        integrals(one.at, one.rows, sums[:, i])
+    return k, pulled, sums
 
 
 def _ends(count: Sequence[int]) -> np.ndarray:

@@ -81,8 +81,76 @@ def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
-            return crossings_on(c, level, corners, first, last, samples.shape[0], theta, sign)
+            return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
     return crossings(c, level, samples, theta, sign), samples[0] > level
+
+
+@kernel
+def fill_motion(c: Any, motion: Any) -> float:
+    """Put values and slopes (2, N) of a motion on the grid of N samples in ``motion``; a bound of its alternation."""
+    N, bound = motion.shape[1], 0.0
+    for n in range(N):
+        motion[0, n], motion[1, n], _ = value_of(c, 0.0, 2 * math.pi * n / N)
+    for k in range(1, c.shape[0]):
+        bound += abs(c[k])
+    return bound
+
+
+@kernel
+def crossings_of_moving(
+    corners: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
+) -> tuple[int, bool]:
+    """Put the zeros, ascending, of a displacement with a moving level in theta, and +1 (upwards) or -1 in sign.
+
+    Returns their number, and whether it is positive at 0. Cells are those of the grid of the motion and its pieces. On
+    idle pieces it matters only on which side of the level the next piece begins. Jumps of x are crossings.
+    bound, motion : as of `fill_motion`.
+    """
+    mean = c[0].real
+    if mean - bound + corners.bounds[j, 0] > 0.0:
+        return 0, True
+    if mean + bound + corners.bounds[j, 1] < 0.0:
+        return 0, False
+    first, last, at, rows, N = corners.moves[j], corners.moves[j + 1], corners.at, corners.rows, motion.shape[1]
+    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    step = 2 * math.pi / N
+    before, slope, _ = value_on(c, 0.0, rows[first], at[first], 0.0)
+    above = before > 0.0
+    for i in range(first, last):
+        end = at[i + 1] if i + 1 < last else 2 * math.pi
+        if i > first:
+            value, slope, _ = value_on(c, 0.0, rows[i], at[i], at[i])
+            if corners.broken[i]:
+                count = _add_jump(before, value, at[i], theta, sign, count)
+                before = value
+        if corners.idle[i]:
+            value = value_on(c, 0.0, rows[i], at[i], end)[0]
+            count = _add_jump(before, value, at[i], theta, sign, count)
+            before = value
+            continue
+        a, n = at[i], int(at[i] / step) + 1
+        while a < end:
+            b = step * n
+            if b < end - 1e-9 * step and n < N:
+                y = b - at[i]
+                after = motion[0, n] + rows[i, 0] + y * (rows[i, 1] + y * (rows[i, 2] + y * rows[i, 3]))
+                slope_after = motion[1, n] + rows[i, 1] + y * (2.0 * rows[i, 2] + 3.0 * y * rows[i, 3])
+            else:
+                b = end
+                after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], end)
+            count = _in_cell(c, 0.0, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
+            a, before, slope = b, after, slope_after
+            n += 1
+    return count, above
+
+
+@kernel
+def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
+    """Append a phase if two values there differ in sign."""
+    if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
+        return count
+    theta[count], sign[count] = at, 1 if after > before else -1
+    return count + 1
 
 
 @kernel
@@ -120,46 +188,26 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
 
 @kernel
 def crossings_on(
-    c: Any, level: float, corners: Any, first: int, last: int, N: int, theta: Any, sign: Any
+    c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
     """Put the crossings of a level, ascending, in theta, and +1 (upwards) or -1 in sign.
 
-    Returns their number, and whether x is above the level at 0. At least N cells are looked at, but on idle pieces,
-    where it matters only on which side of the level x begins the next piece. Jumps of x are crossings.
+    Returns their number, and whether x is above the level at 0. At least N cells are looked at.
     """
-    at, rows = corners.at, corners.rows
     count: Any = np.int64(0)  # for a literal those called would be compiled once more
     before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
     for i in range(first, last):
-        if corners.broken[i] and i > first:
-            value = value_on(c, level, rows[i], at[i], at[i])[0]
-            count = _add_jump(before, value, at[i], theta, sign, count)
-            before = value
         end = at[i + 1] if i + 1 < last else 2 * math.pi
-        if corners.idle[i]:
-            value = value_on(c, level, rows[i], at[i], end)[0]
-            count = _add_jump(before, value, at[i], theta, sign, count)
-            before = value
-            continue
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
         a, slope = at[i], value_on(c, level, rows[i], at[i], at[i])[1]
         for n in range(1, cells + 1):
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
-            if n == cells and i + 1 == last and not corners.broken[first]:
+            if n == cells and i + 1 == last:
                 after = start  # what is one instant has one value
             count = _in_cell(c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
             a, before, slope = b, after, slope_after
     return count, start > 0.0
-
-
-@kernel
-def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
-    """Append a phase if two values there differ in sign."""
-    if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
-        return count
-    theta[count], sign[count] = at, 1 if after > before else -1
-    return count + 1
 
 
 @kernel
@@ -319,6 +367,31 @@ def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
 
 
 @kernel
+def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, T: int, out: Any) -> None:
+    """Add the slope of a contact with a moving level at the first T phases, ascending over at most two periods."""
+    if corners is None:
+        return
+    first, last = corners.parts[spring], corners.parts[spring + 1]
+    j = laws.over[spring]
+    begin, end = corners.moves[j], corners.moves[j + 1]
+    i, q, before, factor = first, begin, 0.0, laws.series[spring, 0].real
+    for n in range(T):
+        theta = phases[n] % (2 * math.pi)
+        if theta < before:
+            i, q = first, begin
+        before = theta
+        while i + 1 < last and corners.begin[i + 1] <= theta:
+            i += 1
+        k = factor * polynomial(corners.weight[i], theta - corners.begin[i])
+        if k == 0.0:
+            continue
+        while q + 1 < end and corners.at[q + 1] <= theta:
+            q += 1
+        x = motion[n] + polynomial(corners.rows[q], theta - corners.at[q])
+        out[n] += k * (laws.base[spring, 0] if x <= 0.0 else 1.0 - laws.base[spring, 0])
+
+
+@kernel
 def put_phases(corners: Any, out: Any) -> int:
     """Put the phases of all corners of the excitation in out; their number."""
     if corners is None:
@@ -326,6 +399,17 @@ def put_phases(corners: Any, out: Any) -> int:
     for i in range(corners.phases.shape[0]):
         out[i] = corners.phases[i]
     return int(corners.phases.shape[0])
+
+
+@kernel
+def integrals(at: Any, rows: Any, out: Any) -> None:
+    """Put int_0^theta f exp(-i n x) dx of piecewise polynomials at the beginnings of pieces and at 2 pi in out."""
+    ends = np.empty((2, rows.shape[1]))
+    out[0] = 0j
+    for i in range(at.shape[0]):
+        width = (at[i + 1] if i + 1 < at.shape[0] else 2 * math.pi) - at[i]
+        out[i + 1] = out[i]
+        _add_moments(rows[i], at[i], width, 1.0, out[i + 1], ends)
 
 
 @kernel

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
-from hbgear.harmonic.forces.piecewise_kernels import add_pieces, put_gap, put_phases, sizes_of, weigh
+from hbgear.harmonic.forces.piecewise_kernels import add_contact, add_pieces, put_gap, put_phases, sizes_of, weigh
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.multipliers.phi_functions import moments
 
@@ -139,7 +139,7 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
     work (6, ...) is overwritten.
     """
     laws = numbers.laws
-    gap, slope, factor, motion, last = work[2], work[3], work[4], work[5], j
+    gap, slope, factor, motion = work[2], work[3], work[4], work[5]
     _sum_series(c, phases, T, work, gap)
     motion[:T] = gap[:T]
     add_pieces(numbers.corners, j, phases[0], T, gap)
@@ -148,10 +148,9 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
     for s in range(laws.of.shape[0]):
         if laws.of[s] != j:
             continue
-        if laws.over[s] != last:
-            last = laws.over[s]
-            gap[:T] = motion[:T]
-            add_pieces(numbers.corners, last, phases[0], T, gap)
+        if laws.over[s] != j:
+            add_contact(numbers.corners, laws, s, motion, phases[0], T, out)
+            continue
         _slope(laws, s, gap, T, slope)
         weigh(numbers.corners, s, phases[0], T, slope)
         _modulation(laws.shifts, laws.series[s], phases, T, work, factor)

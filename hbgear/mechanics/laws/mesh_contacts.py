@@ -125,6 +125,13 @@ class MeshContacts(Law):
         if not all(type(contact) is ToothContact for contact in self.contacts):
             raise ValueError("MeshContacts: contacts must be objects of the class ToothContact")
 
+    def widened(self, half_backlash: float) -> MeshContacts:
+        """Return the contacts with levels moved away from zero by a half backlash."""
+        return MeshContacts(tuple(
+            ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
+            for contact in self.contacts
+        ))  # fmt: skip
+
     @property
     def reference(self) -> float:
         """Mean stiffness of the flank with the larger one, with all of its gaps closed."""
@@ -161,6 +168,13 @@ class MovingSpring(NamedTuple):
 
     spring: PiecewiseLinear
     level: Phased | None
+
+
+def _plus(function: Phased, offset: float) -> Phased:
+    """Return a function plus a constant."""
+    if isinstance(function, Series):
+        return Series(function.mean + offset)
+    return Periodic(function.phases, tuple((row[0] + offset, *row[1:]) for row in function.coefficients))
 
 
 def flanks_of(contacts: Sequence[ToothContact]) -> tuple[int, ...]:
