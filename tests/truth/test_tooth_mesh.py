@@ -96,13 +96,18 @@ def test_damper_does_not_depend_on_the_model_of_the_mesh():
 
 
 def test_without_relief_the_mean_mesh_is_the_same():
-    """Motions with back-side contact differ a little: the mean mesh has both flanks in phase."""
-    curves = [
-        hb.trace(hb.HarmonicBalance(drawing().model("200 N m", 0.04, mesh=mesh), 24), "Omega", (1.5, 0.5))
+    """Every jump is one of the mean mesh.
+
+    Motions with back-side contact differ a little, because the mean mesh has both flanks in phase.
+    """
+    teeth, mean = (
+        jumps(hb.trace(hb.HarmonicBalance(drawing().model("200 N m", 0.04, mesh=mesh), 24), "Omega", (1.5, 0.5)))
         for mesh in ("teeth", "secant")
-    ]
-    for one, other in zip(*map(jumps, curves), strict=True):
-        assert abs(one.value / other.value - 1) < 2e-3
+    )
+    assert [jump.direction for jump in teeth] == [-1, -1, 1]
+    for jump in teeth:
+        nearest = min(abs(other.value / jump.value - 1) for other in mean if other.direction == jump.direction)
+        assert nearest < 2e-3
 
 
 def test_a_saved_curve_has_its_contacts(tmp_path):

@@ -10,7 +10,8 @@ is k_0, the mean of the sum of the stiffness of all pairs with closed gaps. The 
 stiffness k(tau) and one error e(tau) at the static load. They equal it if no gap opens or closes beyond the static
 state: without relief, or for motions that are small compared with the deflection. "secant" has the correct static force
 and loss of contact, "tangent" the correct small vibration; with tip relief their jumps may be wrong by more than ten
-percent. The damping ratio refers to k_0 in all of them, so that the damper c is the same.
+percent. If the model of the mesh is named, the damping ratio refers to k_0, so that the damper c is the same in all of
+them; otherwise k_0 is k_mean.
 """
 
 from __future__ import annotations
@@ -75,13 +76,15 @@ def build_model(
     torque : float or str
         Torque on the pinion [N m], positive.
     damping : float
-        Damping ratio of the mesh, relative to the mean stiffness of all pairs of teeth with closed gaps.
+        Damping ratio of the mesh. If ``mesh`` is named, it refers to the mean stiffness of all pairs of teeth with
+        closed gaps, else to the mean stiffness of the model.
     form : {"torsion", "bearings", "spatial"}, optional
         Form of the model: a `SpurPair` (default), a `GearRotorBearing` or a `HelicalPair`.
     supports : tuple of Support or None, optional
         Supports of pinion and wheel; required by the forms "bearings" and "spatial".
     mesh : {"teeth", "secant", "tangent"}, optional
-        Model of the mesh: contacts of every pair of teeth, or one stiffness and one error. Default: "secant".
+        Model of the mesh: contacts of every pair of teeth, or one stiffness and one error. Default: one stiffness by
+        the secant. Pairs with tip relief need "teeth" where contact is lost.
     cycle : MeshCycle or None, optional
         Mesh stiffness and transmission error, such as tables of other programs, instead of a computed mesh. The damping
         ratio then refers to their mean stiffness.
@@ -125,14 +128,12 @@ def _mesh(pair: GearPair, torque: float, name: str | None, cycle: MeshCycle | No
         )
     if cycle is not None:
         return _mean_mesh(cycle, b_c, pair.transverse_force(torque), None)
+    if name is None:
+        return _mean_mesh(pair.mesh(torque), b_c, pair.transverse_force(torque), None)
     teeth = tooth_mesh(pair, torque)
     if name == "teeth":
         return _Mesh(teeth.stiffness, b_c, {"eps": (), "e": (), "contacts": teeth.contacts(b_c)}, teeth.stiffness)
-    return _mean_mesh(pair.mesh(torque, linearized=name or DEFAULT_MESH), b_c, teeth.force, teeth.stiffness)
-
-
-DEFAULT_MESH = "secant"
-"""Model of the mesh that is used unless another one is named."""
+    return _mean_mesh(pair.mesh(torque, linearized=name), b_c, teeth.force, teeth.stiffness)
 
 
 def _mean_mesh(cycle: MeshCycle, b_c: float, force: float, k_0: float | None) -> _Mesh:

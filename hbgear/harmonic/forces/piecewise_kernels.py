@@ -106,6 +106,8 @@ def crossings_of_moving(
     idle pieces it matters only on which side of the level the next piece begins. Jumps of x are crossings.
     bound, motion : as of `fill_motion`.
     """
+    if corners is None:
+        return 0, False
     mean = c[0].real
     if mean - bound + corners.bounds[j, 0] > 0.0:
         return 0, True
