@@ -1,10 +1,11 @@
-"""What of a model has corners in the phase, as numbers for kernels: stiffness and prescribed displacements in pieces.
+"""Stiffness and prescribed displacements with breakpoints in the phase, as arrays of piecewise polynomials.
 
-    gap_j = d_j + e_j up to harmonic H - e_j        d_j the unknowns, H harmonics of it; e_j with all of its corners
+    gap_j = d_j + (e_j up to harmonic H) - e_j        d_j: the unknowns; e_j: the prescribed displacement
 
-Of the gap of an element whose e_j has corners only the motion of the structure is cut off at H, not e_j. With w = -e_j
-the force of a spring is k (g0 + s0 (t + w) + sum_i D_i max(t + w - x_i, 0)), t a trigonometric polynomial: all that is
-ever integrated is k and k w over parts of the period. A displacement relative to a moving level has w = -e_j - level.
+If e_j has breakpoints, only the motion of the structure is truncated at H; e_j keeps all of its harmonics. With w =
+-e_j the force of a spring is k (g0 + s0 (t + w) + sum_i D_i max(t + w - x_i, 0)), where t is a trigonometric
+polynomial. The projection therefore requires integrals of k and k w over parts of the period only. A displacement
+relative to a moving level has w = -e_j - level.
 """
 
 from __future__ import annotations
@@ -25,21 +26,25 @@ from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
 
 
 class Corners(NamedTuple):
-    """Pieces over the basis period [0, 2 pi); of a model without corners nothing but empty arrays.
+    """Piecewise polynomials over the basis period [0, 2 pi); all arrays are empty for a model without breakpoints.
 
-    phases (I,) : all corners, ascending.
-    moves (Q + 1,), at (T,), rows (T, 4) : of displacement j the pieces moves[j] to moves[j + 1] of w: where they begin,
-        and their coefficients. None if e_j has no corners and there is no moving level.
-    broken, idle (T,) : whether w of a moving level jumps at the beginning of a piece, and whether no spring acts there.
+    phases (I,) : breakpoints of the excitation, ascending.
+    moves (Q + 1,), at (T,), rows (T, 4) : w of displacement j has the segments moves[j] to moves[j + 1], with their
+        beginnings and coefficients; no segments if e_j has no breakpoints and there is no moving level.
+    broken, idle (T,) : whether w of a moving level jumps at the beginning of a segment, and whether the stiffness of
+        all springs is zero on it.
     bounds (Q, 2) : lower and upper bound of w of a moving level, infinite for other displacements.
-    kept, beyond (H + 1, Q), (L, m) : harmonics of e_j with corners, zero of others: those that are unknowns, among
+    kept, beyond (H + 1, Q), (L, m) : harmonics of e_j with breakpoints, zero for others: those that are unknowns, among
         0..H, and the others up to 2H.
-    parts (S + 1,), begin (U,), weight (U, 4) : the same of the springs whose stiffness k or e_j has corners, of k; of
-        the springs that also have a Fourier series this is a factor beside it.
-    sums (U + S, 2, L) : integrals of k and of k w, times exp(-i n theta), from 0 to where a piece begins, and over all.
+    parts (S + 1,), begin (U,), weight (U, 4) : segments of the stiffness k of springs, if k or w has breakpoints. If
+        the spring has a Fourier series as well, its stiffness is the product of both.
+    sums (U + S, 2, L) : integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over
+        the period.
     pulled (U, 7) : coefficients of k w.
-    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless such an element has a cubic spring.
-    grid (2, m, N) : e_j up to H less e_j, and its derivative in theta, at samples; empty unless a law is sampled.
+    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless an element with breakpoints has a cubic
+        spring.
+    grid (2, m, N) : e_j up to harmonic H minus e_j, and its derivative in theta, at samples; empty unless a law is
+        sampled.
     """
 
     phases: Array
@@ -182,7 +187,7 @@ def _level_pieces(level: Phased, nu: int) -> Pieced:
 
 @lru_cache(maxsize=64)
 def _nothing(m: int, S: int, H: int, left: int) -> Corners:
-    """Of m elements and S springs without corners."""
+    """Return the empty table of m elements and S springs without breakpoints."""
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return Corners(
         none, _ends([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
@@ -193,7 +198,7 @@ def _nothing(m: int, S: int, H: int, left: int) -> Corners:
 
 
 def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
-    """What the gap of an element has beside its unknowns, or a derivative of it in theta: e up to H, less e.
+    """Return e up to harmonic H minus e, the known part of the gap of an element, or a derivative in theta.
 
     kept (H + 1,) : harmonics of e.
     """
@@ -203,12 +208,12 @@ def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, orde
 
 
 def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
-    """Gap of an element whose motion is a row, or a derivative of it in theta; kept as of `beyond`."""
+    """Return the gap of an element whose motion is a row, or a derivative in theta; ``kept`` as in `beyond`."""
     return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
 
 
 def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
-    """`gap` at N equal steps of the period, (N,)."""
+    """Return `gap` at N equal steps of the period, (N,)."""
     out = samples_of(derive(to_complex(row), order), N)
     if displacement.corners:
         theta = TURN * np.arange(N) / N
@@ -217,6 +222,7 @@ def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N
 
 
 def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
+    """Return `Corners.grid`."""
     some = [j for j, one in enumerate(e) if one.corners]
     out = np.zeros((2, len(e), N if some else 0))
     theta = TURN * np.arange(out.shape[2]) / max(N, 1)
@@ -226,6 +232,7 @@ def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
 
 
 def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
+    """Return `Corners.powers`."""
     some = [j for j, one in enumerate(moved) if one and cubic[j].any()]
     out = np.zeros((len(moved), 3, length if some else 0), dtype=complex)
     for j in some:
@@ -245,7 +252,7 @@ def _pieces(function: Phased, nu: int) -> Pieced:
 def _weighted(
     stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
 ) -> tuple[Pieced, Pieced, ComplexArray]:
-    """Return k and k w on common pieces, and their integrals (T + 1, 2, length); w = 0 without corners and level."""
+    """Return k and k w on common segments, and their integrals (T + 1, 2, length); w is 0 without breakpoints."""
     k = _pieces(stiffness, nu)
     w = _pieces(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
@@ -268,13 +275,13 @@ def _ends(count: Sequence[int]) -> np.ndarray:
 
 
 def _stacked(rows: Sequence[Array], width: int) -> Array:
-    """Coefficients of all, padded to the same number."""
+    """Return the coefficients of all functions, padded to the same number."""
     each = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in rows]
     return np.concatenate([np.empty((0, width)), *each])
 
 
 def _spread(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
-    """Integrals of all springs one after the other, one row of nothing for each that has no pieces."""
+    """Return the integrals of all springs one after the other, a row of zeros for each spring without segments."""
     out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
     rows, at = iter(sums), 0
     for n in count if sums else ():

@@ -24,15 +24,15 @@ from hbgear.mechanics.series.periodic import Phased, Pieced
 class PackedLaws(NamedTuple):
     """Laws of m elements.
 
-    level, owner (K,) : the corners x of all laws, element after element, and the displacement each belongs to. The
-        first ``public`` are `Law.breakpoints`, those of springs with moving levels follow.
-    ramped (K,) : whether a spring of the table turns there. Where none does and the displacement has a moving level,
-        that is the first level of all contacts of a flank: it serves clearances only.
+    level, owner (K,) : breakpoints x of all laws, element after element, and the displacement of each. First are those
+        of `Law.breakpoints`, then those of springs with moving levels.
+    ramped (K,) : whether the slope of a spring of the table changes there. If not, and the displacement has a moving
+        level, it is the first level of all contacts of a flank, which is used for clearances only.
     element (Q,) : the element of each displacement.
-    of (S,), over (S,), base (S, 2), series (S, L) : of each spring its element, its displacement, s0 and g0, and the
-        two-sided coefficients of its stiffness at the basis harmonics shifts (L,), of which the first is 0; of one with
-        corners 1, see `corners`.
-    at, part (R,), change (R,) : of each change of slope its corner, its spring and D.
+    of (S,), over (S,), base (S, 2), series (S, L) : element, displacement, s0 and g0 of each spring, and the two-sided
+        coefficients of its stiffness at the basis harmonics shifts (L,), the first of which is 0. The series of a
+        stiffness with breakpoints is 1, see `Corners`.
+    at, part (R,), change (R,) : breakpoint, spring and D of each change of slope.
     cubic (m, 2) : k1 and k3.
     """
 
@@ -67,7 +67,7 @@ class MovingLevel(NamedTuple):
 
 
 class Packing(NamedTuple):
-    """The table of laws with its springs, the moving levels, and the numbers of the elements it does not hold.
+    """Table of laws with its springs, the moving levels, and the numbers of the elements that it does not describe.
 
     public : number of the breakpoints of the laws, the first in the table.
     """
@@ -147,7 +147,7 @@ def _public_breakpoints(laws: Sequence[Law], known: Sequence[Any]) -> tuple[list
 
 
 def _series_of(stiffness: Phased) -> Array:
-    """The row of a Fourier series; 1 of what has corners, which stands in another table."""
+    """Return the row of a Fourier series; 1 for a function with breakpoints, which is stored in `Corners`."""
     return stiffness.row() if isinstance(stiffness, Series) else np.ones(1)
 
 

@@ -1,13 +1,11 @@
-"""A model at one set of parameters as a table of numbers, the form in which kernels take it.
+"""Arrays of a model at one set of parameters, in the form that kernels require.
 
-Every law that is known here is, for each element, a sum of piecewise-linear springs with periodic stiffness and a
-cubic spring,
+Each element has a sum of piecewise-linear springs with periodic stiffness and a cubic spring,
 
     p(d, tau) = sum_s k_s(tau) (g0_s + s0_s x + sum_i D_si max(x - x_i, 0)) + k1 d + k3 d^3
 
-Their table is that of `packed_laws`.
-Of a compiled law of the user there is its address; others (a user's in Python, or those that shall be sampled) leave
-nothing but their corners in the table.
+`packed_laws` holds their arrays. Compiled laws of the user are stored by their address. Of other laws (in Python, or
+sampled by choice) only the breakpoints are stored.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ from hbgear.mechanics.laws.laws import Law
 class Own(NamedTuple):
     """Compiled laws of the user.
 
-    element, address (Q,), given (Q, G) : of each its element, its code and its parameters.
+    element, address (Q,), given (Q, G) : element, address of the code and parameters of each law.
     """
 
     element: np.ndarray
@@ -36,12 +34,15 @@ class Own(NamedTuple):
 
 
 class PackedLinearPart(NamedTuple):
-    """The linear part: poles (2, r) of the structure, real and imaginary parts, and residues (m m + L m, 2, r).
+    """Linear part of a model.
 
-    These are of the receptance G, and behind it of what L loads do to the elements. springs (2, m) : reference
-    stiffness and damping of elements. orders (K + 1,) : basis harmonics that are unknowns, 0..H unless only some are;
-    left (L,) : those up to 2H that are none. moved (K + 1, m) : harmonics of the prescribed displacements. loads (L, 2)
-    : power of Omega and place among the orders of each load. nu : subharmonic order.
+    poles (2, r), residues (m m + L m, 2, r) : poles of the structure in real and imaginary parts; residues of the
+        receptance G between elements, followed by the residues of the displacements of the elements under L loads.
+    springs (2, m) : reference stiffness and damping of the elements.
+    orders (K + 1,), left (L,) : basis harmonics that are unknowns, all of 0..H by default; the others up to 2H.
+    moved (K + 1, m) : harmonics of the prescribed displacements.
+    loads (L, 2) : power of Omega of each load, and its position among the orders.
+    nu : subharmonic order.
     """
 
     poles: Array
@@ -55,10 +56,11 @@ class PackedLinearPart(NamedTuple):
 
 
 class PackedModel(NamedTuple):
-    """A model for kernels: its laws, its linear part, the basis (2H + 1, N) on the grid of N samples, its corners.
+    """Model for kernels.
 
-    corners, own : None of a model that has none. Kernels are then compiled without the code for them, in two thirds of
-    the time.
+    basis (2H + 1, N) : real Fourier basis at N samples.
+    corners, own : None for a model without breakpoints in the phase or without compiled laws. Kernels are then compiled
+        without the code for them, in two thirds of the time.
     """
 
     laws: PackedLaws
@@ -69,7 +71,7 @@ class PackedModel(NamedTuple):
 
 
 def own_of(laws: Sequence[Law]) -> Own | None:
-    """The compiled laws of a model, None if there are none."""
+    """Return the compiled laws of a model, None if there are none."""
     own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw)]
     if not own:
         return None
@@ -84,7 +86,7 @@ def own_of(laws: Sequence[Law]) -> Own | None:
 
 
 def in_two(z: ComplexArray) -> Array:
-    """Real and imaginary parts (..., 2, r) of (..., r)."""
+    """Return real and imaginary parts (..., 2, r) of complex numbers (..., r)."""
     out = np.empty((*z.shape[:-1], 2, z.shape[-1]))
     out[..., 0, :], out[..., 1, :] = z.real, z.imag
     return out
