@@ -223,6 +223,7 @@ class EditableMachine(EditableModel):
         lines = [f"pinion = {wheels[0]}", f"wheel = {wheels[1]}"]
         lines.append(f"pair = {_call('hb.GearPair', pair, pinion='pinion', wheel='wheel')}")
         options = f", form={machine.form!r}" if machine.form != "torsion" else ""
+        options += f", mesh={machine.mesh_model!r}" if machine.mesh_model else ""
         if machine.supports:
             supports = ", ".join(_call("hb.gears.Support", support) for support in machine.supports)
             options += f", supports=({supports})"

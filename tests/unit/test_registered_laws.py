@@ -14,6 +14,7 @@ import hbgear as hb
 from hbgear.harmonic import model_registry
 from hbgear.io.machines.structure_file import StructureFileError, read_structure
 from hbgear.mechanics.laws import registry
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.models import describe, differing_fields
 
 
@@ -21,6 +22,9 @@ from hbgear.mechanics.models import describe, differing_fields
 def quintic(d, v, tau, k):
     return k[0] * d**5, 5 * k[0] * d**4, 0.0
 
+
+PRESENT = hb.mechanics.Periodic.rectangular(2.0, 0.0, 0.6)
+LEVEL = hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)
 
 EXAMPLES = {
     "cubic": (hb.Cubic(0.3), "k3 = 0.3"),
@@ -31,6 +35,11 @@ EXAMPLES = {
     "backlash": (hb.Backlash(0.1, 2.0), "b = 0.1\nk = 2.0"),
     "unilateral": (hb.Unilateral(2.0, 0.1), "k = 2.0\ngap = 0.1"),
     "parallel": (hb.mechanics.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), "its field laws is"),
+    "tooth contact": (ToothContact(PRESENT, hb.mechanics.Series(0.1)), "its field level is"),
+    "mesh contacts": (
+        MeshContacts((ToothContact(PRESENT, LEVEL), ToothContact(PRESENT, hb.mechanics.Series(-0.2), -1))),
+        "its field contacts is",
+    ),
     "compiled": (hb.mechanics.CompiledLaw(quintic, (0.3,), rated=False), "its field function is"),
 }
 """Of every law of hbgear an example and its keys in TOML, or the reason for which it has none."""

@@ -8,7 +8,7 @@ from math import degrees, floor, log10, pi
 from operator import methodcaller
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -73,6 +73,13 @@ def gear(
     measure: Annotated[
         str, typer.Option("--backlash-as", help="Definition of the backlash: circumferential, normal or action.")
     ] = "circumferential",
+    mesh: Annotated[
+        str | None,
+        typer.Option(
+            help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
+            show_default="one stiffness by the secant",
+        ),
+    ] = None,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
     plot: Annotated[
@@ -91,7 +98,7 @@ def gear(
     check_writable(plot, FIGURES)
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
-        _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
+        _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
     )  # fmt: skip
     with drawing_process() as by:
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by)
@@ -241,7 +248,7 @@ def _trace_and_report(
     from hbgear.io.machines.machine_file import write_machine
 
     cycle = machine.mesh
-    model = machine.model(cycle=cycle)
+    model = machine.model() if machine.mesh_model else machine.model(cycle=cycle)
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
     def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
@@ -262,10 +269,10 @@ def _trace_and_report(
 
 def _machine(
     teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
-    pressure: str, shift: tuple[float, float], relief: str, measure: str,
+    pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
-    from hbgear.gears.pairs.pair_models import DAMPING
+    from hbgear.gears.pairs.pair_models import DAMPING, MESHES
     from hbgear.io.machines.machine_file import Machine
 
     beta = to_si("--helix", "angle", helix, "rad")
@@ -276,7 +283,9 @@ def _machine(
     )
     pair = hb.GearPair(pinion, wheel, backlash, measure)
     zeta = DAMPING.read("--damping", _plain(damping))
-    return Machine(pair, to_si("--torque", "torque", torque, "N m"), zeta)
+    if mesh is not None and mesh not in MESHES:
+        raise ValueError(f"--mesh {mesh}: must be one of {', '.join(MESHES)}")
+    return Machine(pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh))
 
 
 def _plain(text: str) -> Any:
@@ -346,6 +355,8 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
+    from hbgear.gears.pairs.pair_models import MESHES
+
     zeta, pair = machine.damping, machine.pair
 
     def made(**changes: Any) -> Callable[[], hb.mechanics.Model]:
@@ -365,8 +376,17 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
                for name in ("pinion", "wheel")}  # fmt: skip
     yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
-    tangent = pair.mesh(machine.torque, linearized="tangent")
-    yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
+    if machine.mesh_model is None:
+        tangent = pair.mesh(machine.torque, linearized="tangent")
+        yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
+        return
+    for name in MESHES:
+        if name != machine.mesh_model:
+            yield f"{_MESH_WORDS[machine.mesh_model]}: {_MESH_WORDS[name]}", made(mesh_model=name)
+
+
+_MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}
+"""Names of the models of the mesh in tables."""
 
 
 def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:

@@ -47,7 +47,7 @@ MIN_LOAD_FRACTION = 1e-9  # smallest load of a contact (fraction of the force) a
 
 
 @dataclass(frozen=True)
-class _Contacts:
+class Contacts:
     """Possible contacts, arrays (N phases, M contacts): presence, tooth compliance, gap, Hertzian contact data."""
 
     present: Array
@@ -98,15 +98,15 @@ def loaded_mesh(
         slices = max(48, 48 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if crowned else 1
     counted("GearPair.mesh: slices", slices, 10_000)
     force = pair.transverse_force(torque)
-    phase, side = _phases(pair, phases)
-    contacts = _contacts(pair, phase, side, slices)
-    delta, tangent = _static_equilibrium(pair, contacts, force)
+    phase, side = cycle_phases(pair, phases)
+    contacts = possible_contacts(pair, phase, side, slices)
+    delta, tangent, _ = static_equilibrium(pair, contacts, force)
     smallest_gap = np.min(np.where(contacts.present, contacts.gap, np.inf), axis=1)
     error = smallest_gap if linearized == "secant" else delta - force / tangent
     return MeshCycle(MeshTable(phase, force / (delta - error)), MeshTable(phase, error), force)
 
 
-def _phases(pair: GearPair, count: int) -> tuple[Array, Array]:
+def cycle_phases(pair: GearPair, count: int) -> tuple[Array, Array]:
     """Return the phases of a cycle and, for phases that occur twice, -1 before the jump and +1 after it.
 
     A pair of spur teeth enters contact at phase 0 and leaves it at the fractional part of the contact ratio.
@@ -123,7 +123,7 @@ def _phases(pair: GearPair, count: int) -> tuple[Array, Array]:
     return np.insert(phase, at, [leaves, leaves]), np.insert(side, at, [-1.0, 1.0])
 
 
-def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contacts:
+def possible_contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> Contacts:
     """Return the possible contacts at all phases.
 
     ``side`` states on which side of a jump a phase lies.
@@ -140,7 +140,15 @@ def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contac
     inside = (position + nudge > 0) & (position + nudge < length)
     fraction = (last - first) / (2 * half_width) if half_width else inside.astype(float)
     s = np.clip(begin + (first + last) / 2 * pair.base_pitch, begin, end)
-    across = np.tile(z, len(pairs))[None, :]
+    return contacts_at(pair, s, np.tile(z, len(pairs))[None, :], fraction, slices)
+
+
+def contacts_at(pair: GearPair, s: Array, across: Array, fraction: Array, slices: int) -> Contacts:
+    """Return the contacts at positions along the line of action and across the face, see `_gaps`.
+
+    ``fraction`` is the part of each slice within the path of contact.
+    """
+    begin, end = pair.path
     gap = _gaps(pair, s, across)
     grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
@@ -154,7 +162,7 @@ def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contac
     width = pair.face_width / slices
     # k_t = k_n cos^2(beta_b), and the length of contact is width / cos(beta_b)
     widths = width * np.maximum(fraction, MIN_LOAD_FRACTION)
-    return _Contacts(fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix), gap, (depth[0], depth[1]), rho, widths)
+    return Contacts(fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix), gap, (depth[0], depth[1]), rho, widths)
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
@@ -183,8 +191,8 @@ def relief_length(pair: GearPair, gear: Gear) -> float:
     return max(pair.contact_ratio % 1.0, 0.1) * pair.base_pitch
 
 
-def _static_equilibrium(pair: GearPair, c: _Contacts, force: float) -> tuple[Array, Array]:
-    """Return the displacement delta (N,) under the force and the tangent stiffness dF/d(delta) (N,).
+def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array, Array, Array]:
+    """Return the displacement delta (N,) under the force, the tangent stiffness dF/d(delta) (N,) and loads (N, M).
 
     A fixed-point iteration updates the contact compliance with the loads of the last iteration. In each iteration the
     sum of springs with gaps is piecewise linear in delta and solved exactly.
@@ -192,7 +200,7 @@ def _static_equilibrium(pair: GearPair, c: _Contacts, force: float) -> tuple[Arr
     load = np.where(c.present, force / np.maximum(c.present.sum(axis=1, keepdims=True), 1), 0.0)
     delta = np.zeros(len(load))
     for _ in range(200):
-        contact, _ = _hertz(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
+        contact, _ = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
         k = np.where(c.present, 1 / (c.teeth + contact), 0.0)
         new_delta = _spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
         load = np.where(c.present, k * np.maximum(new_delta[:, None] - c.gap, 0.0), 0.0)
@@ -201,9 +209,9 @@ def _static_equilibrium(pair: GearPair, c: _Contacts, force: float) -> tuple[Arr
         delta = new_delta
         if converged:
             break
-    contact, decrease = _hertz(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
+    contact, decrease = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
     stiffness = np.where(load > 0, 1 / np.maximum(c.teeth + contact - decrease, 0.5 * c.teeth), 0.0)
-    return delta, np.sum(stiffness, axis=1)
+    return delta, np.sum(stiffness, axis=1), load
 
 
 def _spring_displacement(k: Array, gap: Array, force: float) -> Array:
@@ -221,7 +229,7 @@ def _spring_displacement(k: Array, gap: Array, force: float) -> Array:
     return out
 
 
-def _hertz(pair: GearPair, c: _Contacts, load: Array) -> tuple[Array, Array]:
+def contact_compliance(pair: GearPair, c: Contacts, load: Array) -> tuple[Array, Array]:
     """Return the contact compliance c_h in the transverse plane and its decrease in the tangent, -F dc_h/dF."""
     cos_helix = cos(pair.pinion.base_helix_angle)
     length = c.widths / cos_helix

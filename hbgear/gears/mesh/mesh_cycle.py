@@ -114,13 +114,13 @@ class MeshTable:  # numpydoc ignore=PR02
         ends = [-1, *jumps.tolist(), len(self.phase) - 1]
         for before, last in pairwise(ends):
             if last > before + 1:  # a jump at either end of the cycle leaves no segment beyond it
-                _fit(2 * pi * self.phase, self.value, before + 1, last, tolerance, segments)
+                fit_cubics(2 * pi * self.phase, self.value, before + 1, last, tolerance, segments)
         return Periodic(
             tuple(begin for begin, _ in segments), tuple(tuple(coefficients) for _, coefficients in segments)
         )
 
 
-def _fit(
+def fit_cubics(
     x: Array, y: Array, first: int, last: int, tolerance: float, segments: list[tuple[float, list[float]]]
 ) -> None:
     """Append cubics for a range of points.
@@ -137,8 +137,8 @@ def _fit(
         a, b = np.linalg.lstsq(basis, deviation, rcond=None)[0] if tolerance else (0.0, 0.0)
         if np.abs(deviation - basis @ [a, b]).max() > tolerance:
             middle = (first + last) // 2
-            _fit(x, y, first, middle, tolerance, segments)
-            _fit(x, y, middle, last, tolerance, segments)
+            fit_cubics(x, y, first, middle, tolerance, segments)
+            fit_cubics(x, y, middle, last, tolerance, segments)
             return
         coefficients = [coefficients[0], coefficients[1] + a / width, (b - a) / width**2, -b / width**3]
     segments.append((float(x[first]), coefficients))

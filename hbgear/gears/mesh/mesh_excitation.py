@@ -4,7 +4,8 @@
     e(tau) = e_scale sum_l e_l cos(l tau - e_lag_l), or sin            or  e_scale error(tau)
 
 m is the mean of ``stiffness``. The excitation is given by harmonic amplitudes or by functions of the phase, which may
-have breakpoints and jumps.
+have breakpoints and jumps. A tooth-resolved mesh is given by contacts, each with its own stiffness and initial gap over
+the phase; they replace k(tau) and the backlash function.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
-from hbgear.mechanics.laws.laws import checked_contact
+from hbgear.mechanics.laws.laws import Backlash, Law, checked_contact
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series
 from hbgear.mechanics.series.periodic import Phased
@@ -35,6 +37,7 @@ class MeshExcitation(Model):
     e_scale: float = 1.0
     stiffness: Phased | None = None
     error: Phased | None = None
+    contacts: MeshContacts | None = None
     eps_lag: tuple[float, ...] = ()
     e_lag: tuple[float, ...] = ()
     reference: tuple[float, ...] = ()
@@ -51,9 +54,27 @@ class MeshExcitation(Model):
                 lag = checked_lags(owner, name, getattr(self, name), getattr(self, f"{name}_lag"))
                 object.__setattr__(self, f"{name}_lag", lag)
         check_mesh_stiffness(owner, self.stiffness, self.eps)
+        if self.contacts is not None:
+            self._check_contacts(owner)
         if "reference" in fields:
             object.__setattr__(self, "reference", amplitudes(owner, "reference", self.reference))
             scales_of(owner, self.reference)
+
+    def _check_contacts(self, owner: str) -> None:
+        """Raise an error if contacts are given together with another mesh stiffness."""
+        if self.stiffness is not None or self.eps:
+            raise ValueError(f"{owner}: contacts and a mesh stiffness are both given; give eps=() and no stiffness")
+        if self.eps_scale != 1.0:
+            raise ValueError(
+                f"{owner}: eps_scale = {self.eps_scale:g} has no meaning for contacts, whose stiffness is that of the "
+                "pairs of teeth: give 1, or a mean-mesh model"
+            )
+
+    def mesh_law(self, half_backlash: float) -> Law:
+        """Return the force law of the mesh with a half backlash."""
+        if self.contacts is None:
+            return Backlash(b=half_backlash, stiffness=self.mesh_stiffness)
+        return self.contacts.widened(half_backlash)
 
     @property
     def scales(self) -> Scales | None:

@@ -32,7 +32,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
-from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, Reaction, System
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.scales import Scales
@@ -94,6 +94,9 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         Factors of all eps_l and all e_l, for use as continuation parameters.
     stiffness, error : Phased or None, optional
         Mesh stiffness k(tau) over k_mean and transmission error e(tau) over b_c instead of eps and e, as in `SpurPair`.
+    contacts : MeshContacts or None, optional
+        Contacts of a tooth-resolved mesh instead of eps and stiffness: stiffness over k_mean and initial gaps over b_c,
+        without backlash. `GearPair.model` computes them from a drawing.
 
     Raises
     ------
@@ -143,6 +146,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     e_scale: float = 1.0
     stiffness: Phased | None = None
     error: Phased | None = None
+    contacts: MeshContacts | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -272,7 +276,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         SS = np.outer(S, S)
         gap = Element(
             direction=S * self.mesh_vector(),
-            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
+            law=self.mesh_law(self.b),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

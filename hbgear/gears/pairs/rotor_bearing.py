@@ -14,6 +14,7 @@ from typing import ClassVar, Literal
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.periodic import Phased
 
@@ -88,6 +89,9 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
     error : Phased or None, optional
         Transmission error e(tau) over b_c instead of e: a `Series` or a `Periodic` without jumps, for example
         `Periodic.table`.
+    contacts : MeshContacts or None, optional
+        Contacts of a tooth-resolved mesh instead of eps and stiffness: stiffness over k_mean and initial gaps over b_c,
+        without backlash. `GearPair.model` computes them from a drawing.
     eps_lag, e_lag, reference : tuple of float, optional
         The same as in `SpurPair`.
 
@@ -130,6 +134,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
     e_scale: float = 1.0
     stiffness: Phased | None = None
     error: Phased | None = None
+    contacts: MeshContacts | None = None
     eps_lag: tuple[float, ...] = ()
     e_lag: tuple[float, ...] = ()
     reference: tuple[float, ...] = ()
@@ -171,7 +176,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
         gap = Element(
             direction=[1.0, -1.0, 1.0],
-            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
+            law=self.mesh_law(self.b),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

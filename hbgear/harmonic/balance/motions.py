@@ -75,11 +75,11 @@ class PeriodicMotions(HarmonicEquations):
         ValueError
             If the number of elements differs, or the motion is not periodic with this nu.
         """
-        return self.discretization.from_layout(X, layout, self.compiled({}).corners.kept)
+        return self.discretization.from_layout(X, layout, self.compiled({}).kept)
 
     def resized(self, X: Array) -> Array:
         """Return unknowns of any number of harmonics, cut or padded to this number."""
-        return X if len(X) == self.size else self.discretization.resized(X, self.compiled({}).corners.kept)
+        return X if len(X) == self.size else self.discretization.resized(X, self.compiled({}).kept)
 
     def subharmonic_part(self, X: Array) -> Array:
         """Return the coefficients that a basis of a smaller nu does not contain; empty for nu = 1."""

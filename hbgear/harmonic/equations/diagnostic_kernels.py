@@ -29,16 +29,16 @@ def extrema(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
     low = high = 0.0
     for p in range(X.shape[0]):
         rows, last = X[p].reshape(m, -1), -1
-        for i in range(laws.level.shape[0]):
+        for i in range(clearance.shape[1] // 2):
             j = laws.owner[i]
             if j != last:
                 last = j
-                sampled_gap(numbers, rows[j], j, c, samples)
+                sampled_gap(numbers, rows[laws.element[j]], j, c, samples)
                 low = -highest_gap(numbers.corners, j, -1.0, c, samples)[0]
                 high = highest_gap(numbers.corners, j, 1.0, c, samples)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
-            if low < laws.level[i] < high and regime[p, j] < 2:
-                regime[p, j] += 1
+            if low < laws.level[i] < high and regime[p, laws.element[j]] < 2:
+                regime[p, laws.element[j]] += 1
 
 
 @kernel

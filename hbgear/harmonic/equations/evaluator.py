@@ -16,7 +16,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws
 from hbgear.harmonic.forces.breakpoints import corners_of, gap
-from hbgear.harmonic.forces.packed_model import PackedModel, own_of, pack_laws
+from hbgear.harmonic.forces.packed_laws import pack_laws
+from hbgear.harmonic.forces.packed_model import PackedModel, own_of
 from hbgear.harmonic.instants.equations import Equations
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
 from hbgear.harmonic.structure.receptance import LinearPart, LinearStructure, Receptance
@@ -76,8 +77,8 @@ class Evaluator:
     aft_laws : tuple of (int, Law)
         All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
         closed form.
-    breakpoints, element : ndarray, shape (K,)
-        Breakpoints of all laws, and the element of each.
+    breakpoints, element, displacement : ndarray, shape (K,)
+        Breakpoints of all laws, the element of each, and the displacement of which it is a value.
     """
 
     def __init__(
@@ -97,16 +98,20 @@ class Evaluator:
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
-        laws, springs, left = pack_laws(self.laws, sampled, nu)
+        packing = pack_laws(self.laws, sampled, nu)
+        laws, left = packing.table, packing.left
         own = own_of(self.laws)
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
         linear = self.receptance.numbers
         self.corners = corners = corners_of(
-            system.elements, springs, laws.cubic, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
+            system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
-        self.numbers = PackedModel(laws, linear, transform.basis, corners if len(corners.phases) else None, own)
+        has_corners = bool(len(corners.phases) or packing.levels)
+        self.numbers = PackedModel(laws, linear, transform.basis, corners if has_corners else None, own)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
-        self.breakpoints, self.element = laws.level, laws.owner
+        self.breakpoints = laws.level[: packing.public]
+        self.displacement = laws.owner[: packing.public]
+        self.element = laws.element[self.displacement]
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: LRUCache[ModalBlocks] = LRUCache(32)
         self._at: LRUCache[Evaluator] = LRUCache(16)
@@ -115,6 +120,11 @@ class Evaluator:
     def m(self) -> int:
         """Number of elements."""
         return len(self.laws)
+
+    @property
+    def kept(self) -> ComplexArray:
+        """Harmonics (H + 1, m) of the prescribed displacements with breakpoints that are unknowns, zero of others."""
+        return self.corners.kept[:, : self.m]
 
     @property
     def is_fully_compiled(self) -> bool:
@@ -273,7 +283,8 @@ class Evaluator:
 
         self._length(X)
         theta, sign, count, _ = instants(self.numbers, self.spread(X).reshape(self.m, -1), False)
-        some = np.arange(theta.shape[1]) < count[:, None]
+        some = np.arange(theta.shape[1]) < count[: len(self.breakpoints), None]
+        theta, sign = theta[: len(self.breakpoints)], sign[: len(self.breakpoints)]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
@@ -282,7 +293,7 @@ class Evaluator:
         return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
-        """Return the largest value of ``side`` times the displacement of element j, and its phase."""
+        """Return the largest value of ``side`` times displacement j, of an element with this motion, and its phase."""
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.ranges import counted
-from hbgear.mechanics.laws.laws import springs_of
+from hbgear.mechanics.laws.mesh_contacts import contacts_of, moving_springs_of
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
@@ -169,7 +169,7 @@ def tooth_orders(system: System) -> tuple[int, ...]:
     (1,)
     """
     found = sorted({gcd(*some) for some in excited_orders(system) if some})
-    if not found or any(springs_of(e.law) is None for e in system.elements):
+    if not found or any(moving_springs_of(e.law) is None for e in system.elements):
         return (1,)
     return tuple(
         k for k in found if not any(k % other == 0 and other < k < _SEPARATE_ORDER_RATIO * other for other in found)
@@ -188,8 +188,9 @@ def excited_orders(system: System, corners: bool = True) -> list[list[int]]:
 
 def _stiffness(law: Any) -> list[Phased]:
     """Return the periodic stiffness functions of a law; none if they are unknown."""
-    known = springs_of(law)
-    return [spring.stiffness for spring in known[0]] if known else []
+    known = moving_springs_of(law)
+    levels = [contact.level for contact in contacts_of(law)]
+    return [*(one.spring.stiffness for one in known[0]), *levels] if known else []
 
 
 def _orders(function: Phased) -> list[int]:

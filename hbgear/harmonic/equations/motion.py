@@ -77,7 +77,8 @@ def grazing_distance(evaluator: Evaluator, X: Array, which: int) -> tuple[float,
     """Return entry ``which`` of `clearance` and the phase of the basis at which its extremum lies."""
     breakpoint_, sign = which // 2, 1 if which % 2 else -1
     element = int(evaluator.element[breakpoint_])
-    value, theta = evaluator.highest(element, _rows(evaluator, X)[element], float(sign))
+    displacement = int(evaluator.displacement[breakpoint_])
+    value, theta = evaluator.highest(displacement, _rows(evaluator, X)[element], float(sign))
     return float(sign * value - evaluator.breakpoints[breakpoint_]), theta
 
 

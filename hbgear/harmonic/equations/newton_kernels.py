@@ -245,11 +245,11 @@ def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
     orders, c, samples = numbers.linear.orders, room.space.waves, room.space.samples
     breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
     j = numbers.laws.owner[breakpoint_]
-    sampled_gap(numbers, room.rows[j], j, c, samples)
+    sampled_gap(numbers, room.rows[numbers.laws.element[j]], j, c, samples)
     value, theta = highest_gap(numbers.corners, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0
-    at = j * (2 * orders.shape[0] - 1)
+    at = numbers.laws.element[j] * (2 * orders.shape[0] - 1)
     row[at] = 1.0
     for i in range(1, orders.shape[0]):
         row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)

@@ -1,47 +1,59 @@
-"""What of a model has corners in the phase, as numbers for kernels: stiffness and prescribed displacements in pieces.
+"""Stiffness and prescribed displacements with breakpoints in the phase, as arrays of piecewise polynomials.
 
-    gap_j = d_j + e_j up to harmonic H - e_j        d_j the unknowns, H harmonics of it; e_j with all of its corners
+    gap_j = d_j + (e_j up to harmonic H) - e_j        d_j: the unknowns; e_j: the prescribed displacement
 
-Of the gap of an element whose e_j has corners only the motion of the structure is cut off at H, not e_j. With w = -e_j
-the force of a spring is k (g0 + s0 (t + w) + sum_i D_i max(t + w - x_i, 0)), t a trigonometric polynomial: all that is
-ever integrated is k and k w over parts of the period.
+If e_j has breakpoints, only the motion of the structure is truncated at H; e_j keeps all of its harmonics. With w =
+-e_j the force of a spring is k (g0 + s0 (t + w) + sum_i D_i max(t + w - x_i, 0)), where t is a trigonometric
+polynomial. The projection therefore requires integrals of k and k w over parts of the period only. A displacement
+relative to a moving level has w = -e_j - level.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.mechanics.laws.laws import PiecewiseLinear
+from hbgear.harmonic.forces.packed_laws import Packing
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
 from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
 
 
 class Corners(NamedTuple):
-    """Pieces over the basis period [0, 2 pi); of a model without corners nothing but empty arrays.
+    """Piecewise polynomials over the basis period [0, 2 pi); all arrays are empty for a model without breakpoints.
 
-    phases (I,) : all corners, ascending.
-    moves (m + 1,), at (T,), rows (T, 4) : of element j the pieces moves[j] to moves[j + 1] of w = -e_j: where they
-        begin, and their coefficients. None if e_j has no corners.
-    kept, beyond (H + 1, m), (L, m) : harmonics of these e_j, zero of others: those that are unknowns, among 0..H, and
-        the others up to 2H.
-    parts (S + 1,), begin (U,), weight (U, 4) : the same of the springs whose stiffness k or e_j has corners, of k; of
-        the springs that also have a Fourier series this is a factor beside it.
-    sums (U + S, 2, L) : integrals of k and of k w, times exp(-i n theta), from 0 to where a piece begins, and over all.
+    phases (I,) : breakpoints of the excitation, ascending.
+    moves (Q + 1,), at (T,), rows (T, 4) : w of displacement j has the segments moves[j] to moves[j + 1], with their
+        beginnings and coefficients; no segments if e_j has no breakpoints and there is no moving level.
+    broken, idle (T,) : whether w of a moving level jumps at the beginning of a segment, and whether the stiffness of
+        all springs is zero on it.
+    bounds (Q, 2) : lower and upper bound of w of a moving level, infinite for other displacements.
+    kept, beyond (H + 1, Q), (L, m) : harmonics of e_j with breakpoints, zero for others: those that are unknowns, among
+        0..H, and the others up to 2H.
+    parts (S + 1,), begin (U,), weight (U, 4) : segments of the stiffness k of springs, if k or w has breakpoints. If
+        the spring has a Fourier series as well, its stiffness is the product of both.
+    sums (U + S, 2, L) : integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over
+        the period.
     pulled (U, 7) : coefficients of k w.
-    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless such an element has a cubic spring.
-    grid (2, m, N) : e_j up to H less e_j, and its derivative in theta, at samples; empty unless a law is sampled.
+    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless an element with breakpoints has a cubic
+        spring.
+    grid (2, m, N) : e_j up to harmonic H minus e_j, and its derivative in theta, at samples; empty unless a law is
+        sampled.
     """
 
     phases: Array
     moves: np.ndarray
     at: Array
     rows: Array
+    broken: np.ndarray
+    idle: np.ndarray
+    bounds: Array
     kept: ComplexArray
     beyond: ComplexArray
     parts: np.ndarray
@@ -54,17 +66,17 @@ class Corners(NamedTuple):
 
 
 def corners_of(
-    elements: Sequence[Element], springs: Sequence[tuple[int, PiecewiseLinear]], cubic: Array, H: int, nu: int, N: int,
-    orders: np.ndarray, left: np.ndarray,
-) -> Corners:  # fmt: skip
-    """Of the elements of a model and the springs of their laws, each with the number of its element.
+    elements: Sequence[Element], packing: Packing, H: int, nu: int, N: int, orders: np.ndarray, left: np.ndarray
+) -> Corners:
+    """Return the table of the elements of a model and of the springs of their laws.
 
-    cubic (m, 2) : k1 and k3 of the elements. N : samples of the grid, 0 for none. orders, left : the basis harmonics up
-    to H that are unknowns, and the others up to 2H.
+    N : samples of the grid, 0 for none. orders, left : the basis harmonics up to H that are unknowns, and the others up
+    to 2H.
     """
+    springs, levels, cubic = packing.springs, packing.levels, packing.table.cubic
     m, S = len(elements), len(springs)
-    phases = [x for element in elements for x in (*element.law.phases, *element.displacement.corners)]
-    if not phases:
+    phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
+    if not phases and not levels:
         return _nothing(m, S, H, len(left))
     e = [element.displacement for element in elements]
     moved = [_pieces(one, nu).scaled(-1.0) if one.corners else None for one in e]
@@ -75,20 +87,36 @@ def corners_of(
         known = to_complex(stretch(e[j].row(2 * H // nu), nu))
         c[: len(known)] = known
         kept[orders, j], beyond[:, j] = c[orders], c[left]
-    highest = max([0, *(spring.stiffness.order for _, spring in springs)]) * nu
+    highest = max([0, *(one.spring.stiffness.order for one in springs)]) * nu
     length = 8 * H + highest + 1
+    level_of = [None] * m + [one.level for one in levels]
     made = [
-        _weighted(spring.stiffness, e[j], nu, length) if spring.stiffness.corners or e[j].corners else None
-        for j, spring in springs
-    ]
+        _weighted(one.spring.stiffness, e[one.element], cast(Phased | None, level_of[one.displacement]), nu, length)
+        if one.spring.stiffness.corners or e[one.element].corners or one.displacement >= m else None
+        for one in springs
+    ]  # fmt: skip
     count = [len(one[0].at) if one else 0 for one in made]
     sums = [one[2] for one in made if one]
+    tables = [
+        _level_table(
+            e[one.element],
+            one.level,
+            nu,
+            [spring.spring.stiffness for spring in springs if spring.displacement == m + i],
+        )
+        for i, one in enumerate(levels)
+    ]
+    pieces = [one.at for one in moved if one] + [one.at for one, *_ in tables]
+    fixed = np.zeros(sum(len(one.at) for one in moved if one), dtype=bool)
     return Corners(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
-        moves=_ends([len(one.at) if one else 0 for one in moved]),
-        at=np.concatenate([np.empty(0), *(one.at for one in moved if one)]),
-        rows=_stacked([one.rows for one in moved if one], 4),
-        kept=kept,
+        moves=_ends([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
+        at=np.concatenate([np.empty(0), *pieces]),
+        rows=_stacked([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
+        broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
+        idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
+        bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
+        kept=np.ascontiguousarray(kept[:, [*range(m), *(one.element for one in levels)]]),
         beyond=beyond,
         parts=_ends(count),
         begin=np.concatenate([np.empty(0), *(one[0].at for one in made if one)]),
@@ -100,19 +128,77 @@ def corners_of(
     )
 
 
+def _phases(law: Law) -> Iterable[float]:
+    """Return the phases at which dp/dd of a law jumps although no breakpoint is crossed; levels cause no such jump."""
+    contacts = contacts_of(law)
+    return {x for contact in contacts for x in _abrupt_changes(contact.stiffness)} if contacts else law.phases
+
+
+def _abrupt_changes(stiffness: Phased) -> list[float]:
+    """Return the phases at which a contact stiffness jumps, or its slope by more than `_SMOOTH`."""
+    if not isinstance(stiffness, Periodic):
+        return []
+    jumps = np.abs(stiffness.jumps) / stiffness.bound
+    abrupt = jumps[:, 0] > _CONTINUOUS
+    if jumps.shape[1] > 1:
+        abrupt |= jumps[:, 1] > _SMOOTH
+    return [x % TURN for x, found in zip(stiffness.phases, abrupt.tolist(), strict=True) if found]
+
+
+_SMOOTH = 1e-2
+"""Jump of the slope of a contact stiffness, over its largest value and per radian, up to which Gauss points of the
+variational equation need no division there: the multipliers of tables with 160 values change by less than 1e-5."""
+
+
+def _level_table(
+    displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
+) -> tuple[Pieced, np.ndarray, np.ndarray]:
+    """Return w of a moving level, and `Corners.broken` and `Corners.idle` of its pieces."""
+    w = (level.repeated(nu) if isinstance(level, Pieced) else _level_pieces(level, nu)).scaled(-1.0)
+    if displacement.corners:
+        w = w.plus(_pieces(displacement, nu).scaled(-1.0))
+    k = [_pieces(one, nu) for one in stiffness]
+    for one in k:
+        acts = np.any(one.rows != 0.0, axis=1)
+        w = w.on(one.at[acts != np.roll(acts, 1)])
+    ends = np.array([np.polynomial.polynomial.polyval(x, row) for x, row in zip(w.widths, w.rows, strict=True)])
+    jump = np.abs(w.rows[:, 0] - np.roll(ends, 1))
+    broken: np.ndarray = jump > _CONTINUOUS * max(1e-300, np.abs(w.rows[:, 0]).max())
+    acting = [np.any(one.rows_at(w.at) != 0.0, axis=1) for one in k]
+    return w, broken, ~np.any(acting, axis=0) if acting else np.zeros(len(w.at), dtype=bool)
+
+
+def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
+    """Return bounds of w on the pieces that are not idle."""
+    used = np.flatnonzero(~idle)
+    rows, widths = w.rows[used], w.widths[used]
+    higher = sum((np.abs(rows[:, q]) * widths**q for q in range(2, rows.shape[1])), np.zeros(len(used)))
+    ends = rows[:, 0] + (rows[:, 1] * widths if rows.shape[1] > 1 else 0.0)
+    return float((np.minimum(rows[:, 0], ends) - higher).min()), float((np.maximum(rows[:, 0], ends) + higher).max())
+
+
+_CONTINUOUS = 1e-10
+"""Jump of a level, relative to its largest value, up to which it is rounding."""
+
+
+def _level_pieces(level: Phased, nu: int) -> Pieced:
+    return level.pieces(nu) if isinstance(level, Periodic) else ONE.scaled(level.mean)
+
+
 @lru_cache(maxsize=64)
 def _nothing(m: int, S: int, H: int, left: int) -> Corners:
-    """Of m elements and S springs without corners."""
+    """Return the empty table of m elements and S springs without breakpoints."""
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return Corners(
-        none, _ends([0] * m), none, np.empty((0, 4)), np.zeros((H + 1, m), dtype=complex),
+        none, _ends([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
+        np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
         np.zeros((left, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
 
 
 def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
-    """What the gap of an element has beside its unknowns, or a derivative of it in theta: e up to H, less e.
+    """Return e up to harmonic H minus e, the known part of the gap of an element, or a derivative in theta.
 
     kept (H + 1,) : harmonics of e.
     """
@@ -122,12 +208,12 @@ def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, orde
 
 
 def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
-    """Gap of an element whose motion is a row, or a derivative of it in theta; kept as of `beyond`."""
+    """Return the gap of an element whose motion is a row, or a derivative in theta; ``kept`` as in `beyond`."""
     return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
 
 
 def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
-    """`gap` at N equal steps of the period, (N,)."""
+    """Return `gap` at N equal steps of the period, (N,)."""
     out = samples_of(derive(to_complex(row), order), N)
     if displacement.corners:
         theta = TURN * np.arange(N) / N
@@ -136,6 +222,7 @@ def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N
 
 
 def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
+    """Return `Corners.grid`."""
     some = [j for j, one in enumerate(e) if one.corners]
     out = np.zeros((2, len(e), N if some else 0))
     theta = TURN * np.arange(out.shape[2]) / max(N, 1)
@@ -145,6 +232,7 @@ def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
 
 
 def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
+    """Return `Corners.powers`."""
     some = [j for j, one in enumerate(moved) if one and cubic[j].any()]
     out = np.zeros((len(moved), 3, length if some else 0), dtype=complex)
     for j in some:
@@ -160,14 +248,26 @@ def _pieces(function: Phased, nu: int) -> Pieced:
     return function.pieces(nu) if isinstance(function, Periodic) else ONE
 
 
-@lru_cache(maxsize=16)
-def _weighted(stiffness: Phased, displacement: Phased, nu: int, length: int) -> tuple[Pieced, Pieced, ComplexArray]:
-    """k and k w on common pieces, and their integrals (T + 1, 2, length); w = 0 if the displacement has no corners."""
+@lru_cache(maxsize=128)
+def _weighted(
+    stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
+) -> tuple[Pieced, Pieced, ComplexArray]:
+    """Return k and k w on common segments, and their integrals (T + 1, 2, length); w is 0 without breakpoints."""
     k = _pieces(stiffness, nu)
     w = _pieces(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
+    if level is not None:
+        w = w.plus(_level_pieces(level, nu).scaled(-1.0))
     pulled = k.times(w)
-    k = k.on(pulled.at)
-    return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+    if level is None:
+        k = k.on(pulled.at)
+        return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+    from hbgear.harmonic.forces.piecewise_kernels import integrals
+
+    k = Pieced(pulled.at, k.rows_at(pulled.at))
+    sums = np.zeros((len(k.at) + 1, 2, length), dtype=complex)
+    for i, one in enumerate((k, pulled)):
+        integrals(one.at, one.rows, sums[:, i])
+    return k, pulled, sums
 
 
 def _ends(count: Sequence[int]) -> np.ndarray:
@@ -175,13 +275,13 @@ def _ends(count: Sequence[int]) -> np.ndarray:
 
 
 def _stacked(rows: Sequence[Array], width: int) -> Array:
-    """Coefficients of all, padded to the same number."""
+    """Return the coefficients of all functions, padded to the same number."""
     each = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in rows]
     return np.concatenate([np.empty((0, width)), *each])
 
 
 def _spread(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
-    """Integrals of all springs one after the other, one row of nothing for each that has no pieces."""
+    """Return the integrals of all springs one after the other, a row of zeros for each spring without segments."""
     out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
     rows, at = iter(sums), 0
     for n in count if sums else ():

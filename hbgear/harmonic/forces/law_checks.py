@@ -15,7 +15,8 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.laws.laws import Law, springs_of
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.mesh_contacts import moving_springs_of
 from hbgear.mechanics.models import System
 from hbgear.mechanics.reference_stiffness import at_rest, bend, references
 
@@ -44,7 +45,7 @@ def check_laws(system: System) -> None:
         If a law does not return three finite arrays, a derivative differs from differences of the force, or an element
         whose law has no stiffness measures a free motion of the structure, so that the mean of it is arbitrary.
     """
-    user_laws = [[law for law in element.law.parts if springs_of(law) is None] for element in system.elements]
+    user_laws = [[law for law in element.law.parts if moving_springs_of(law) is None] for element in system.elements]
     for laws in user_laws:
         for law in laws:
             evaluate_force(law, np.zeros(3), np.zeros(3), np.array([0.0, 1.0, 2.0]))
@@ -106,10 +107,10 @@ _MIN_DISPLACEMENT_RATIO = 1e-9
 
 def _is_stiff(law: Law) -> bool:
     """Return whether dp/dd is not zero everywhere."""
-    known = springs_of(law)
+    known = moving_springs_of(law)
     if known is not None:
         springs, k1, k3 = known
-        return bool(k1 or k3 or any(any(spring.slopes) for spring in springs))
+        return bool(k1 or k3 or any(any(one.spring.slopes) for one in springs))
     d = np.logspace(-12.0, 12.0, 97)
     at = np.concatenate([d, -d])
     if np.any(np.nan_to_num(at_rest(law, at)[1])):

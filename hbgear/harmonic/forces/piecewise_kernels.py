@@ -25,7 +25,7 @@ _NODES, _WEIGHTS = rule()
 
 @kernel
 def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
-    """Put the one-sided coefficients of the gap of element j, whose motion is a row (2H + 1,), in the first of c.
+    """Put the one-sided coefficients of displacement j of an element whose motion is a row (2H + 1,) in the first of c.
 
     They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
     else the gap has stands in pieces.
@@ -48,10 +48,13 @@ def in_pieces(corners: Any, j: int) -> bool:
 
 @kernel
 def sizes_of(corners: Any) -> tuple[int, int, int]:
-    """Numbers of corners in a period, of pieces of gaps, and of coefficients of a piece."""
+    """Numbers of corners in a period, of pieces of the gap with the most, and of coefficients of a piece."""
     if corners is None:
         return 0, 0, 0
-    return corners.phases.shape[0], corners.at.shape[0], corners.pulled.shape[1]
+    most = corners.moves[1] - corners.moves[0]
+    for j in range(corners.moves.shape[0] - 1):
+        most = max(most, corners.moves[j + 1] - corners.moves[j])
+    return corners.phases.shape[0], most, corners.pulled.shape[1]
 
 
 @kernel
@@ -68,7 +71,7 @@ def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tupl
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
-            return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
+            return highest_on(c, corners.at, corners.rows, corners.broken, first, last, samples.shape[0], side)
     return highest(c, samples, side)
 
 
@@ -80,6 +83,76 @@ def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta
         if first < last:
             return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
     return crossings(c, level, samples, theta, sign), samples[0] > level
+
+
+@kernel
+def fill_motion(c: Any, motion: Any) -> float:
+    """Put values and slopes (2, N) of a motion on the grid of N samples in ``motion``; a bound of its alternation."""
+    N, bound = motion.shape[1], 0.0
+    for n in range(N):
+        motion[0, n], motion[1, n], _ = value_of(c, 0.0, 2 * math.pi * n / N)
+    for k in range(1, c.shape[0]):
+        bound += abs(c[k])
+    return bound
+
+
+@kernel
+def crossings_of_moving(
+    corners: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
+) -> tuple[int, bool]:
+    """Put the zeros, ascending, of a displacement with a moving level in theta, and +1 (upwards) or -1 in sign.
+
+    Returns their number, and whether it is positive at 0. Cells are those of the grid of the motion and its pieces. On
+    idle pieces it matters only on which side of the level the next piece begins. Jumps of x are crossings.
+    bound, motion : as of `fill_motion`.
+    """
+    if corners is None:
+        return 0, False
+    mean = c[0].real
+    if mean - bound + corners.bounds[j, 0] > 0.0:
+        return 0, True
+    if mean + bound + corners.bounds[j, 1] < 0.0:
+        return 0, False
+    first, last, at, rows, N = corners.moves[j], corners.moves[j + 1], corners.at, corners.rows, motion.shape[1]
+    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    step = 2 * math.pi / N
+    before, slope, _ = value_on(c, 0.0, rows[first], at[first], 0.0)
+    above = before > 0.0
+    for i in range(first, last):
+        end = at[i + 1] if i + 1 < last else 2 * math.pi
+        if i > first:
+            value, slope, _ = value_on(c, 0.0, rows[i], at[i], at[i])
+            if corners.broken[i]:
+                count = _add_jump(before, value, at[i], theta, sign, count)
+                before = value
+        if corners.idle[i]:
+            value = value_on(c, 0.0, rows[i], at[i], end)[0]
+            count = _add_jump(before, value, at[i], theta, sign, count)
+            before = value
+            continue
+        a, n = at[i], int(at[i] / step) + 1
+        while a < end:
+            b = step * n
+            if b < end - 1e-9 * step and n < N:
+                y = b - at[i]
+                after = motion[0, n] + rows[i, 0] + y * (rows[i, 1] + y * (rows[i, 2] + y * rows[i, 3]))
+                slope_after = motion[1, n] + rows[i, 1] + y * (2.0 * rows[i, 2] + 3.0 * y * rows[i, 3])
+            else:
+                b = end
+                after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], end)
+            count = _in_cell(c, 0.0, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
+            a, before, slope = b, after, slope_after
+            n += 1
+    return count, above
+
+
+@kernel
+def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
+    """Append a phase if two values there differ in sign."""
+    if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
+        return count
+    theta[count], sign[count] = at, 1 if after > before else -1
+    return count + 1
 
 
 @kernel
@@ -213,8 +286,10 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
 
 
 @kernel
-def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: float) -> tuple[float, float]:
-    """The largest value of side x, side +1 or -1, and its phase: at a corner, or between two."""
+def highest_on(
+    c: Any, at: Any, rows: Any, broken: Any, first: int, last: int, N: int, side: float
+) -> tuple[float, float]:
+    """The largest value of side x, side +1 or -1, and its phase: at a corner, on either side of a jump, or between."""
     most, place = -math.inf, 0.0
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
@@ -232,6 +307,8 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
                 if height > most:
                     most, place = height, top
             a, value, slope = b, after, slope_after
+        if broken[i + 1 if i + 1 < last else first] and side * value > most:
+            most, place = side * value, end
     return most, place
 
 
@@ -269,7 +346,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
 @kernel
 def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
-    """Add the pieces of the gap of element j at the first T phases."""
+    """Add the pieces of displacement j at the first T phases."""
     if corners is None:
         return
     first, end = corners.moves[j], corners.moves[j + 1]
@@ -292,6 +369,31 @@ def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
 
 
 @kernel
+def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, T: int, out: Any) -> None:
+    """Add the slope of a contact with a moving level at the first T phases, ascending over at most two periods."""
+    if corners is None:
+        return
+    first, last = corners.parts[spring], corners.parts[spring + 1]
+    j = laws.over[spring]
+    begin, end = corners.moves[j], corners.moves[j + 1]
+    i, q, before, factor = first, begin, 0.0, laws.series[spring, 0].real
+    for n in range(T):
+        theta = phases[n] % (2 * math.pi)
+        if theta < before:
+            i, q = first, begin
+        before = theta
+        while i + 1 < last and corners.begin[i + 1] <= theta:
+            i += 1
+        k = factor * polynomial(corners.weight[i], theta - corners.begin[i])
+        if k == 0.0:
+            continue
+        while q + 1 < end and corners.at[q + 1] <= theta:
+            q += 1
+        x = motion[n] + polynomial(corners.rows[q], theta - corners.at[q])
+        out[n] += k * (laws.base[spring, 0] if x <= 0.0 else 1.0 - laws.base[spring, 0])
+
+
+@kernel
 def put_phases(corners: Any, out: Any) -> int:
     """Put the phases of all corners of the excitation in out; their number."""
     if corners is None:
@@ -299,6 +401,17 @@ def put_phases(corners: Any, out: Any) -> int:
     for i in range(corners.phases.shape[0]):
         out[i] = corners.phases[i]
     return int(corners.phases.shape[0])
+
+
+@kernel
+def integrals(at: Any, rows: Any, out: Any) -> None:
+    """Put int_0^theta f exp(-i n x) dx of piecewise polynomials at the beginnings of pieces and at 2 pi in out."""
+    ends = np.empty((2, rows.shape[1]))
+    out[0] = 0j
+    for i in range(at.shape[0]):
+        width = (at[i + 1] if i + 1 < at.shape[0] else 2 * math.pi) - at[i]
+        out[i + 1] = out[i]
+        _add_moments(rows[i], at[i], width, 1.0, out[i + 1], ends)
 
 
 @kernel

@@ -33,7 +33,16 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
-from hbgear.harmonic.forces.piecewise_kernels import crossings_of, in_pieces, put_gap, sampled_gap, sizes_of, spans
+from hbgear.harmonic.forces.piecewise_kernels import (
+    crossings_of,
+    crossings_of_moving,
+    fill_motion,
+    in_pieces,
+    put_gap,
+    sampled_gap,
+    sizes_of,
+    spans,
+)
 
 
 class ProjectionWorkspace(NamedTuple):
@@ -51,6 +60,7 @@ class ProjectionWorkspace(NamedTuple):
     chi: ComplexArray
     more: ComplexArray
     samples: Array
+    motion: Array
     waves: ComplexArray
     square: ComplexArray
     indicator: ComplexArray
@@ -69,7 +79,8 @@ def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
     return ProjectionWorkspace(
         np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
-        coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]), waves, square,
+        coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]),
+        np.empty((2, numbers.basis.shape[1])), waves, square,
         part[0], part[1], both, np.empty((2, degrees)),
     )  # fmt: skip
 
@@ -99,14 +110,25 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
     ramped : only of the corners at which a spring of the table turns.
     """
     laws, samples, c = numbers.laws, space.samples, space.waves
-    last = -1
+    last = element = -1
+    bound = 0.0
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
-        if ramped and not laws.ramped[i]:
-            continue
         j = laws.owner[i]
+        moving = j >= rows.shape[0]
+        if not laws.ramped[i] and (ramped or moving):  # of a moving level, for clearances only
+            continue
+        if moving:
+            if laws.element[j] != element:
+                element, last = laws.element[j], -1
+                put_gap(numbers.corners, rows[element], j, c)
+                bound = fill_motion(c, space.motion)
+            space.number[i], space.above[i] = crossings_of_moving(
+                numbers.corners, j, c, bound, space.motion, space.theta[i], space.sign[i]
+            )
+            continue
         if j != last:
-            last = j
+            last, element = j, -1
             sampled_gap(numbers, rows[j], j, c, samples)
         space.number[i], space.above[i] = crossings_of(
             numbers.corners, j, laws.level[i], c, samples, space.theta[i], space.sign[i]

@@ -353,7 +353,7 @@ def _monodromy_with_python_laws(
         monodromy_kernels.circle(monodromy_kernels.MODULATION_SAMPLES * nu),
     )
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
-    buffers = np.empty((5, coarse.shape[1])), np.empty(coarse.shape[1])
+    buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     known = monodromy_kernels.steps_per_segment(numbers, rows, mobility, coarse, space.waves, *buffers)
     which, longest = monodromy_kernels.step_of(
         max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD

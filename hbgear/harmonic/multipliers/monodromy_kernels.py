@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
-from hbgear.harmonic.forces.piecewise_kernels import add_pieces, put_gap, put_phases, sizes_of, weigh
+from hbgear.harmonic.forces.piecewise_kernels import add_contact, add_pieces, put_gap, put_phases, sizes_of, weigh
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.multipliers.phi_functions import moments
 
@@ -29,7 +29,7 @@ class MonodromyWorkspace(NamedTuple):
     """Arrays for the integration of the variational equation of one motion over a period; overwritten each time.
 
     Sizes: s Gauss points, g ports, q modes and T Gauss points of all steps. phases (3, T) : values, cosines and sines
-    of the phases. stiffness (T,), work (5, T) and D (orders, T / s, s, g) : see `fill_stiffness_modulation`. All others
+    of the phases. stiffness (T,), work (6, T) and D (orders, T / s, s, g) : see `fill_stiffness_modulation`. All others
     are used by `monodromy`.
     """
 
@@ -55,7 +55,7 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int) 
     """Return a `MonodromyWorkspace` for matrices with ``size`` columns and ``steps`` steps of s points."""
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
     return MonodromyWorkspace(
-        np.empty((3, T)), np.empty(T), np.empty((5, T)), np.empty((orders, steps, s, g)),
+        np.empty((3, T)), np.empty(T), np.empty((6, T)), np.empty((orders, steps, s, g)),
         np.empty(s + 1), np.empty((2 * q, size)),
         np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
         np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q)), np.empty((2 * q, s * g)),
@@ -136,16 +136,20 @@ def circle(count: int) -> Any:
 def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
     """Add dp/dd of element j at the first T phases (3, ...) of `circle` to ``out``; c as in `put_gap`.
 
-    work (5, ...) is overwritten.
+    work (6, ...) is overwritten.
     """
     laws = numbers.laws
-    gap, slope, factor = work[2], work[3], work[4]
+    gap, slope, factor, motion = work[2], work[3], work[4], work[5]
     _sum_series(c, phases, T, work, gap)
+    motion[:T] = gap[:T]
     add_pieces(numbers.corners, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
     for s in range(laws.of.shape[0]):
         if laws.of[s] != j:
+            continue
+        if laws.over[s] != j:
+            add_contact(numbers.corners, laws, s, motion, phases[0], T, out)
             continue
         _slope(laws, s, gap, T, slope)
         weigh(numbers.corners, s, phases[0], T, slope)
@@ -206,7 +210,7 @@ def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: An
     """Return how fast the modulations can turn the state [rad per unit of time]; 0 without any.
 
     The square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
-    at the phases ``coarse``. c (H + 1,), work (5, T) and k (T,) are overwritten.
+    at the phases ``coarse``. c (H + 1,), work (6, T) and k (T,) are overwritten.
     """
     most, T = 0.0, coarse.shape[1]
     for j in range(rows.shape[0]):
@@ -225,7 +229,7 @@ def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: An
 def slopes(numbers: Any, X: Any, out: Any) -> None:
     """Add dp/dd (P, m, T) of motions X (P, n) at T equally spaced phases of the period to ``out``, initially zero."""
     m, T = out.shape[1], out.shape[2]
-    phases, work, c = circle(T), np.empty((5, T)), np.empty(X.shape[1] // (2 * m) + 1, np.complex128)
+    phases, work, c = circle(T), np.empty((6, T)), np.empty(X.shape[1] // (2 * m) + 1, np.complex128)
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         for j in range(m):
@@ -464,7 +468,7 @@ def monodromies(
         projection_workspace(numbers, m, X.shape[1] // (2 * m), np.int64(0)),
         circle(MODULATION_SAMPLES * nu),
     )
-    work, stiffness = np.empty((5, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
+    work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
     theta, segments = segment_arrays(numbers, space)
     short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1)
     long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1)

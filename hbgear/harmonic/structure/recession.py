@@ -18,6 +18,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLinear
+from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.models import Load, Model, System
 from hbgear.mechanics.series.fourier import Series
 
@@ -33,6 +34,14 @@ def recession(law: Law) -> Law | None:
     if law.piecewise is not None:
         springs = tuple(_spring(spring) for spring in law.piecewise)
         return springs[0] if len(springs) == 1 else Parallel(springs)
+    contacts = contacts_of(law)
+    if contacts:
+        return Parallel(
+            tuple(
+                PiecewiseLinear((0.0,), (0.0, 1.0) if contact.side > 0 else (1.0, 0.0), stiffness=contact.stiffness)
+                for contact in contacts
+            )
+        )
     if type(law) is Cubic:
         return None if law.k3 else PiecewiseLinear((), (law.k1,))
     limit = _ScaledLaw(law)

@@ -65,6 +65,8 @@ class Machine:
         Supports of pinion and wheel; default None, for the form "torsion".
     cycle : MeshCycle, optional
         Mesh stiffness and error from tables; default None, which computes them.
+    mesh_model : {"teeth", "secant", "tangent"}, optional
+        Model of the computed mesh, see `GearPair.model`; default None, its default.
     """
 
     pair: GearPair
@@ -73,15 +75,17 @@ class Machine:
     form: Literal["torsion", "bearings", "spatial"] = "torsion"
     supports: tuple[Support, Support] | None = None
     cycle: MeshCycle | None = None
+    mesh_model: Literal["teeth", "secant", "tangent"] | None = None
 
     @property
     def mesh(self) -> MeshCycle:
         """Mesh stiffness and error, from tables or computed."""
-        return self.cycle or self.pair.mesh(self.torque)
+        linearized = "tangent" if self.mesh_model == "tangent" else "secant"
+        return self.cycle or self.pair.mesh(self.torque, linearized=linearized)
 
     def model(self, **options: Any) -> Model:
         """Return the model made by `GearPair.model`."""
-        given = {"supports": self.supports, "cycle": self.cycle, **options}
+        given = {"supports": self.supports, "cycle": self.cycle, "mesh": self.mesh_model, **options}
         model: Model = self.pair.model(self.torque, self.damping, self.form, **given)
         return model
 
@@ -127,6 +131,7 @@ def _schema() -> Any:
     mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None))
     whole: dict[str, Any] = {
         "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
+        "mesh_model": (_KINDS["mesh_model"], None),
         "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
         "wheel": (table("wheel", Gear, ("teeth",)), ...),
         "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
@@ -137,7 +142,7 @@ def _schema() -> Any:
 
 _KINDS: dict[str, Any] = {
     "teeth": int, "internal": bool, "backlash_measure": Literal["circumferential", "normal", "action"],
-    "form": Literal["torsion", "bearings", "spatial"],
+    "form": Literal["torsion", "bearings", "spatial"], "mesh_model": Literal["teeth", "secant", "tangent"],
 }  # fmt: skip
 
 
@@ -162,7 +167,9 @@ class _Reader:
         if pair is None:
             return None
         held: Any = tuple(supports) or None
-        machine = Machine(pair, own["torque"], own["damping"], data.get("form", "torsion"), held, cycle)
+        machine = Machine(
+            pair, own["torque"], own["damping"], data.get("form", "torsion"), held, cycle, data.get("mesh_model")
+        )
         try:
             machine.model()
         except ValueError as error:
@@ -207,6 +214,8 @@ def _place_in(message: str, data: Mapping[str, Any]) -> Place:
     for name in ("torque", "damping"):
         if f"{name} =" in message:
             return (name,)
+    if "mesh =" in message and "mesh_model" in data:
+        return ("mesh_model",)
     word = "support" if "support" in message and "support" in data else "form" if "form" in message else "pair"
     return (word,)
 
@@ -241,6 +250,7 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
     lines = [f"# {remark}" for remark in remarks]
     lines += [f"torque = {_quantity(machine.torque, 'N m')}", f"damping = {machine.damping!r}"]
     lines += [f'form = "{machine.form}"'] if machine.form != "torsion" else []
+    lines += [f'mesh_model = "{machine.mesh_model}"'] if machine.mesh_model else []
     tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),
                                      ("pair", machine.pair)]  # fmt: skip
     tables += zip(("support.pinion", "support.wheel"), machine.supports or (), strict=False)

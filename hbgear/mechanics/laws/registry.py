@@ -25,6 +25,7 @@ from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import kinds_of, plain
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
@@ -314,8 +315,12 @@ register_law(name="cubic")(Cubic)
 register_law(name="piecewise")(PiecewiseLinear)
 register_law(name="parallel")(Parallel)
 register_law(name="compiled")(CompiledLaw)
+register_law(name="tooth contact")(ToothContact)
+register_law(name="mesh contacts")(MeshContacts)
 register_law(name="backlash", required=("k", "b"))(Backlash)
 register_law(name="unilateral", required=("k", "gap"))(Unilateral)
 
-BUILT_IN: Mapping[str, type[Law]] = {cls.__name__: cls for cls in (Cubic, PiecewiseLinear, Parallel)}
+BUILT_IN: Mapping[str, type[Law]] = {
+    cls.__name__: cls for cls in (Cubic, PiecewiseLinear, Parallel, ToothContact, MeshContacts)
+}
 """Classes of hbgear that a file can hold, by name. Headers name them as parts of a model, as earlier versions did."""

@@ -472,13 +472,13 @@ class Pieced:
         """Return the product with another function, on the segments of both."""
         both = np.unique(np.concatenate([self.at, other.at]))
         at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self._rows_at(at), other._rows_at(at)
+        a, b = self.rows_at(at), other.rows_at(at)
         rows = np.zeros((len(at), a.shape[1] + b.shape[1] - 1))
         for q in range(a.shape[1]):
             rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
         return Pieced(at, rows)
 
-    def _rows_at(self, at: Array) -> Array:
+    def rows_at(self, at: Array) -> Array:
         """Return the polynomials from given phases on.
 
         Each is the polynomial at the middle up to the next phase, because beginnings are equal only to rounding.
@@ -487,6 +487,21 @@ class Pieced:
         piece = np.searchsorted(self.at, middle, side="right") - 1
         rows: Array = _shifted(self.rows[piece], at - self.at[piece])
         return rows
+
+    def plus(self, other: Pieced) -> Pieced:
+        """Return the sum with another function, on the segments of both."""
+        both = np.unique(np.concatenate([self.at, other.at]))
+        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
+        a, b = self.rows_at(at), other.rows_at(at)
+        rows = np.zeros((len(at), max(a.shape[1], b.shape[1])))
+        rows[:, : a.shape[1]] += a
+        rows[:, : b.shape[1]] += b
+        return Pieced(at, rows)
+
+    def repeated(self, nu: int) -> Pieced:
+        """Return the function over nu of its periods, of the phase theta = tau / nu."""
+        theta = (self.at[None, :] + TURN * np.arange(nu)[:, None]) / nu
+        return Pieced(theta.ravel(), np.tile(self.rows * float(nu) ** np.arange(self.rows.shape[1]), (nu, 1)))
 
     def scaled(self, factor: float) -> Pieced:
         """Return the function times a factor."""

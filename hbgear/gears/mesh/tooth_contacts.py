@@ -1,0 +1,167 @@
+"""Contacts of a mesh from the stiffness and the gap of one pair of teeth over its path of contact.
+
+    pair p exists for 0 < u < length,   u = tau / (2 pi) - p - begin,   k_p = stiffness(u),   gap_p = gap(u) + error_p
+
+Every pair of teeth has the same functions, delayed by its number p. A periodic law holds a finite number of contacts:
+the path is divided into the fewest equal sections shorter than a mesh period, and one contact follows the pairs on each
+section in turn. Its stiffness is zero between two pairs. Its level is continued there by a line, so that it is
+continuous; this value has no effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
+from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+
+ROUNDING = 1e-9
+"""Length [mesh periods] that is attributed to rounding."""
+
+
+class PathFunction(NamedTuple):
+    """Piecewise polynomials over the path of contact.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (P + 1,)
+        Beginnings of the segments and the end of the path [mesh periods].
+    rows : ndarray, shape (P, D + 1)
+        Coefficients of the polynomials in the distance from the beginning of the segment; D is at most 3.
+    """
+
+    nodes: Array
+    rows: Array
+
+    @classmethod
+    def linear(cls, nodes: Array, values: Array) -> Self:
+        """Return the function that is linear between values at nodes."""
+        nodes, values = np.asarray(nodes, dtype=float), np.asarray(values, dtype=float)
+        return cls(nodes, np.column_stack([values[:-1], np.diff(values) / np.diff(nodes)]))
+
+    @property
+    def length(self) -> float:
+        """Length of the path [mesh periods]."""
+        return float(self.nodes[-1])
+
+    def section(self, first: float, last: float) -> Self:
+        """Return the function between two positions, whose distances are from the beginning of the path."""
+        inner = self.nodes[(self.nodes > first + ROUNDING) & (self.nodes < last - ROUNDING)]
+        nodes = np.concatenate([[first], inner, [last]])
+        piece = np.searchsorted(self.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
+        return type(self)(nodes, _moved(self.rows[piece], nodes[:-1] - self.nodes[piece]))
+
+    def mirrored(self, centre: float) -> Self:
+        """Return the function of 2 centre - u; its path begins at 2 centre - length."""
+        widths = np.diff(self.nodes)
+        rows = _moved(self.rows, widths) * (-1.0) ** np.arange(self.rows.shape[1])
+        return type(self)((2 * centre - self.nodes)[::-1], rows[::-1])
+
+    def plus(self, offset: float, factor: float = 1.0) -> Self:
+        """Return the function times a factor, plus an offset."""
+        rows = factor * self.rows
+        rows[:, 0] += offset
+        return type(self)(self.nodes, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Flank:
+    """One flank of a pair of teeth, or of a slice of it.
+
+    Attributes
+    ----------
+    side : {1, -1}
+        +1 for the driving flank, -1 for the back flank.
+    stiffness, gap : PathFunction
+        Contact stiffness [force / length] and initial gap [length] over the path; both have the same path, which begins
+        at the first node.
+    half_backlash : float
+        Displacement at which teeth without initial gap touch [length].
+    lag : float
+        Delay of the contact [mesh periods].
+    errors : mapping of int to float
+        Gaps [length] that are added for single pairs, by the number of the pair.
+    """
+
+    side: int
+    stiffness: PathFunction
+    gap: PathFunction
+    half_backlash: float = 0.0
+    lag: float = 0.0
+    errors: Mapping[int, float] = field(default_factory=dict)
+
+    def contacts(self, meshes: int) -> list[ToothContact]:
+        """Return the contacts that follow the pairs of teeth over a period of some meshes."""
+        first, last = float(self.stiffness.nodes[0]), self.stiffness.length
+        count = ceil(last - first - ROUNDING)
+        count += (last - first) / count > 1.0 - ROUNDING
+        ends = first + (last - first) * np.arange(count + 1) / count
+        return [
+            ToothContact(
+                _periodic([self.stiffness.section(a, b)] * meshes, self.lag, False),
+                _periodic([self._level(p).section(a, b) for p in range(meshes)], self.lag, True),
+                self.side,
+            )
+            for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
+        ]
+
+    def _level(self, pair: int) -> PathFunction:
+        """Return the displacement at which the gap of a pair closes."""
+        return self.gap.plus(self.side * (self.half_backlash + self.errors.get(pair, 0.0)), self.side)
+
+
+def mesh_contacts(flanks: Sequence[Flank], meshes: int = 1) -> MeshContacts:
+    """Return the law of a mesh whose period is a number of meshes.
+
+    Parameters
+    ----------
+    flanks : sequence of Flank
+        Both flanks of all slices.
+    meshes : int, default 1
+        Number of mesh periods in the period of the excitation, more than one for errors of single pairs of teeth.
+
+    Returns
+    -------
+    MeshContacts
+        The law over the phase of that period.
+    """
+    return MeshContacts(tuple(contact for flank in flanks for contact in flank.contacts(meshes)))
+
+
+def _periodic(sections: Sequence[PathFunction], lag: float, joined: bool) -> Phased:
+    """Return a function of the phase that follows one section after the other, one in each mesh period.
+
+    Between sections it is zero, or if ``joined`` the line from the end of one to the beginning of the next.
+    """
+    meshes, scale = len(sections), TURN / len(sections)
+    phases, rows = [], []
+    for p, (section, after) in enumerate(zip(sections, [*sections[1:], sections[0]], strict=True)):
+        width = 1.0 - (section.nodes[-1] - section.nodes[0])
+        end = float(np.polynomial.polynomial.polyval(section.nodes[-1] - section.nodes[-2], section.rows[-1]))
+        slope = (float(after.rows[0, 0]) - end) / width
+        phases += [*(section.nodes + p + lag)]
+        rows += [*section.rows.tolist(), [end, slope] if joined else [0.0]]
+    values = np.array([row[0] for row in rows])
+    if joined and np.ptp(values) <= ROUNDING * np.abs(values).max() and all(not any(row[1:]) for row in rows):
+        return Series(float(values[0]))
+    begin = np.mod(phases, meshes)
+    order = np.argsort(begin, kind="stable")
+    return Periodic(
+        tuple((scale * begin[order]).tolist()), tuple(tuple(x / scale**q for q, x in enumerate(rows[i])) for i in order)
+    )
+
+
+def _moved(rows: Array, x: Array) -> Array:
+    """Return the coefficients (P, D + 1) of the polynomials p(x + y) in y."""
+    out = rows.copy()
+    for first in range(rows.shape[1] - 1):
+        for q in range(rows.shape[1] - 2, first - 1, -1):
+            out[:, q] += x * out[:, q + 1]
+    return out

@@ -1,0 +1,223 @@
+"""Tooth-resolved mesh of a drawing: stiffness and initial gap of a pair of teeth over its path of contact.
+
+    k(u) = 1 / (c_1(u) + c_2(u) + c_h(u, F_static(u))),   g(u) = relief + crowning + pitch error,   u = tau / 2 pi - p
+
+The compliances are those of `hbgear.gears.mesh.loaded_mesh`. The compliance c_h of the contact depends on its load; it
+is evaluated at the load of the pair in the static equilibrium, and at no less than a tenth of an equal share of the
+mesh force. A load three times as large makes a pair of steel teeth about 4 % stiffer.
+
+The back flank touches along the other line of action. A pair of teeth is symmetric about its middle: at the phase u_c
+at which the tooth of the pinion lies on the line of centres, both flanks are at the same distance from the base circle.
+The driving flank moves towards the tip of the pinion and the back flank towards its root:
+
+    s(u) = s_A + u p_bt,   s_back(u) = s(2 u_c - u),   s(u_c) = r_b1 (tan(alpha_wt) + s_w1 / (2 r_w1))
+
+s_w1 is the thickness of the tooth of the pinion on its working pitch circle. Slices of helical teeth follow each other
+with a lag. They are not coupled. The part of a slice within the path of contact grows linearly at the ends of the path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, tan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import counted
+from hbgear.common.units import to_si
+from hbgear.gears.mesh.loaded_mesh import (
+    contact_compliance,
+    contacts_at,
+    cycle_phases,
+    possible_contacts,
+    relief_length,
+    static_equilibrium,
+)
+from hbgear.gears.mesh.mesh_cycle import fit_cubics
+from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+
+if TYPE_CHECKING:
+    from hbgear.gears.drawing.pair import GearPair
+
+STATIC_PHASES = 256
+"""Steps of the mesh cycle at which the static equilibrium is computed."""
+
+MIN_LOAD_SHARE = 0.1
+"""Smallest load at which the contact compliance is evaluated, over an equal share of the mesh force."""
+
+SECTION_POINTS = 65
+"""Points at which each smooth section of the path is computed before it is fitted by cubics."""
+
+FIT_TOLERANCE = 1e-5
+"""Largest fit error: of the stiffness relative to its largest value, of the gap relative to the half backlash."""
+
+ONE_SIDED = 1e-8
+"""Distance [mesh periods] from the end of a section at which its values are computed, because the load jumps there."""
+
+SLICES_PER_OVERLAP, MIN_HELICAL_SLICES = 10, 10
+"""Slices of helical teeth for an overlap ratio of one, and their smallest number. With 10 slices the jumps of a pair
+with overlap ratio 0.55 and tip relief differ from those with 40 slices by less than 0.2 %."""
+
+CROWNED_SLICES = 12
+"""Slices of the face width of crowned spur gears; those at equal distances from the middle are one contact."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToothMesh:
+    """Contacts of a gear pair in SI units.
+
+    Attributes
+    ----------
+    flanks : tuple of Flank
+        Both flanks of all slices: stiffness [N/m] and initial gap [m] over the path of contact.
+    stiffness : float
+        Mean of the sum of the stiffness of all pairs, with their gaps closed [N/m].
+    force : float
+        Static mesh force at which the compliance of the contacts was evaluated [N].
+    """
+
+    flanks: tuple[Flank, ...]
+    stiffness: float
+    force: float
+
+    def contacts(self, length: float) -> MeshContacts:
+        """Return the contacts over one mesh period without backlash, in units of a length [m] and of ``stiffness``."""
+        return mesh_contacts([
+            Flank(flank.side, flank.stiffness.plus(0.0, 1 / self.stiffness), flank.gap.plus(0.0, 1 / length),
+                  lag=flank.lag)
+            for flank in self.flanks
+        ])  # fmt: skip
+
+
+def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> ToothMesh:
+    """Compute the contacts of a gear pair from its drawing; the module docstring states the equations.
+
+    Parameters
+    ----------
+    pair : GearPair
+        Gear pair.
+    torque : float or str
+        Torque on the pinion [N m], positive.
+    slices : int or None, optional
+        Number of slices of the face width. By default 10 for each unit of the overlap ratio of helical gears and at
+        least 10, 12 for crowned spur gears and 1 for other spur gears.
+
+    Returns
+    -------
+    ToothMesh
+        The contacts.
+
+    Raises
+    ------
+    ValueError
+        If the torque is not positive or the number of slices is not valid.
+    """
+    torque = to_si("GearPair.model", "torque", torque, "N m")
+    if torque <= 0:
+        raise ValueError(f"GearPair.model: torque = {torque:g} N m must be positive: the mesh is computed under load")
+    crowned = pair.pinion.crowning > 0 or pair.wheel.crowning > 0
+    if slices is None:
+        helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
+        slices = helical or (CROWNED_SLICES if crowned else 1)
+    counted("GearPair.model: slices", slices, 1_000)
+    force = pair.transverse_force(torque)
+    path = _Path(pair, force, slices)
+    folded = not pair.overlap_ratio and slices > 1
+    flanks: list[Flank] = []
+    for number in range((slices + 1) // 2 if folded else slices):
+        twice = 2.0 if folded and 2 * number + 1 < slices else 1.0
+        stiffness, gap = path.slice(number, twice)
+        flanks.append(Flank(1, stiffness, gap, lag=path.lag[number]))
+        flanks.append(Flank(-1, stiffness.mirrored(path.centre), gap.mirrored(path.centre), lag=path.lag[number]))
+    mean = sum(_integral(flank.stiffness) for flank in flanks if flank.side > 0)
+    return ToothMesh(tuple(flanks), mean, force)
+
+
+class _Path:
+    """Stiffness and gap over the path of contact of the slices of a pair of teeth.
+
+    Positions are in mesh periods from the beginning of the path. ``centre`` is the position at which the tooth of the
+    pinion lies on the line of centres, ``lag`` the delay of each slice.
+    """
+
+    def __init__(self, pair: GearPair, force: float, slices: int) -> None:
+        self.pair, self.force, self.slices = pair, force, slices
+        begin, end = pair.path
+        self.length = (end - begin) / pair.base_pitch
+        self.half_width = pair.overlap_ratio / (2 * slices)
+        self.z = (np.arange(slices) + 0.5) / slices - 0.5
+        self.lag = (pair.overlap_ratio * (self.z + 0.5)).tolist()
+        radius = pair.working_radii[0]
+        thickness = pair.pinion.tooth_thickness(2 * radius)
+        middle = pair.base_radii[0] * (tan(pair.working_pressure_angle) + thickness / (2 * radius))
+        self.centre = (middle - begin) / pair.base_pitch
+        phase, side = cycle_phases(pair, STATIC_PHASES)
+        self.loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)[2]
+        self.loads = self.loads.reshape(len(phase), -1, slices)
+        self.phase = phase
+
+    def slice(self, number: int, factor: float) -> tuple[PathFunction, PathFunction]:
+        """Return stiffness [N/m] and gap [m] of a slice, the stiffness times a factor."""
+        pairs = np.arange(self.loads.shape[1])
+        known = (self.phase[:, None] + pairs - self.lag[number]).T.ravel()
+        load = self.loads[:, :, number].T.ravel()
+        cuts = self._cuts()
+        nodes, stiffness, gap = [], [], []
+        for a, b in pairwise(cuts):
+            u = np.linspace(a, b, SECTION_POINTS)
+            within = np.clip(u, a + ONE_SIDED, b - ONE_SIDED)
+            k, g = self._at(within, number, np.interp(within, known, load))
+            nodes.append(u)
+            stiffness.append(factor * k)
+            gap.append(g)
+        largest = max(float(k.max()) for k in stiffness)
+        return (
+            _fitted(nodes, stiffness, FIT_TOLERANCE * largest),
+            _fitted(nodes, gap, FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
+        )
+
+    def _cuts(self) -> Array:
+        """Return the positions at which stiffness or gap may have breakpoints."""
+        pair, h, length = self.pair, self.half_width, self.length
+        cuts = [-h, h, length - h, length + h]
+        for gear, from_end in ((pair.wheel, False), (pair.pinion, True)):
+            if gear.tip_relief:
+                x = relief_length(pair, gear) / pair.base_pitch
+                cuts.append(length - x if from_end else x)
+        if not pair.overlap_ratio:  # another pair enters or leaves contact
+            cuts += [*range(1, ceil(length)), *(length - n for n in range(1, ceil(length)))]
+        cuts = sorted(x for x in cuts if -h <= x <= length + h)
+        return np.array([x for i, x in enumerate(cuts) if not i or x - cuts[i - 1] > 1e-7])
+
+    def _at(self, u: Array, number: int, load: Array) -> tuple[Array, Array]:
+        """Return stiffness [N/m] and gap [m] of a slice at positions under loads [N]."""
+        pair, begin, h = self.pair, self.pair.path[0], self.half_width
+        first, last = np.clip(u - h, 0.0, self.length), np.clip(u + h, 0.0, self.length)
+        s = np.clip(begin + (first + last) / 2 * pair.base_pitch, *pair.path)
+        part = (last - first) / (2 * h) if h else np.ones_like(u)
+        c = contacts_at(pair, s[:, None], np.full((len(u), 1), self.z[number]), part[:, None], self.slices)
+        least = MIN_LOAD_SHARE * self.force / self.slices * part
+        contact = contact_compliance(pair, c, np.maximum(load, least)[:, None])[0]
+        k = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
+        return k, c.gap[:, 0]
+
+
+def _fitted(nodes: list[Array], values: list[Array], tolerance: float) -> PathFunction:
+    """Return cubics through the values of each section with the fewest segments that keep the fit error."""
+    segments: list[tuple[float, list[float]]] = []
+    for x, y in zip(nodes, values, strict=True):
+        fit_cubics(x, y, 0, len(x) - 1, tolerance, segments)
+    rows = np.zeros((len(segments), max(len(row) for _, row in segments)))
+    for row, (_, given) in zip(rows, segments, strict=True):
+        row[: len(given)] = given
+    return PathFunction(np.array([*(begin for begin, _ in segments), nodes[-1][-1]]), rows)
+
+
+def _integral(function: PathFunction) -> float:
+    widths = np.diff(function.nodes)
+    powers = np.arange(1, function.rows.shape[1] + 1)
+    return float(np.sum(function.rows * widths[:, None] ** powers / powers))

@@ -1,0 +1,290 @@
+"""Contacts of a gear mesh with stiffness and level prescribed over the phase, summed into one force.
+
+    p(d, tau) = sum_j side_j k_j(tau) max(side_j (d - level_j(tau)), 0)
+
+A contact is a pair of teeth, or a slice of it, on one flank. Its stiffness is zero outside its path of contact, and its
+level is the displacement at which its gap closes: the initial gap on the driving flank (side +1), and minus the
+backlash minus the initial gap on the back flank (side -1). All contacts act on one displacement, so that a mesh has the
+unknowns of one element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.text.messages import quoted
+from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear, springs_of
+from hbgear.mechanics.series.fourier import Series, is_listed
+from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
+
+
+@dataclass(frozen=True)
+class ToothContact(Law):
+    """One-sided contact with prescribed stiffness and level.
+
+        p(d, tau) = side k(tau) max(side (d - level(tau)), 0)
+
+    Parameters
+    ----------
+    stiffness : Series or Periodic
+        Contact stiffness k(tau) >= 0 [force / length]; zero where there is no contact.
+    level : Series or Periodic
+        Displacement at which the gap closes [length]: a `Periodic`, or a constant as ``Series(mean=...)``. Its values
+        where the stiffness is zero have no effect.
+    side : {1, -1}, optional
+        +1 for contact above the level (default), -1 below it.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is negative or the level has harmonics but no breakpoints.
+    """
+
+    stiffness: Phased
+    level: Phased
+    side: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "level"):
+            function = getattr(self, name)
+            if not isinstance(function, Phased) or (isinstance(function, Series) and function.varies):
+                raise ValueError(
+                    f"ToothContact: {name} = {quoted(function)} must be a Periodic, or a constant such as "
+                    "Series(mean=1.0)"
+                )
+        if self.side not in (1, -1):
+            raise ValueError(f"ToothContact: side = {quoted(self.side)} must be 1 or -1")
+        lowest = self.stiffness.extremes()[0] if isinstance(self.stiffness, Periodic) else self.stiffness.mean
+        if lowest < -ROUNDING * self.stiffness.bound:
+            raise ValueError(f"ToothContact: the stiffness has the minimum {lowest:.4g}; contacts push, so that it "
+                             "must not be negative: correct the values of the table")  # fmt: skip
+
+    @property
+    def reference(self) -> float:
+        return self.stiffness.mean
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.level.mean,)
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        return tuple(sorted({*self.stiffness.corners, *self.level.corners}))
+
+    @property
+    def rated(self) -> bool:
+        return False
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        return self.bind(tau)(d, v)
+
+    def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
+        k, level = (function(tau) if function.varies else function.mean for function in (self.stiffness, self.level))
+
+        def forces(d: Array, v: Array) -> Forces:
+            beyond = self.side * (d - level) > 0.0
+            return k * np.where(beyond, d - level, 0.0), k * beyond, np.zeros_like(d)
+
+        return forces
+
+
+ROUNDING = 1e-9
+"""Negative stiffness, relative to the largest value, that is attributed to rounding."""
+
+
+@dataclass(frozen=True)
+class MeshContacts(Law):
+    """Sum of contacts on one displacement: the force of a mesh from its pairs of teeth.
+
+        p(d, tau) = sum_j side_j k_j(tau) max(side_j (d - level_j(tau)), 0)
+
+    Parameters
+    ----------
+    contacts : sequence of ToothContact
+        One or more contacts.
+
+    Raises
+    ------
+    ValueError
+        If the sequence is empty, or an entry is not a contact.
+    """
+
+    contacts: tuple[ToothContact, ...]
+
+    def __post_init__(self) -> None:
+        if not is_listed(self.contacts) or not self.contacts:
+            raise ValueError(f"MeshContacts: contacts = {quoted(self.contacts)} must be one or more ToothContact")
+        object.__setattr__(self, "contacts", tuple(self.contacts))
+        if not all(type(contact) is ToothContact for contact in self.contacts):
+            raise ValueError("MeshContacts: contacts must be objects of the class ToothContact")
+
+    def widened(self, half_backlash: float) -> MeshContacts:
+        """Return the contacts with levels moved away from zero by a half backlash."""
+        return MeshContacts(tuple(
+            ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
+            for contact in self.contacts
+        ))  # fmt: skip
+
+    @property
+    def reference(self) -> float:
+        """Mean stiffness of the flank with the larger one, with all of its gaps closed."""
+        return max(sum(c.stiffness.mean for c in self.contacts if c.side == side) for side in (1, -1))
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Displacements at which the flanks can come into contact: the first level of each side over the period."""
+        return tuple(side * first_level(self.contacts, side).smallest for side in flanks_of(self.contacts))
+
+    @cached_property
+    def phases(self) -> tuple[float, ...]:
+        return tuple(sorted({x for contact in self.contacts for x in contact.phases}))
+
+    @property
+    def rated(self) -> bool:
+        return False
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        return self.bind(tau)(d, v)
+
+    def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
+        bound = [contact.bind(tau) for contact in self.contacts]
+
+        def forces(d: Array, v: Array) -> Forces:
+            parts = [contact(d, v) for contact in bound]
+            return sum(p[0] for p in parts), sum(p[1] for p in parts), np.zeros_like(d)  # type: ignore[return-value]
+
+        return forces
+
+
+class MovingSpring(NamedTuple):
+    """Piecewise-linear spring of the displacement d - level(tau); without a level, of d."""
+
+    spring: PiecewiseLinear
+    level: Phased | None
+
+
+def _plus(function: Phased, offset: float) -> Phased:
+    """Return a function plus a constant."""
+    if isinstance(function, Series):
+        return Series(function.mean + offset)
+    return Periodic(function.phases, tuple((row[0] + offset, *row[1:]) for row in function.coefficients))
+
+
+def flanks_of(contacts: Sequence[ToothContact]) -> tuple[int, ...]:
+    """Return the sides that have contacts, -1 before +1."""
+    return tuple(sorted({contact.side for contact in contacts}))
+
+
+def contacts_of(law: Law) -> tuple[ToothContact, ...]:
+    """Return the contacts of a law; empty for laws of another form."""
+    if type(law) is ToothContact:
+        return (law,)
+    return law.contacts if type(law) is MeshContacts else ()
+
+
+def moving_springs_of(law: Law) -> tuple[tuple[MovingSpring, ...], float, float] | None:
+    """Split a law into springs of moving displacements and a cubic spring.
+
+    Parameters
+    ----------
+    law : Law
+        Any law.
+
+    Returns
+    -------
+    tuple or None
+        The springs, k1 and k3; None if the law is not a sum of such springs.
+    """
+    contacts = contacts_of(law)
+    if contacts:
+        springs = (PiecewiseLinear((0.0,), _SLOPES[c.side], stiffness=c.stiffness) for c in contacts)
+        return tuple(MovingSpring(spring, c.level) for spring, c in zip(springs, contacts, strict=True)), 0.0, 0.0
+    known = springs_of(law)
+    return None if known is None else (tuple(MovingSpring(spring, None) for spring in known[0]), *known[1:])
+
+
+class Envelope(NamedTuple):
+    """First level of the contacts of a flank over the period, times its side, and its smallest value."""
+
+    pieces: Pieced
+    smallest: float
+
+
+@lru_cache(maxsize=32)
+def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
+    """Return the smallest side * level of all contacts of a side that exist at each phase.
+
+    It jumps where a contact begins or ends. Where no contact exists, it is larger than all levels by their range.
+    """
+    some = [contact for contact in contacts if contact.side == side]
+    levels = [_pieces(contact.level).scaled(float(side)) for contact in some]
+    exists = [_pieces(contact.stiffness) for contact in some]
+    at = _union([x.at for x in (*levels, *exists)])
+    rows = np.array([np.pad(x.rows_at(at), ((0, 0), (0, 4 - x.rows.shape[1]))) for x in levels])
+    present = np.array([np.any(x.rows_at(at) != 0.0, axis=1) for x in exists])
+    width = np.diff(np.append(at, TURN))
+    x = width[:, None] * np.linspace(0.0, 1.0, 5)
+    values = np.polynomial.polynomial.polyval(x[None], np.moveaxis(rows, 2, 0)[..., None], tensor=False)
+    bound = float(np.abs(values).max())
+    far = np.array([bound + max(float(np.ptp(values)), 1.0), 0.0, 0.0, 0.0])
+    values[~present] = np.inf
+    first = np.argmin(values, axis=0)
+    begin, out = [], []
+    for i in range(len(at)):
+        if not present[:, i].any():
+            begin.append(at[i])
+            out.append(far)
+            continue
+        if (first[i] == first[i, 0]).all():
+            begin.append(at[i])
+            out.append(rows[first[i, 0], i])
+            continue
+        for start, which in _crossings(rows[:, i], np.flatnonzero(present[:, i]), float(width[i])):
+            begin.append(at[i] + start)
+            out.append(np.polynomial.polynomial.Polynomial(rows[which, i])(
+                np.polynomial.polynomial.Polynomial([start, 1.0])).coef)  # fmt: skip
+    pieces = Pieced(np.array(begin), np.array([np.pad(row, (0, 4 - len(row))) for row in out]))
+    ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
+    smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()
+    return Envelope(pieces, float(smallest))
+
+
+def _crossings(rows: Array, present: np.ndarray, width: float) -> list[tuple[float, int]]:
+    """Return where each smallest polynomial (n, 4) begins on an interval, with its number."""
+    cuts = {0.0, width}
+    for i in range(len(present)):
+        for j in range(i):
+            difference = np.trim_zeros(rows[present[i]] - rows[present[j]], "b")
+            if len(difference) > 1:
+                roots = np.polynomial.polynomial.polyroots(difference)
+                cuts |= {float(x.real) for x in roots if abs(x.imag) < 1e-12 and 0.0 < x.real < width}
+    ordered = sorted(cuts)
+    out: list[tuple[float, int]] = []
+    for a, b in pairwise(ordered):
+        values = np.polynomial.polynomial.polyval(0.5 * (a + b), rows[present].T)
+        which = int(present[int(np.argmin(values))])
+        if not out or out[-1][1] != which:
+            out.append((a, which))
+    return out
+
+
+def _union(beginnings: Sequence[Array]) -> Array:
+    """Return all beginnings of segments, ascending, without those that are equal to rounding."""
+    both = np.unique(np.concatenate(beginnings))
+    return both[np.diff(both, prepend=-np.inf) > 1e-12]
+
+
+def _pieces(function: Phased) -> Pieced:
+    """Return a function without harmonics as piecewise polynomials."""
+    return function.pieces() if isinstance(function, Periodic) else ONE.scaled(function.mean)
+
+
+_SLOPES = {1: (0.0, 1.0), -1: (1.0, 0.0)}
+"""Slopes below and above the level of contacts of each side."""
