@@ -26,7 +26,7 @@ from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
 
 
 @dataclass(frozen=True)
-class ToothContact(Law):
+class ToothContact(Law):  # numpydoc ignore=PR02
     """One-sided contact with prescribed stiffness and level.
 
         p(d, tau) = side k(tau) max(side (d - level(tau)), 0)
@@ -100,7 +100,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class MeshContacts(Law):
+class MeshContacts(Law):  # numpydoc ignore=PR02
     """Sum of contacts on one displacement: the force of a mesh from its pairs of teeth.
 
         p(d, tau) = sum_j side_j k_j(tau) max(side_j (d - level_j(tau)), 0)
