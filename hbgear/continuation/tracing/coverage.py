@@ -106,7 +106,7 @@ MAX_CURVES = 8
 """Largest number of further curves of one span."""
 
 
-_NOT_FOUND = (NoConvergence, np.linalg.LinAlgError, ValueError)
+_SEARCH_ERRORS = (NoConvergence, np.linalg.LinAlgError, ValueError)
 """Errors of a search without a result. The model raises ValueError for inadmissible parameters."""
 
 
@@ -131,7 +131,7 @@ def cover_span(
         Whether solutions are also searched away from the ends of the span. The default is True.
     """
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
-        with suppress(*_NOT_FOUND):
+        with suppress(*_SEARCH_ERRORS):
             others += [search.follow(span[::-1], None, False)]
     tried: set[tuple[float, bytes]] = set()
     while inside and len(others) < MAX_CURVES and (missing := uncovered_intervals([first, *others], span)):
@@ -139,7 +139,7 @@ def cover_span(
         if guess is None:
             return
         tried.add(_key(guess))
-        with suppress(*_NOT_FOUND):
+        with suppress(*_SEARCH_ERRORS):
             other = _trace_from_guess(*guess, span, search)
             others += [other] if uncovered_intervals([first, *others, other], span) != missing else []
 

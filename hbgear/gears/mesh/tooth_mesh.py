@@ -52,7 +52,7 @@ MIN_LOAD_SHARE = 0.1
 SECTION_POINTS = 65
 """Points at which each smooth section of the path is computed before it is fitted by cubics."""
 
-FIT_TOLERANCE = 1e-5
+CUBIC_FIT_TOLERANCE = 1e-5
 """Largest fit error: of the stiffness relative to its largest value, of the gap relative to the half backlash."""
 
 ONE_SIDED = 1e-8
@@ -176,8 +176,8 @@ class _Path:
             gap.append(g)
         largest = max(float(k.max()) for k in stiffness)
         return (
-            _fitted(nodes, stiffness, FIT_TOLERANCE * largest),
-            _fitted(nodes, gap, FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
+            _fitted(nodes, stiffness, CUBIC_FIT_TOLERANCE * largest),
+            _fitted(nodes, gap, CUBIC_FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
         )
 
     def _cuts(self) -> Array:

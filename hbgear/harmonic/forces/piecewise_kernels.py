@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import kernel
-from hbgear.harmonic.forces.switching_times import CLOSE, PARTS, ROUNDING, crossings
+from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings
 from hbgear.mechanics.series.fourier_kernels import highest, put_waves, sampled, value_of
-from hbgear.mechanics.series.periodic import PARTS as BY_PARTS
-from hbgear.mechanics.series.periodic import rule
+from hbgear.mechanics.series.periodic import MIN_PHASE_BY_PARTS, rule
 
 _NODES, _WEIGHTS = rule()
 
@@ -223,9 +222,9 @@ def _in_cell(
         if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
             return _add(c, level, row, start, a, before, b, after, theta, sign, count)
         x, value = a, before
-        for k in range(1, PARTS + 1):
-            y = a + (b - a) * k / PARTS
-            other = after if k == PARTS else value_on(c, level, row, start, y)[0]
+        for k in range(1, CELL_PARTS + 1):
+            y = a + (b - a) * k / CELL_PARTS
+            other = after if k == CELL_PARTS else value_on(c, level, row, start, y)[0]
             if (value > 0.0) != (other > 0.0):
                 count = _add(c, level, row, start, x, value, y, other, theta, sign, count)
             x, value = y, other
@@ -234,7 +233,7 @@ def _in_cell(
     if side * slope < 0.0 and side * slope_after > 0.0:
         top = _extremum(c, level, row, start, a, b, -side)
         value = value_on(c, level, row, start, top)[0]
-        if side * value < 0.0 and abs(value) > ROUNDING * (1.0 + abs(level)):
+        if side * value < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level)):
             count = _add(c, level, row, start, a, before, top, value, theta, sign, count)
             count = _add(c, level, row, start, top, value, b, after, theta, sign, count)
     return count
@@ -252,7 +251,7 @@ def _add(
     at = low + (high - low) * value_low / (value_low - value_high)
     for _ in range(80):
         value, slope, curve = value_on(c, level, row, start, at)
-        if abs(value) <= ROUNDING * (1.0 + abs(level)):
+        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
             break
         if (value < 0.0) == rising:
             low = at
@@ -260,7 +259,7 @@ def _add(
             high = at
         new = at - value / slope if slope != 0.0 else low
         move = abs(new - at)
-        if slope != 0.0 and (move <= CLOSE or abs(curve) * move * move <= CLOSE * abs(slope)):
+        if slope != 0.0 and (move <= PHASE_TOLERANCE or abs(curve) * move * move <= PHASE_TOLERANCE * abs(slope)):
             at = min(max(new, low), high)
             break
         at = new if low < new < high else 0.5 * (low + high)
@@ -423,7 +422,10 @@ def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, 
             degree = q
     if degree < 0 or width <= 0.0:
         return
-    few = min(out.shape[0], int(BY_PARTS / width) + 1 if width * out.shape[0] > BY_PARTS else out.shape[0])
+    few = min(
+        out.shape[0],
+        int(MIN_PHASE_BY_PARTS / width) + 1 if width * out.shape[0] > MIN_PHASE_BY_PARTS else out.shape[0],
+    )
     for g in range(_NODES.shape[0]):
         x = width * _NODES[g]
         term = complex(factor * width * _WEIGHTS[g] * polynomial(row, x), 0.0)

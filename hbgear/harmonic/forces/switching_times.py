@@ -20,11 +20,14 @@ import numpy as np
 from hbgear.common.process.compiling import kernel
 from hbgear.mechanics.series.fourier_kernels import bend_of, value_of
 
-ROUNDING = 4e-16  # relative size of a value that is zero
+VALUE_ROUNDING = 4e-16
+"""Value of x - level that counts as zero, relative to 1 + |level| [-]: about two machine epsilons."""
 
-CLOSE = 4e-16 * math.pi  # distance of instants that are the same
+PHASE_TOLERANCE = 4e-16 * math.pi
+"""Error [rad] at which the iteration for a crossing ends: about two machine epsilons at a phase of pi."""
 
-PARTS = 16  # pieces of a cell that may hold three crossings
+CELL_PARTS = 16
+"""Number of parts into which a cell is divided if it may contain three crossings."""
 
 
 @kernel
@@ -69,10 +72,10 @@ def _in_cell(
     if (1.5 * mean - 0.25 * (slope_low + slope_high)) * mean >= 0:
         return _add(c, level, bend, low, first, slope_low, high, last, slope_high, theta, sign, count)
     a, value_a, slope_a = low, first, slope_low
-    for k in range(1, PARTS + 1):
-        b = low + (high - low) * k / PARTS
+    for k in range(1, CELL_PARTS + 1):
+        b = low + (high - low) * k / CELL_PARTS
         value_b, slope_b, _ = value_of(c, level, b)
-        if k == PARTS:
+        if k == CELL_PARTS:
             value_b = last
         if (value_a > 0.0) != (value_b > 0.0):
             count = _add(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
@@ -91,7 +94,7 @@ def _beside(
         if curve != 0.0:
             at += min(step, max(-step, -slope / curve))
     value = value_of(c, level, at)[0]
-    past = value * here < 0.0 and abs(value) > ROUNDING * (1.0 + abs(level))  # less than rounding is no contact
+    past = value * here < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))  # less than rounding is no contact
     if not past or abs(at - step * i) > step:
         return count
     at %= 2 * math.pi
@@ -118,7 +121,7 @@ def _add(
     at = _guess(low, value_low, slope_low, high, value_high, slope_high)
     for _ in range(60):
         value, slope, _ = value_of(c, level, at)
-        if abs(value) <= ROUNDING * (1.0 + abs(level)):  # Newton on rounding near a double root would run away
+        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):  # Newton on rounding near a double root would run away
             break
         if (value < 0.0) == rising:
             low = at
@@ -126,7 +129,8 @@ def _add(
             high = at
         new = at - value / slope if slope != 0.0 else low
         move = abs(new - at)
-        if slope != 0.0 and (move <= CLOSE or bend * move * move <= CLOSE * abs(slope)):  # Newton leaves half of that
+        # the error that remains is at most about half of bend move^2 / |slope|
+        if slope != 0.0 and (move <= PHASE_TOLERANCE or bend * move * move <= PHASE_TOLERANCE * abs(slope)):
             at = min(max(new, low), high)
             break
         at = new if low < new < high else 0.5 * (low + high)

@@ -44,12 +44,12 @@ _EQUAL_VALUES_TOLERANCE = 1e-9
 _MIN_DERIVATIVE_JUMP = 1e-13
 """Jump of a derivative, relative to its size [-], below which there is no breakpoint."""
 
-PARTS = 6.0
+MIN_PHASE_BY_PARTS = 6.0
 """Value of n w [rad] from which moments are computed by parts: each term is then at most a few times the sum."""
 
 
 def rule() -> tuple[Array, Array]:
-    """Return nodes and weights (16,) on (0, 1) for moments with n w below `PARTS`."""
+    """Return nodes and weights (16,) on (0, 1) for moments with n w below `MIN_PHASE_BY_PARTS`."""
     x, w = np.polynomial.legendre.leggauss(16)
     return 0.5 + 0.5 * x, 0.5 * w
 
@@ -534,7 +534,7 @@ def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
     n, (x, weight) = np.arange(count), rule()
     out = np.empty((len(rows), count), dtype=complex)
     for row, w, own in zip(rows, widths, out, strict=True):
-        few = min(count, int(PARTS / w) + 1) if w * (count - 1) > PARTS else count
+        few = min(count, int(MIN_PHASE_BY_PARTS / w) + 1) if w * (count - 1) > MIN_PHASE_BY_PARTS else count
         p = np.polynomial.polynomial.polyval(w * x, row) * (w * weight)
         own[:few] = np.exp(-1j * np.outer(n[:few], w * x)) @ p
         if few < count:
