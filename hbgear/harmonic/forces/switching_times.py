@@ -1,9 +1,10 @@
-"""Kernels: instants at which a periodic motion crosses the corners of a law.
+"""Kernels: switching times, at which a periodic motion crosses the breakpoints of a law.
 
     x(theta) = Re sum_k c_k exp(i k theta) - level
 
-Samples on a grid bracket the crossings, safeguarded Newton with Horner's rule finds them. No second derivative of x is
-larger than bend = sum_k k^2 |c_k|: it tells where an extremum between two samples may reach past the level.
+Samples of the motion bracket the crossings. A safeguarded Newton iteration computes each crossing, with values and
+derivatives by Horner's rule. The bound |x''| <= bend = sum_k k^2 |c_k| shows between which samples an extremum can
+exceed the level, so that there are two crossings without a change of sign of the samples.
 
 References
 ----------
@@ -32,45 +33,59 @@ CELL_PARTS = 16
 
 @kernel
 def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
-    """Put all crossings of a level, ascending in [0, 2 pi], in theta, and +1 (upwards) or -1 in sign; their number.
+    """Compute all crossings of a level in a period.
 
     Parameters
     ----------
-    c : (H + 1,) ; samples : (N,) of the function, without the level, N of at least 4H.
-    theta, sign : room for 2H + 4 of them.
+    c : ndarray, shape (H + 1,)
+        One-sided coefficients of the motion.
+    level : float
+        Level to be crossed.
+    samples : ndarray, shape (N,)
+        Samples of the motion at N >= 4H equal steps of the period; the level is not subtracted.
+    theta : ndarray, shape (2H + 4,)
+        Array to be filled with the phases [rad] of the crossings, ascending in [0, 2 pi].
+    sign : ndarray, shape (2H + 4,)
+        Array to be filled with +1 for each upward and -1 for each downward crossing.
+
+    Returns
+    -------
+    int
+        Number of crossings.
     """
     N, bend = samples.shape[0], bend_of(c)
-    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
-    near = step * step * bend
+    sampling_bound = step * step * bend
     for i in range(N):
-        here, after = samples[i] - level, samples[i + 1 if i + 1 < N else 0] - level
-        if abs(here) <= near and here != 0.0:
+        value_i, after = samples[i] - level, samples[i + 1 if i + 1 < N else 0] - level
+        if abs(value_i) <= sampling_bound and value_i != 0.0:
             before = samples[i - 1 if i else N - 1] - level
-            toward = (before - here) * here >= 0.0 and (after - here) * here >= 0.0
-            # the extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference
-            if toward and abs(here) <= abs(before - 2 * here + after):
-                count = _beside(c, level, bend, i, step, here, theta, sign, count)
-        if (here > 0.0) != (after > 0.0):
-            count = _in_cell(c, level, bend, i, step, here, after, theta, sign, count)
-    _sort(theta, sign, count)
+            extremal = (before - value_i) * value_i >= 0.0 and (after - value_i) * value_i >= 0.0
+            # an extremum exceeds its nearest sample by about one eighth of the second difference
+            if extremal and abs(value_i) <= abs(before - 2 * value_i + after):
+                count = _add_crossings_at_extremum(c, level, bend, i, step, value_i, theta, sign, count)
+        if (value_i > 0.0) != (after > 0.0):
+            count = _add_crossings_in_cell(c, level, bend, i, step, value_i, after, theta, sign, count)
+    _sort_by_phase(theta, sign, count)
     return count
 
 
 @kernel
-def _in_cell(
+def _add_crossings_in_cell(
     c: Any, level: float, bend: float, i: int, step: float, first: float, last: float, theta: Any, sign: Any, count: int
 ) -> int:
-    """Crossings between samples i and i + 1, whose signs differ: one, or three.
+    """Append the crossings between samples i and i + 1 of different signs, one or three; return the new count.
 
-    The cubic through the values and slopes at the ends has its middle slope 3/2 of the mean slope less a quarter of the
-    end slopes; where that runs against the change of sign, the cell is looked at in parts.
+    The cubic through the values and slopes at both ends has the slope 3/2 mean - (slope_low + slope_high) / 4 at the
+    middle. If this slope and the mean slope differ in sign, the cell may contain three crossings, and each of its parts
+    is searched.
     """
     low, high = step * i, step * (i + 1)
     slope_low, slope_high = value_of(c, level, low)[1], value_of(c, level, high)[1]
     mean = (last - first) / step
     if (1.5 * mean - 0.25 * (slope_low + slope_high)) * mean >= 0:
-        return _add(c, level, bend, low, first, slope_low, high, last, slope_high, theta, sign, count)
+        return _add_crossing(c, level, bend, low, first, slope_low, high, last, slope_high, theta, sign, count)
     a, value_a, slope_a = low, first, slope_low
     for k in range(1, CELL_PARTS + 1):
         b = low + (high - low) * k / CELL_PARTS
@@ -78,24 +93,28 @@ def _in_cell(
         if k == CELL_PARTS:
             value_b = last
         if (value_a > 0.0) != (value_b > 0.0):
-            count = _add(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+            count = _add_crossing(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
         a, value_a, slope_a = b, value_b, slope_b
     return count
 
 
 @kernel
-def _beside(
-    c: Any, level: float, bend: float, i: int, step: float, here: float, theta: Any, sign: Any, count: int
+def _add_crossings_at_extremum(
+    c: Any, level: float, bend: float, i: int, step: float, value_i: float, theta: Any, sign: Any, count: int
 ) -> int:
-    """Two crossings that samples i - 1, i, i + 1 hide: an extremum between them reaches past the level."""
+    """Append the two crossings on both sides of an extremum near sample i that exceeds the level between two samples.
+
+    The extremum is located by Newton's method. Return the new count.
+    """
     at = step * i
     for _ in range(5):
         _, slope, curve = value_of(c, level, at)
         if curve != 0.0:
             at += min(step, max(-step, -slope / curve))
     value = value_of(c, level, at)[0]
-    past = value * here < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))  # less than rounding is no contact
-    if not past or abs(at - step * i) > step:
+    # a value within rounding errors of the level does not count as a crossing
+    exceeds = value * value_i < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))
+    if not exceeds or abs(at - step * i) > step:
         return count
     at %= 2 * math.pi
     low = math.floor(at / step) * step
@@ -105,42 +124,52 @@ def _beside(
         a, b = ends[k], ends[k + 1]
         value_a, slope_a, _ = value_of(c, level, a)
         value_b, slope_b, _ = value_of(c, level, b)
-        count = _add(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+        count = _add_crossing(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
     return count
 
 
 @kernel
-def _add(
+def _add_crossing(
     c: Any, level: float, bend: float, low: float, value_low: float, slope_low: float,
     high: float, value_high: float, slope_high: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
-    """Append the root between low and high, where the values differ in sign, by safeguarded Newton."""
+    """Append the crossing between low and high, where the values differ in sign, and return the new count.
+
+    A step of Newton's method that leaves the bracket is replaced by bisection.
+    """
     if count >= theta.shape[0]:
         return count
     rising = value_high > value_low
-    at = _guess(low, value_low, slope_low, high, value_high, slope_high)
+    at = _initial_guess(low, value_low, slope_low, high, value_high, slope_high)
     for _ in range(60):
         value, slope, _ = value_of(c, level, at)
-        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):  # Newton on rounding near a double root would run away
-            break
+        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
+            break  # near a double root, Newton's method would diverge on rounding errors
         if (value < 0.0) == rising:
             low = at
         else:
             high = at
-        new = at - value / slope if slope != 0.0 else low
-        move = abs(new - at)
-        # the error that remains is at most about half of bend move^2 / |slope|
-        if slope != 0.0 and (move <= PHASE_TOLERANCE or bend * move * move <= PHASE_TOLERANCE * abs(slope)):
-            at = min(max(new, low), high)
+        updated = at - value / slope if slope != 0.0 else low
+        correction = abs(updated - at)
+        # the error that remains is at most about half of bend correction^2 / |slope|
+        if slope != 0.0 and (
+            correction <= PHASE_TOLERANCE or bend * correction * correction <= PHASE_TOLERANCE * abs(slope)
+        ):
+            at = min(max(updated, low), high)
             break
-        at = new if low < new < high else 0.5 * (low + high)
+        at = updated if low < updated < high else 0.5 * (low + high)
     theta[count], sign[count] = at, 1 if rising else -1
     return count + 1
 
 
 @kernel
-def _guess(low: float, value_low: float, slope_low: float, high: float, value_high: float, slope_high: float) -> float:
-    """Root of theta as a cubic of the value through both ends with their slopes; of the chord if that is no guess."""
+def _initial_guess(
+    low: float, value_low: float, slope_low: float, high: float, value_high: float, slope_high: float
+) -> float:
+    """Return an initial guess of the crossing by inverse cubic interpolation of the values and slopes at both ends.
+
+    If the slopes do not have the sign of the change of value, or the cubic leaves the interval, interpolate linearly.
+    """
     u, mean = value_low / (value_low - value_high), (value_high - value_low) / (high - low)
     s = u
     if mean * slope_low > 0 and mean * slope_high > 0:
@@ -149,11 +178,11 @@ def _guess(low: float, value_low: float, slope_low: float, high: float, value_hi
 
 
 @kernel
-def _sort(theta: Any, sign: Any, count: int) -> None:
-    """Ascending, by insertion: they nearly are."""
+def _sort_by_phase(theta: Any, sign: Any, count: int) -> None:
+    """Sort crossings by phase; an insertion sort is fast, because they are almost sorted."""
     for i in range(1, count):
-        at, way, j = theta[i], sign[i], i
+        at, direction, j = theta[i], sign[i], i
         while j > 0 and theta[j - 1] > at:
             theta[j], sign[j] = theta[j - 1], sign[j - 1]
             j -= 1
-        theta[j], sign[j] = at, way
+        theta[j], sign[j] = at, direction
