@@ -1,10 +1,11 @@
-"""Kernels: gaps that are a trigonometric polynomial and polynomials in pieces, and integrals over parts of a period.
+"""Kernels: crossings, extrema and integrals of the sum of a trigonometric and a piecewise polynomial.
 
-    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,      w = sum_q rows[i, q] (theta - at[i])^q on piece i
+    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,    w = sum_q rows[i, q] (theta - at[i])^q on segment i
 
-A period is looked at piece by piece, in cells as long as the samples are apart: x is smooth in each, so that its
-crossings and extrema are found as those of `crossings` are. The tables are those of `corners`, and moments are told in
-`mechanics.periodic`. Of a model without corners the tables are None, and the code for them is not compiled.
+Each segment is divided into cells no longer than the sampling step of the model. x is smooth in each cell, so that its
+crossings and extrema are computed as in `hbgear.harmonic.forces.switching_times`. The arrays of segments are described
+in `hbgear.harmonic.forces.breakpoints.Corners`, the integrals in `hbgear.mechanics.series.periodic.moments`. For a
+model without breakpoints in the phase, ``corners`` is None, and the code for segments is not compiled.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ _NODES, _WEIGHTS = rule()
 
 @kernel
 def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
-    """Put the one-sided coefficients of displacement j of an element whose motion is a row (2H + 1,) in the first of c.
+    """Store the one-sided coefficients of displacement j in the first entries of c; row (2H + 1,) is the motion.
 
-    They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
-    else the gap has stands in pieces.
+    If the prescribed displacement has breakpoints, its harmonics `Corners.kept` are added. The rest of the gap is the
+    piecewise polynomial w.
     """
     put_waves(row, c)
     if corners is None:
@@ -39,7 +40,7 @@ def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
 
 @kernel
 def in_pieces(corners: Any, j: int) -> bool:
-    """Whether the gap of element j has pieces."""
+    """Return whether the gap of displacement j has segments."""
     if corners is None:
         return False
     return bool(corners.moves[j] < corners.moves[j + 1])
@@ -47,18 +48,18 @@ def in_pieces(corners: Any, j: int) -> bool:
 
 @kernel
 def sizes_of(corners: Any) -> tuple[int, int, int]:
-    """Numbers of corners in a period, of pieces of the gap with the most, and of coefficients of a piece."""
+    """Return the numbers of breakpoints in a period, of segments of a gap at most, and of coefficients."""
     if corners is None:
         return 0, 0, 0
-    most = corners.moves[1] - corners.moves[0]
+    max_segments = corners.moves[1] - corners.moves[0]
     for j in range(corners.moves.shape[0] - 1):
-        most = max(most, corners.moves[j + 1] - corners.moves[j])
-    return corners.phases.shape[0], most, corners.pulled.shape[1]
+        max_segments = max(max_segments, corners.moves[j + 1] - corners.moves[j])
+    return corners.phases.shape[0], max_segments, corners.pulled.shape[1]
 
 
 @kernel
 def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
-    """`put_gap`, and the samples (N,) of a gap that has no pieces."""
+    """Call `put_gap`, and store the samples (N,) of the gap if it has no segments."""
     put_gap(numbers.corners, row, j, c)
     if not in_pieces(numbers.corners, j):
         sampled(row, numbers.basis, samples)
@@ -66,7 +67,10 @@ def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
 
 @kernel
 def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
-    """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
+    """Return the largest value of side times the gap of displacement j, side +1 or -1, and its phase.
+
+    c, samples : results of `sampled_gap`.
+    """
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
@@ -76,7 +80,10 @@ def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tupl
 
 @kernel
 def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
-    """`crossings` by the gap of element j, and whether it is above the level at 0; c, samples: `sampled_gap`."""
+    """Compute the `crossings` of a level by the gap of displacement j.
+
+    Return their number, and whether the gap is above the level at phase 0. c, samples : results of `sampled_gap`.
+    """
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
@@ -86,7 +93,7 @@ def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta
 
 @kernel
 def fill_motion(c: Any, motion: Any) -> float:
-    """Put values and slopes (2, N) of a motion on the grid of N samples in ``motion``; a bound of its alternation."""
+    """Store values and slopes of a motion at N samples in ``motion`` (2, N), and return a bound of |x - mean(x)|."""
     N, bound = motion.shape[1], 0.0
     for n in range(N):
         motion[0, n], motion[1, n], _ = value_of(c, 0.0, 2 * math.pi * n / N)
@@ -99,11 +106,34 @@ def fill_motion(c: Any, motion: Any) -> float:
 def crossings_of_moving(
     corners: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
 ) -> tuple[int, bool]:
-    """Put the zeros, ascending, of a displacement with a moving level in theta, and +1 (upwards) or -1 in sign.
+    """Compute the crossings of a moving level: the zeros of x, a displacement minus its level.
 
-    Returns their number, and whether it is positive at 0. Cells are those of the grid of the motion and its pieces. On
-    idle pieces it matters only on which side of the level the next piece begins. Jumps of x are crossings.
-    bound, motion : as of `fill_motion`.
+    A jump of x that changes its sign is a crossing. On an idle segment all springs have zero stiffness, and only the
+    values of x at both ends are compared; a change of sign is then a crossing at the beginning of the segment.
+
+    Parameters
+    ----------
+    corners : Corners or None
+        Segments of the displacements.
+    j : int
+        Index of the displacement.
+    c : ndarray, shape (H + 1,)
+        One-sided coefficients of the motion, see `put_gap`.
+    bound : float
+        Result of `fill_motion`.
+    motion : ndarray, shape (2, N)
+        Values and slopes of the motion, see `fill_motion`. Its samples and the breakpoints separate the cells.
+    theta : ndarray
+        Array to be filled with the phases [rad] of the crossings, ascending.
+    sign : ndarray
+        Array to be filled with +1 for each upward and -1 for each downward crossing.
+
+    Returns
+    -------
+    count : int
+        Number of crossings.
+    above : bool
+        Whether x is positive at phase 0.
     """
     if corners is None:
         return 0, False
@@ -113,7 +143,7 @@ def crossings_of_moving(
     if mean + bound + corners.bounds[j, 1] < 0.0:
         return 0, False
     first, last, at, rows, N = corners.moves[j], corners.moves[j + 1], corners.at, corners.rows, motion.shape[1]
-    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
     before, slope, _ = value_on(c, 0.0, rows[first], at[first], 0.0)
     above = before > 0.0
@@ -139,7 +169,9 @@ def crossings_of_moving(
             else:
                 b = end
                 after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], end)
-            count = _in_cell(c, 0.0, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
+            count = _add_crossings_in_cell(
+                c, 0.0, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+            )
             a, before, slope = b, after, slope_after
             n += 1
     return count, above
@@ -147,7 +179,7 @@ def crossings_of_moving(
 
 @kernel
 def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
-    """Append a phase if two values there differ in sign."""
+    """Append a crossing at a phase if the values before and after it differ in sign; return the updated count."""
     if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
         return count
     theta[count], sign[count] = at, 1 if after > before else -1
@@ -156,7 +188,7 @@ def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, cou
 
 @kernel
 def piece_of(at: Any, first: int, last: int, theta: float) -> int:
-    """The piece, of those from first to last, that a phase in [0, 2 pi] is on."""
+    """Return the index of the segment, from first to last - 1, that contains a phase in [0, 2 pi]."""
     low, high = first, last
     while high - low > 1:
         middle = (low + high) // 2
@@ -169,7 +201,7 @@ def piece_of(at: Any, first: int, last: int, theta: float) -> int:
 
 @kernel
 def polynomial(row: Any, x: float) -> float:
-    """Its value."""
+    """Return sum_q row[q] x^q."""
     total: float = 0.0
     for q in range(row.shape[0] - 1, -1, -1):
         total = total * x + row[q]
@@ -178,7 +210,7 @@ def polynomial(row: Any, x: float) -> float:
 
 @kernel
 def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
-    """x, x' and x'' on the piece of these coefficients which begins at ``start``."""
+    """Return x, x' and x'' at theta; the segment has the polynomial ``row`` and begins at ``start``."""
     value, slope, curve = value_of(c, level, theta)
     y = theta - start
     value += row[0] + y * (row[1] + y * (row[2] + y * row[3]))
@@ -191,11 +223,35 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
 def crossings_on(
     c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
-    """Put the crossings of a level, ascending, in theta, and +1 (upwards) or -1 in sign.
+    """Compute the crossings of a level by a gap with segments.
 
-    Returns their number, and whether x is above the level at 0. At least N cells are looked at.
+    Parameters
+    ----------
+    c : ndarray, shape (H + 1,)
+        One-sided coefficients of the gap, see `put_gap`.
+    level : float
+        Level to be crossed.
+    at : ndarray, shape (T,)
+        Beginnings of all segments.
+    rows : ndarray, shape (T, 4)
+        Coefficients of all segments.
+    first, last : int
+        Segments of the gap: first, ..., last - 1.
+    N : int
+        Smallest number of cells of the period; each cell is at most 2 pi / N long.
+    theta : ndarray
+        Array to be filled with the phases [rad] of the crossings, ascending.
+    sign : ndarray
+        Array to be filled with +1 for each upward and -1 for each downward crossing.
+
+    Returns
+    -------
+    count : int
+        Number of crossings.
+    above : bool
+        Whether the gap is above the level at phase 0.
     """
-    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
@@ -205,28 +261,33 @@ def crossings_on(
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
             if n == cells and i + 1 == last:
-                after = start  # what is one instant has one value
-            count = _in_cell(c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
+                after = start  # the phases 0 and 2 pi have the same value
+            count = _add_crossings_in_cell(
+                c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+            )
             a, before, slope = b, after, slope_after
     return count, start > 0.0
 
 
 @kernel
-def _in_cell(
+def _add_crossings_in_cell(
     c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
     slope_after: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
-    """Crossings in a cell: one or three if its ends differ in sign, two or none otherwise; see `crossings`."""
+    """Append the crossings in a cell from a to b, and return the updated count; see `crossings`.
+
+    If the values at the ends differ in sign, there are one or three crossings, otherwise two or none.
+    """
     if (before > 0.0) != (after > 0.0):
         mean = (after - before) / (b - a)
         if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
-            return _add(c, level, row, start, a, before, b, after, theta, sign, count)
+            return _add_crossing(c, level, row, start, a, before, b, after, theta, sign, count)
         x, value = a, before
         for k in range(1, CELL_PARTS + 1):
             y = a + (b - a) * k / CELL_PARTS
             other = after if k == CELL_PARTS else value_on(c, level, row, start, y)[0]
             if (value > 0.0) != (other > 0.0):
-                count = _add(c, level, row, start, x, value, y, other, theta, sign, count)
+                count = _add_crossing(c, level, row, start, x, value, y, other, theta, sign, count)
             x, value = y, other
         return count
     side = 1.0 if before > 0.0 else -1.0
@@ -234,17 +295,20 @@ def _in_cell(
         top = _extremum(c, level, row, start, a, b, -side)
         value = value_on(c, level, row, start, top)[0]
         if side * value < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level)):
-            count = _add(c, level, row, start, a, before, top, value, theta, sign, count)
-            count = _add(c, level, row, start, top, value, b, after, theta, sign, count)
+            count = _add_crossing(c, level, row, start, a, before, top, value, theta, sign, count)
+            count = _add_crossing(c, level, row, start, top, value, b, after, theta, sign, count)
     return count
 
 
 @kernel
-def _add(
+def _add_crossing(
     c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
     theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
-    """Append the root between low and high by safeguarded Newton from the chord."""
+    """Append the crossing between low and high, where the values differ in sign, and return the updated count.
+
+    Newton's method starts from linear interpolation. A step that leaves the bracket is replaced by bisection.
+    """
     if count >= theta.shape[0]:
         return count
     rising = value_high > value_low
@@ -257,19 +321,21 @@ def _add(
             low = at
         else:
             high = at
-        new = at - value / slope if slope != 0.0 else low
-        move = abs(new - at)
-        if slope != 0.0 and (move <= PHASE_TOLERANCE or abs(curve) * move * move <= PHASE_TOLERANCE * abs(slope)):
-            at = min(max(new, low), high)
+        updated = at - value / slope if slope != 0.0 else low
+        correction = abs(updated - at)
+        if slope != 0.0 and (
+            correction <= PHASE_TOLERANCE or abs(curve) * correction * correction <= PHASE_TOLERANCE * abs(slope)
+        ):
+            at = min(max(updated, low), high)
             break
-        at = new if low < new < high else 0.5 * (low + high)
+        at = updated if low < updated < high else 0.5 * (low + high)
     theta[count], sign[count] = at, 1 if rising else -1
     return count + 1
 
 
 @kernel
 def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
-    """Where side x has the maximum between low, where it rises, and high, where it falls."""
+    """Return the phase of the maximum of side x between low, where side x rises, and high, where it falls."""
     at = 0.5 * (low + high)
     for _ in range(60):
         _, slope, curve = value_on(c, level, row, start, at)
@@ -277,10 +343,10 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
             low = at
         else:
             high = at
-        new = at - slope / curve if curve != 0.0 else low
-        if abs(new - at) <= 1e-9 or slope == 0.0:  # the value misses its square
-            return min(max(new, low), high) if slope != 0.0 else at
-        at = new if low < new < high else 0.5 * (low + high)
+        updated = at - slope / curve if curve != 0.0 else low
+        if abs(updated - at) <= 1e-9 or slope == 0.0:  # the error of the maximum is of second order
+            return min(max(updated, low), high) if slope != 0.0 else at
+        at = updated if low < updated < high else 0.5 * (low + high)
     return at
 
 
@@ -288,36 +354,64 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
 def highest_on(
     c: Any, at: Any, rows: Any, broken: Any, first: int, last: int, N: int, side: float
 ) -> tuple[float, float]:
-    """The largest value of side x, side +1 or -1, and its phase: at a corner, on either side of a jump, or between."""
-    most, place = -math.inf, 0.0
+    """Return the largest value of side x, side +1 or -1, and its phase.
+
+    The values at the ends of all cells, on both sides of jumps, and at maxima inside are compared. The arguments are
+    those of `crossings_on`, and broken (T,) : whether x jumps at the beginning of a segment.
+    """
+    largest, phase = -math.inf, 0.0
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
         a = at[i]
         value, slope, _ = value_on(c, 0.0, rows[i], at[i], a)
         for n in range(1, cells + 1):
-            if side * value > most:
-                most, place = side * value, a
+            if side * value > largest:
+                largest, phase = side * value, a
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], b)
             if side * slope > 0.0 and side * slope_after < 0.0:
                 top = _extremum(c, 0.0, rows[i], at[i], a, b, side)
                 height = side * value_on(c, 0.0, rows[i], at[i], top)[0]
-                if height > most:
-                    most, place = height, top
+                if height > largest:
+                    largest, phase = height, top
             a, value, slope = b, after, slope_after
-        if broken[i + 1 if i + 1 < last else first] and side * value > most:
-            most, place = side * value, end
-    return most, place
+        if broken[i + 1 if i + 1 < last else first] and side * value > largest:
+            largest, phase = side * value, end
+    return largest, phase
 
 
 @kernel
 def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> bool:
-    """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
+    """Compute the Fourier coefficients of k s and k w s, where s is 1 above a breakpoint of the law and 0 below.
 
-    With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,
-    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends : (2, Q) room for derivatives of polynomials.
-    Returns False, and does nothing, if the spring has no pieces.
+    For f = k or k w and G_n(theta) = int_0^theta f exp(-i n x) dx, the coefficients of f s are
+
+        (1 / 2 pi) ([above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j))
+
+    Parameters
+    ----------
+    corners : Corners or None
+        Segments of the springs.
+    spring : int
+        Index of the spring.
+    theta : ndarray
+        Phases [rad] at which the breakpoint is crossed.
+    sign : ndarray
+        Directions of the crossings: +1 upwards, -1 downwards.
+    count : int
+        Number of crossings.
+    above : bool
+        Whether the gap is above the breakpoint at phase 0.
+    A, B : ndarray
+        Arrays to be filled with the two-sided coefficients 0, 1, ... of k s and k w s.
+    ends : ndarray, shape (2, Q)
+        Working memory for derivatives of polynomials.
+
+    Returns
+    -------
+    bool
+        False if the spring has no segments; A and B are then unchanged.
     """
     if corners is None:
         return False
@@ -345,7 +439,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
 @kernel
 def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
-    """Add the pieces of displacement j at the first T phases."""
+    """Add w of displacement j at the first T phases to ``gap``, if it has segments."""
     if corners is None:
         return
     first, end = corners.moves[j], corners.moves[j + 1]
@@ -357,7 +451,7 @@ def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
 
 @kernel
 def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
-    """Multiply slopes at the first T phases by the stiffness of a spring that has pieces."""
+    """Multiply slopes at the first T phases by the stiffness of a spring, if it has segments."""
     if corners is None:
         return
     first, end = corners.parts[spring], corners.parts[spring + 1]
@@ -369,7 +463,10 @@ def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
 
 @kernel
 def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, T: int, out: Any) -> None:
-    """Add the slope of a contact with a moving level at the first T phases, ascending over at most two periods."""
+    """Add dp/dd of a contact with a moving level at the first T phases to ``out``.
+
+    The phases ascend over at most two periods. motion (T,) : values of the motion at these phases.
+    """
     if corners is None:
         return
     first, last = corners.parts[spring], corners.parts[spring + 1]
@@ -394,7 +491,7 @@ def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, 
 
 @kernel
 def put_phases(corners: Any, out: Any) -> int:
-    """Put the phases of all corners of the excitation in out; their number."""
+    """Store the phases of all breakpoints of the excitation in ``out``, and return their number."""
     if corners is None:
         return 0
     for i in range(corners.phases.shape[0]):
@@ -404,7 +501,10 @@ def put_phases(corners: Any, out: Any) -> int:
 
 @kernel
 def integrals(at: Any, rows: Any, out: Any) -> None:
-    """Put int_0^theta f exp(-i n x) dx of piecewise polynomials at the beginnings of pieces and at 2 pi in out."""
+    """Store int_0^theta f exp(-i n x) dx at the beginning of each segment and at 2 pi in ``out`` (T + 1, L).
+
+    f is the piecewise polynomial with the beginnings at (T,) and the coefficients rows (T, Q) of its segments.
+    """
     ends = np.empty((2, rows.shape[1]))
     out[0] = 0j
     for i in range(at.shape[0]):
@@ -415,14 +515,17 @@ def integrals(at: Any, rows: Any, out: Any) -> None:
 
 @kernel
 def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
-    """Add factor times the integrals of p(x) exp(-i n (start + x)) from 0 to width; see `moments`."""
+    """Add factor times int_0^width p(x) exp(-i n (start + x)) dx to out[n]; the method is that of `moments`.
+
+    Low orders n are integrated by Gauss quadrature, the others by parts. ``ends`` is overwritten.
+    """
     degree = -1
     for q in range(row.shape[0]):
         if row[q] != 0.0:
             degree = q
     if degree < 0 or width <= 0.0:
         return
-    few = min(
+    gauss_count = min(
         out.shape[0],
         int(MIN_PHASE_BY_PARTS / width) + 1 if width * out.shape[0] > MIN_PHASE_BY_PARTS else out.shape[0],
     )
@@ -430,27 +533,27 @@ def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, 
         x = width * _NODES[g]
         term = complex(factor * width * _WEIGHTS[g] * polynomial(row, x), 0.0)
         z = complex(math.cos(start + x), -math.sin(start + x))
-        for n in range(few):
+        for n in range(gauss_count):
             out[n] += term
             term *= z
-    if few == out.shape[0]:
+    if gauss_count == out.shape[0]:
         return
-    here, there = ends[0], ends[1]
+    derivatives_start, derivatives_end = ends[0], ends[1]
     for q in range(degree + 1):
-        here[q] = there[q] = 0.0
+        derivatives_start[q] = derivatives_end[q] = 0.0
         for k in range(degree, q - 1, -1):
-            many = 1.0
+            falling_factorial = 1.0
             for i in range(q):
-                many *= k - i
-            there[q] = there[q] * width + many * row[k]
+                falling_factorial *= k - i
+            derivatives_end[q] = derivatives_end[q] * width + falling_factorial * row[k]
             if k == q:
-                here[q] = many * row[k]
-    for n in range(few, out.shape[0]):
+                derivatives_start[q] = falling_factorial * row[k]
+    for n in range(gauss_count, out.shape[0]):
         power, begin, end = complex(0.0, -1.0 / n), 0j, 0j
         turn = power
         for q in range(degree + 1):
-            begin += power * here[q]
-            end += power * there[q]
+            begin += power * derivatives_start[q]
+            end += power * derivatives_end[q]
             power *= turn
         a, b = n * start, n * (start + width)
         out[n] += factor * (begin * complex(math.cos(a), -math.sin(a)) - end * complex(math.cos(b), -math.sin(b)))
