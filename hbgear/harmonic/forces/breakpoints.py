@@ -28,23 +28,38 @@ from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
 class Corners(NamedTuple):
     """Piecewise polynomials over the basis period [0, 2 pi); all arrays are empty for a model without breakpoints.
 
-    phases (I,) : breakpoints of the excitation, ascending.
-    moves (Q + 1,), at (T,), rows (T, 4) : w of displacement j has the segments moves[j] to moves[j + 1], with their
-        beginnings and coefficients; no segments if e_j has no breakpoints and there is no moving level.
-    broken, idle (T,) : whether w of a moving level jumps at the beginning of a segment, and whether the stiffness of
-        all springs is zero on it.
-    bounds (Q, 2) : lower and upper bound of w of a moving level, infinite for other displacements.
-    kept, beyond (H + 1, Q), (L, m) : harmonics of e_j with breakpoints, zero for others: those that are unknowns, among
-        0..H, and the others up to 2H.
-    parts (S + 1,), begin (U,), weight (U, 4) : segments of the stiffness k of springs, if k or w has breakpoints. If
-        the spring has a Fourier series as well, its stiffness is the product of both.
-    sums (U + S, 2, L) : integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over
-        the period.
-    pulled (U, 7) : coefficients of k w.
-    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless an element with breakpoints has a cubic
-        spring.
-    grid (2, m, N) : e_j up to harmonic H minus e_j, and its derivative in theta, at samples; empty unless a law is
-        sampled.
+    Attributes
+    ----------
+    phases : ndarray, shape (I,)
+        Phases [rad] of the breakpoints of the excitation, ascending.
+    moves : ndarray, shape (Q + 1,)
+        Index of the first segment of w of each displacement j, and the number of all segments. There are no segments
+        if e_j has no breakpoints and the level does not move.
+    at, rows : ndarray, shapes (T,) and (T, 4)
+        Beginning [rad] and coefficients of each segment of w.
+    broken : ndarray, shape (T,)
+        Whether w of a moving level jumps at the beginning of a segment.
+    idle : ndarray, shape (T,)
+        Whether all springs on a moving level have zero stiffness on a segment.
+    bounds : ndarray, shape (Q, 2)
+        Lower and upper bound of w of a moving level, infinite for other displacements.
+    kept : ndarray, shape (H + 1, Q)
+        One-sided harmonics of e_j at the orders of the unknowns; zero without breakpoints.
+    beyond : ndarray, shape (L, m)
+        One-sided harmonics of e_j at the truncated orders up to 2H; zero without breakpoints.
+    parts : ndarray, shape (S + 1,)
+        Index of the first segment of the stiffness k of each spring, as in ``moves``. It has segments if k or w has
+        breakpoints. If the spring has a Fourier series as well, its stiffness is the product of both.
+    begin, weight : ndarray, shapes (U,) and (U, 4)
+        Beginning [rad] and coefficients of each segment of k.
+    sums : ndarray, shape (U + S, 2, L)
+        Integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over the period.
+    pulled : ndarray, shape (U, 7)
+        Coefficients of each segment of k w.
+    powers : ndarray, shape (m, 3, L)
+        Two-sided coefficients of w, w^2 and w^3; empty unless an element with breakpoints has a cubic spring.
+    grid : ndarray, shape (2, m, N)
+        Samples of e_j up to harmonic H minus e_j, and of its derivative in theta; empty unless a law is sampled.
     """
 
     phases: Array
@@ -68,18 +83,37 @@ class Corners(NamedTuple):
 def corners_of(
     elements: Sequence[Element], packing: Packing, H: int, nu: int, N: int, orders: np.ndarray, left: np.ndarray
 ) -> Corners:
-    """Return the table of the elements of a model and of the springs of their laws.
+    """Return the piecewise polynomials of the elements of a model and of the springs of their laws.
 
-    N : samples of the grid, 0 for none. orders, left : the basis harmonics up to H that are unknowns, and the others up
-    to 2H.
+    Parameters
+    ----------
+    elements : sequence of Element
+        Elements of the model.
+    packing : Packing
+        Table of their laws.
+    H : int
+        Harmonic truncation order.
+    nu : int
+        Subharmonic order.
+    N : int
+        Number of samples of `Corners.grid`; 0 if no law is sampled.
+    orders : ndarray
+        Basis harmonics up to H that are unknowns.
+    left : ndarray
+        Truncated basis harmonics up to 2H.
+
+    Returns
+    -------
+    Corners
+        Piecewise polynomials; empty for a model without breakpoints.
     """
     springs, levels, cubic = packing.springs, packing.levels, packing.table.cubic
     m, S = len(elements), len(springs)
     phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
     if not phases and not levels:
-        return _nothing(m, S, H, len(left))
+        return _without_breakpoints(m, S, H, len(left))
     e = [element.displacement for element in elements]
-    moved = [_pieces(one, nu).scaled(-1.0) if one.corners else None for one in e]
+    moved = [_segments_of(one, nu).scaled(-1.0) if one.corners else None for one in e]
     with_corners = [j for j in range(m) if e[j].corners]
     kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((len(left), m), dtype=complex)
     for j in with_corners:
@@ -91,7 +125,9 @@ def corners_of(
     length = 8 * H + highest + 1
     level_of = [None] * m + [one.level for one in levels]
     made = [
-        _weighted(one.spring.stiffness, e[one.element], cast(Phased | None, level_of[one.displacement]), nu, length)
+        _stiffness_segments(
+            one.spring.stiffness, e[one.element], cast(Phased | None, level_of[one.displacement]), nu, length
+        )
         if one.spring.stiffness.corners or e[one.element].corners or one.displacement >= m else None
         for one in springs
     ]  # fmt: skip
@@ -110,19 +146,19 @@ def corners_of(
     fixed = np.zeros(sum(len(one.at) for one in moved if one), dtype=bool)
     return Corners(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
-        moves=_ends([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
+        moves=_first_indices([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
         at=np.concatenate([np.empty(0), *pieces]),
-        rows=_stacked([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
+        rows=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
         broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
         idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
         bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
         kept=np.ascontiguousarray(kept[:, [*range(m), *(one.element for one in levels)]]),
         beyond=beyond,
-        parts=_ends(count),
+        parts=_first_indices(count),
         begin=np.concatenate([np.empty(0), *(one[0].at for one in made if one)]),
-        weight=_stacked([one[0].rows for one in made if one], 4),
-        sums=_spread(sums, count, S, length),
-        pulled=_stacked([one[1].rows for one in made if one], 7),
+        weight=_stack_padded([one[0].rows for one in made if one], 4),
+        sums=_concatenate_integrals(sums, count, S, length),
+        pulled=_stack_padded([one[1].rows for one in made if one], 7),
         powers=_powers(moved, cubic, length),
         grid=_grid(e, kept, nu, N),
     )
@@ -135,41 +171,42 @@ def _phases(law: Law) -> Iterable[float]:
 
 
 def _abrupt_changes(stiffness: Phased) -> list[float]:
-    """Return the phases at which a contact stiffness jumps, or its slope by more than `_SMOOTH`."""
+    """Return the phases at which a contact stiffness jumps, or its slope by more than `_MAX_SLOPE_JUMP`."""
     if not isinstance(stiffness, Periodic):
         return []
     jumps = np.abs(stiffness.jumps) / stiffness.bound
-    abrupt = jumps[:, 0] > _CONTINUOUS
+    abrupt = jumps[:, 0] > _JUMP_ROUNDING
     if jumps.shape[1] > 1:
-        abrupt |= jumps[:, 1] > _SMOOTH
+        abrupt |= jumps[:, 1] > _MAX_SLOPE_JUMP
     return [x % TURN for x, found in zip(stiffness.phases, abrupt.tolist(), strict=True) if found]
 
 
-_SMOOTH = 1e-2
-"""Jump of the slope of a contact stiffness, over its largest value and per radian, up to which Gauss points of the
-variational equation need no division there: the multipliers of tables with 160 values change by less than 1e-5."""
+_MAX_SLOPE_JUMP = 1e-2
+"""Jump of the slope of a contact stiffness, relative to its largest value [1/rad], up to which the integration of the
+variational equation does not begin a new segment: the multipliers of tables with 160 values change by less than 1e-5.
+"""
 
 
 def _level_table(
     displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
 ) -> tuple[Pieced, np.ndarray, np.ndarray]:
-    """Return w of a moving level, and `Corners.broken` and `Corners.idle` of its pieces."""
-    w = (level.repeated(nu) if isinstance(level, Pieced) else _level_pieces(level, nu)).scaled(-1.0)
+    """Return w of a moving level, and `Corners.broken` and `Corners.idle` of its segments."""
+    w = (level.repeated(nu) if isinstance(level, Pieced) else _level_segments(level, nu)).scaled(-1.0)
     if displacement.corners:
-        w = w.plus(_pieces(displacement, nu).scaled(-1.0))
-    k = [_pieces(one, nu) for one in stiffness]
+        w = w.plus(_segments_of(displacement, nu).scaled(-1.0))
+    k = [_segments_of(one, nu) for one in stiffness]
     for one in k:
         acts = np.any(one.rows != 0.0, axis=1)
         w = w.on(one.at[acts != np.roll(acts, 1)])
     ends = np.array([np.polynomial.polynomial.polyval(x, row) for x, row in zip(w.widths, w.rows, strict=True)])
     jump = np.abs(w.rows[:, 0] - np.roll(ends, 1))
-    broken: np.ndarray = jump > _CONTINUOUS * max(1e-300, np.abs(w.rows[:, 0]).max())
+    broken: np.ndarray = jump > _JUMP_ROUNDING * max(1e-300, np.abs(w.rows[:, 0]).max())
     acting = [np.any(one.rows_at(w.at) != 0.0, axis=1) for one in k]
     return w, broken, ~np.any(acting, axis=0) if acting else np.zeros(len(w.at), dtype=bool)
 
 
 def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
-    """Return bounds of w on the pieces that are not idle."""
+    """Return a lower and an upper bound of w on the segments that are not idle."""
     used = np.flatnonzero(~idle)
     rows, widths = w.rows[used], w.widths[used]
     higher = sum((np.abs(rows[:, q]) * widths**q for q in range(2, rows.shape[1])), np.zeros(len(used)))
@@ -177,30 +214,47 @@ def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
     return float((np.minimum(rows[:, 0], ends) - higher).min()), float((np.maximum(rows[:, 0], ends) + higher).max())
 
 
-_CONTINUOUS = 1e-10
-"""Jump of a level, relative to its largest value, up to which it is rounding."""
+_JUMP_ROUNDING = 1e-10
+"""Jump of a level or stiffness, relative to its largest value [-], that is attributed to rounding."""
 
 
-def _level_pieces(level: Phased, nu: int) -> Pieced:
+def _level_segments(level: Phased, nu: int) -> Pieced:
+    """Return a level as a piecewise polynomial over the basis period."""
     return level.pieces(nu) if isinstance(level, Periodic) else ONE.scaled(level.mean)
 
 
 @lru_cache(maxsize=64)
-def _nothing(m: int, S: int, H: int, left: int) -> Corners:
-    """Return the empty table of m elements and S springs without breakpoints."""
+def _without_breakpoints(m: int, S: int, H: int, left: int) -> Corners:
+    """Return the empty arrays of m elements and S springs without breakpoints."""
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return Corners(
-        none, _ends([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
+        none, _first_indices([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
         np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
-        np.zeros((left, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
+        np.zeros((left, m), dtype=complex), _first_indices([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
 
 
 def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
-    """Return e up to harmonic H minus e, the known part of the gap of an element, or a derivative in theta.
+    """Return the known part of the gap of an element, e up to harmonic H minus e, or a derivative in theta.
 
-    kept (H + 1,) : harmonics of e.
+    Parameters
+    ----------
+    displacement : Phased
+        Prescribed displacement e.
+    kept : ndarray, shape (H + 1,)
+        One-sided harmonics of e.
+    nu : int
+        Subharmonic order.
+    theta : ndarray
+        Phases of the basis period [rad].
+    order : int, optional
+        Order of the derivative. The default is 0.
+
+    Returns
+    -------
+    ndarray
+        Value at each phase.
     """
     kept_part = evaluate(to_real(kept), theta, order)
     out: Array = kept_part - nu**order * displacement(nu * theta, order)
@@ -244,19 +298,20 @@ def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> Comple
     return out
 
 
-def _pieces(function: Phased, nu: int) -> Pieced:
+def _segments_of(function: Phased, nu: int) -> Pieced:
+    """Return a function as a piecewise polynomial over the basis period; the constant 1 for a Fourier series."""
     return function.pieces(nu) if isinstance(function, Periodic) else ONE
 
 
 @lru_cache(maxsize=128)
-def _weighted(
+def _stiffness_segments(
     stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
 ) -> tuple[Pieced, Pieced, ComplexArray]:
     """Return k and k w on common segments, and their integrals (T + 1, 2, length); w is 0 without breakpoints."""
-    k = _pieces(stiffness, nu)
-    w = _pieces(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
+    k = _segments_of(stiffness, nu)
+    w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
-        w = w.plus(_level_pieces(level, nu).scaled(-1.0))
+        w = w.plus(_level_segments(level, nu).scaled(-1.0))
     pulled = k.times(w)
     if level is None:
         k = k.on(pulled.at)
@@ -270,18 +325,19 @@ def _weighted(
     return k, pulled, sums
 
 
-def _ends(count: Sequence[int]) -> np.ndarray:
+def _first_indices(count: Sequence[int]) -> np.ndarray:
+    """Return the index of the first segment of each function, and the number of all segments."""
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
-def _stacked(rows: Sequence[Array], width: int) -> Array:
-    """Return the coefficients of all functions, padded to the same number."""
+def _stack_padded(rows: Sequence[Array], width: int) -> Array:
+    """Return the coefficients of all segments, padded by zeros to the same number."""
     each = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in rows]
     return np.concatenate([np.empty((0, width)), *each])
 
 
-def _spread(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
-    """Return the integrals of all springs one after the other, a row of zeros for each spring without segments."""
+def _concatenate_integrals(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
+    """Return the integrals of all springs in one array, with one row of zeros for each spring without segments."""
     out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
     rows, at = iter(sums), 0
     for n in count if sums else ():
