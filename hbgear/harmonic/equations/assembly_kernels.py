@@ -8,10 +8,11 @@ kappa = r + i s of a periodic stiffness,
     T[a_k, a_l] = r_{k-l} + r_{k+l},   T[a_k, b_l] = s_{k-l} - s_{k+l},
     T[b_k, b_l] = r_{k-l} - r_{k+l},   T[b_k, a_l] = -s_{k-l} - s_{k+l}
 
-is the matrix of the product with kappa, where r_{-n} = r_n and s_{-n} = -s_n. Row 0 is half of row a_0.
+is the matrix of the product with kappa, where r_{-n} = r_n and s_{-n} = -s_n. The row of the mean a0 is half of
+T[a_0, .].
 
 With a harmonic selection only the selected orders are unknowns. All other harmonics are zero, and their equations are
-left out. The linear part is computed from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r), see
+omitted. The linear part is computed from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r), see
 `hbgear.harmonic.structure.receptance`.
 
 References
@@ -79,16 +80,16 @@ def workspace_for(numbers: Any) -> Any:
 def assemble_allocating(
     numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
 ) -> float:
-    """Call `assemble` from Python, with a workspace of its own."""
+    """Call `assemble` from Python with a new workspace."""
     return assemble(numbers, X, omega, matrices, constants, R, J, dR, workspace_for(numbers))
 
 
 @inlined
 def assemble(
-    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, room: Any
+    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, workspace: Any
 ) -> float:
     """Fill R (n,), J = dR/dX (n, n), dR/dOmega (n,) at X (n,), omega = Omega / nu; return the size of its terms."""
-    space, rows, some = room.space, room.rows, X.reshape(matrices.shape[2], -1)
+    space, rows, some = workspace.space, workspace.rows, X.reshape(matrices.shape[2], -1)
     spread(numbers, X, rows)
     project(numbers, rows, space)
     size = _fill_forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
@@ -108,10 +109,26 @@ def spread(numbers: Any, X: Any, rows: Any) -> None:
 
 @kernel
 def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
-    """Fill derivatives (n, n) of dR/dX along v (n,), by a central difference, and in Omega; change: dZ/dOmega."""
+    """Compute the derivatives of dR/dX along a direction of X and in Omega.
+
+    Parameters
+    ----------
+    numbers : PackedModel
+        Arrays of the model.
+    X, v : ndarray, shape (n,)
+        Unknowns, and the direction of the derivative.
+    h : float
+        Step of the central difference along v.
+    change : ndarray, shape (K + 1, m, m)
+        Derivative dZ/dOmega of the dynamic stiffness.
+    along : ndarray, shape (n, n)
+        Array to be filled with the derivative along v.
+    across : ndarray, shape (n, n)
+        Array to be filled with the derivative in Omega.
+    """
     m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
-    room = workspace_for(numbers)
-    space, rows, kappa, more = room.space, room.rows, room.space.kappa, room.space.more
+    workspace = workspace_for(numbers)
+    space, rows, kappa, more = workspace.space, workspace.rows, workspace.space.kappa, workspace.space.more
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):
@@ -166,7 +183,7 @@ def _fill_forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
 def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """Add Z d + g to R and Z to J, set dR to dZ d + dg; return the norm of Z d plus the norm of g."""
     m, n = rows.shape
-    moved = held = 0.0
+    stiffness_terms = constant_terms = 0.0
     for k in range(matrices.shape[1]):
         a, b = 2 * k - 1, 2 * k
         for i in range(m):
@@ -178,8 +195,8 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
                 dzd += matrices[1, k, i, j] * d
                 _add_harmonic(Z, k, J, i * n, j * n)
             g, dg = constants[0, k, i], dzd + constants[1, k, i]
-            moved += zd.real**2 + zd.imag**2
-            held += g.real**2 + g.imag**2
+            stiffness_terms += zd.real**2 + zd.imag**2
+            constant_terms += g.real**2 + g.imag**2
             if k:
                 R[i * n + a] += zd.real + g.real
                 R[i * n + b] -= zd.imag + g.imag
@@ -187,7 +204,7 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
             else:
                 R[i * n] += zd.real + g.real
                 dR[i * n] = dg.real
-    return math.sqrt(moved) + math.sqrt(held)
+    return math.sqrt(stiffness_terms) + math.sqrt(constant_terms)
 
 
 @kernel
@@ -249,8 +266,13 @@ def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR:
 
 
 @inlined
-def residual_and_jacobian(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
+def residual_and_jacobian(numbers: Any, u: Any, R: Any, J: Any, dR: Any, workspace: Any) -> float:
     """Call `assemble` at u = (X, Omega) for a structure with modes; return the size of the terms of R."""
     n = u.shape[0] - 1
-    fill_linear_part(numbers.linear, u[n], room.w, room.each, room.sums, room.work, room.matrices, room.constants)
-    return assemble(numbers, u[:n], u[n] / numbers.linear.nu, room.matrices, room.constants, R, J, dR, room)
+    fill_linear_part(
+        numbers.linear, u[n], workspace.w, workspace.each, workspace.sums, workspace.work,
+        workspace.matrices, workspace.constants,
+    )  # fmt: skip
+    return assemble(
+        numbers, u[:n], u[n] / numbers.linear.nu, workspace.matrices, workspace.constants, R, J, dR, workspace
+    )

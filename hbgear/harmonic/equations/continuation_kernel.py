@@ -77,18 +77,18 @@ def trace_compiled(
     """
     n = u.shape[1] - 1
     work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), workspace_for(numbers)
-    room = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
-    return _trace_in_workspace(numbers, room, u, t, count, size, step, span, control, tolerances, rows)
+    arrays = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
+    return _trace_in_workspace(numbers, arrays, u, t, count, size, step, span, control, tolerances, rows)
 
 
 @inlined
 def _trace_in_workspace(
-    numbers: Any, room: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
+    numbers: Any, arrays: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
     tolerances: Any, rows: Any,
 ) -> tuple[int, float, int, float]:  # fmt: skip
     """Run `trace_compiled` in preallocated arrays."""
     n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
-    work, vectors, statistics, limits = room
+    work, vectors, statistics, limits = arrays
     scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, ACCEPTED, 0.0
@@ -120,7 +120,7 @@ def _trace_in_workspace(
 
 @kernel
 def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
-    """Fill the scales of the unknowns: the norm of the largest motion so far, and the span of Omega."""
+    """Fill the scales of the unknowns with the norm of the largest motion so far, and the scale of Omega."""
     n = u.shape[0] - 1
     whole = moving = 0.0
     for i in range(n):
@@ -163,7 +163,7 @@ def _corrected(
 
     statistics (3,) receives the sign of the determinant, the number of iterations and the residual.
     """
-    R, dR, A, u, room = work
+    R, dR, A, u, workspace = work
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]
@@ -172,7 +172,7 @@ def _corrected(
     for iteration in range(max_iterations + 2):
         if not u[n] > 0.0:
             return NOT_CONVERGED
-        size = residual_and_jacobian(numbers, u, R, A, dR, room)  # J in the upper left block of A
+        size = residual_and_jacobian(numbers, u, R, A, dR, workspace)  # J in the upper left block of A
         residual = scaled_norm(R) / size
         off = 0.0
         for i in range(n):
@@ -189,7 +189,7 @@ def _corrected(
             moved += A[i, n + 1] ** 2
             reached += (u[i] - A[i, n + 1]) ** 2
         step = math.sqrt(moved / max(reached, 1e-300))
-        acceptable, what = newton_status(
+        acceptable, status = newton_status(
             residual, step, last, first, best, iteration, tolerances[0], tolerances[1], max_iterations, POLISH_ABOVE
         )
         first, last = min(first, residual), step
@@ -198,10 +198,10 @@ def _corrected(
             statistics[0], statistics[1], statistics[2] = sign, iteration, residual
             for i in range(n + 1):
                 found[i], direction[i] = u[i], A[i, n + 2]
-        if what == DIVERGED:
+        if status == DIVERGED:
             statistics[2] = residual
             return NOT_CONVERGED
-        if what == CONVERGED:
+        if status == CONVERGED:
             return ACCEPTED
         for i in range(n + 1):
             u[i] -= A[i, n + 1]

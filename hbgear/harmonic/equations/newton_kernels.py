@@ -68,20 +68,20 @@ def locate(
     size : float
         Size of the terms of R.
     """
-    n, room = u.shape[0] - 1, workspace_for(numbers)
+    n, workspace = u.shape[0] - 1, workspace_for(numbers)
     rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
     borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
     count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
     while True:  # one call only: each further call of an inlined function adds its compile time
-        new = residual_and_jacobian(numbers, trial, rest, J, dR, room)
+        new = residual_and_jacobian(numbers, trial, rest, J, dR, workspace)
         if count < 0:
             weight = new / (_fill_borders(J, borders) if which == FOLD else 1.0 + scaled_norm(u[:n]))
         if which == HELD:
             g = _fixed_parameter(B[n])
         elif which == FOLD:
-            g = _determinant(numbers, trial[:n], J, room.matrices[1], borders, B[n])
+            g = _determinant(numbers, trial[:n], J, workspace.matrices[1], borders, B[n])
         else:
-            g = _clearance(numbers, which, room, B[n])
+            g = _clearance(numbers, which, workspace, B[n])
         _fill(rest, J, dR, g, weight, after, B)
         if count < 0 or plain:
             good = True
@@ -240,12 +240,12 @@ def _fixed_parameter(row: Any) -> float:
 
 
 @kernel
-def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
-    """Return a clearance of the motion in ``room.rows``, see `spread`; fill row (n + 1,) with its gradient."""
-    orders, c, samples = numbers.linear.orders, room.space.waves, room.space.samples
+def _clearance(numbers: Any, which: int, workspace: Any, row: Any) -> float:
+    """Return a clearance of the motion in ``workspace.rows``, see `spread`; fill row (n + 1,) with its gradient."""
+    orders, c, samples = numbers.linear.orders, workspace.space.waves, workspace.space.samples
     breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
     j = numbers.laws.owner[breakpoint_]
-    sampled_gap(numbers, room.rows[numbers.laws.element[j]], j, c, samples)
+    sampled_gap(numbers, workspace.rows[numbers.laws.element[j]], j, c, samples)
     value, theta = highest_gap(numbers.corners, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0

@@ -26,11 +26,33 @@ MODULATION_SAMPLES = 32
 
 
 class MonodromyWorkspace(NamedTuple):
-    """Arrays for the integration of the variational equation of one motion over a period; overwritten each time.
+    """Preallocated arrays for the integration of the variational equation of a motion over one period.
 
-    Sizes: s Gauss points, g ports, q modes and T Gauss points of all steps. phases (3, T) : values, cosines and sines
-    of the phases. stiffness (T,), work (6, T) and D (orders, T / s, s, g) : see `fill_stiffness_modulation`. All others
-    are used by `monodromy`.
+    A period has T Gauss points: s in each of its steps. The model has g ports and q modes, and the matrices have r
+    columns. The number of orders is 1, or 2 if dp/dv is not zero.
+
+    Attributes
+    ----------
+    phases : ndarray, shape (3, T)
+        Phases of the Gauss points [rad], their cosines and sines.
+    stiffness : ndarray, shape (T,)
+        Modulation of the stiffness of one port.
+    work : ndarray, shape (6, T)
+        Working memory of `add_stiffness`.
+    D : ndarray, shape (orders, T / s, s, g)
+        Modulations dp/dd - kr, and dp/dv, of all ports, see `fill_stiffness_modulation`.
+    ends : ndarray, shape (s + 1,)
+        Gauss points and end of a step, in units of the step.
+    state : ndarray, shape (2q, r)
+        Real and imaginary parts of the modes.
+    turns, moments : ndarray, shapes (s + 1, q) and (s + 2, (s + 1) q)
+        Response of the modes in a step, see `hbgear.harmonic.multipliers.phi_functions.moments`.
+    weighted_output : ndarray, shape (q,)
+        Output of the modes at one port.
+    A, R, B : ndarray, shapes (orders, s g, s g), (orders, s g, 2q) and (2q, s g)
+        Matrices of a step, see `_fill_step_matrices`.
+    M, shown, u : ndarray, shapes (s g, s g + r), (s g, 2q) and (s g, r)
+        System of equations of a step, D R, and the solution u, see `_solve_collocation`.
     """
 
     phases: Array
@@ -72,7 +94,10 @@ def segment_arrays(numbers: Any, space: Any) -> Any:
 
 @kernel
 def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, segments: Any) -> tuple[int, int]:
-    """Fill ``cut`` with the segments of a period between the `_fill_breakpoints` of a motion; see `_fill_segments`."""
+    """Fill ``segments`` with the smooth segments of a period between the breakpoints of a motion.
+
+    theta : overwritten with the phases of `_fill_breakpoints`. Return the result of `_fill_segments`.
+    """
     return _fill_segments(theta, _fill_breakpoints(numbers, rows, space, theta), longest, segments)
 
 
@@ -207,9 +232,9 @@ def _horner_step(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
 
 @kernel
 def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
-    """Return how fast the modulations can turn the state [rad per unit of time]; 0 without any.
+    """Return an estimate of the largest natural frequency due to the modulations [rad per unit of time]; 0 if none.
 
-    The square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
+    Its square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
     at the phases ``coarse``. c (H + 1,), work (6, T) and k (T,) are overwritten.
     """
     most, T = 0.0, coarse.shape[1]
