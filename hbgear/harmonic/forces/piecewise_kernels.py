@@ -1,10 +1,10 @@
-"""Kernels: gaps that are a trigonometric polynomial and polynomials in pieces, and integrals over parts of a period.
+"""Kernels: gaps that are sums of trigonometric and piecewise polynomials, and integrals over parts of a period.
 
-    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,      w = sum_q rows[i, q] (theta - at[i])^q on piece i
+    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,      w = sum_q rows[i, q] (theta - at[i])^q on segment i
 
-A period is looked at piece by piece, in cells as long as the samples are apart: x is smooth in each, so that its
-crossings and extrema are found as those of `crossings` are. The tables are those of `corners`, and moments are told in
-`mechanics.periodic`. Of a model without corners the tables are None, and the code for them is not compiled.
+Each segment is divided into cells of the length of the sampling step. x is smooth in each cell, so that crossings and
+extrema are computed as in `crossings`. The arrays are those of `Corners`; `hbgear.mechanics.series.periodic` explains
+the moments. For a model without breakpoints the arrays are None, and the code for them is not compiled.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _NODES, _WEIGHTS = rule()
 
 @kernel
 def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
-    """Put the one-sided coefficients of displacement j of an element whose motion is a row (2H + 1,) in the first of c.
+    """Fill c with the one-sided coefficients of displacement j of an element whose motion is a row (2H + 1,).
 
-    They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
-    else the gap has stands in pieces.
+    They are the harmonics of the motion and the kept harmonics of a prescribed displacement with breakpoints. The rest
+    of the displacement is piecewise polynomial.
     """
     put_waves(row, c)
     if corners is None:
@@ -40,7 +40,7 @@ def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
 
 @kernel
 def in_pieces(corners: Any, j: int) -> bool:
-    """Whether the gap of element j has pieces."""
+    """Return whether displacement j has segments."""
     if corners is None:
         return False
     return bool(corners.moves[j] < corners.moves[j + 1])
@@ -48,7 +48,7 @@ def in_pieces(corners: Any, j: int) -> bool:
 
 @kernel
 def sizes_of(corners: Any) -> tuple[int, int, int]:
-    """Numbers of corners in a period, of pieces of the gap with the most, and of coefficients of a piece."""
+    """Return the numbers of breakpoints, of segments of the displacement with the most, and of coefficients."""
     if corners is None:
         return 0, 0, 0
     most = corners.moves[1] - corners.moves[0]
@@ -59,7 +59,7 @@ def sizes_of(corners: Any) -> tuple[int, int, int]:
 
 @kernel
 def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
-    """`put_gap`, and the samples (N,) of a gap that has no pieces."""
+    """Apply `put_gap`, and compute the samples (N,) of a displacement without segments."""
     put_gap(numbers.corners, row, j, c)
     if not in_pieces(numbers.corners, j):
         sampled(row, numbers.basis, samples)
@@ -67,7 +67,7 @@ def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
 
 @kernel
 def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
-    """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
+    """Return the largest value of side (+1 or -1) times displacement j, and its phase; see `sampled_gap`."""
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
@@ -77,7 +77,7 @@ def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tupl
 
 @kernel
 def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
-    """`crossings` by the gap of element j, and whether it is above the level at 0; c, samples: `sampled_gap`."""
+    """Apply `crossings` to displacement j; return their number and whether it is above the level at phase 0."""
     if corners is not None:
         first, last = corners.moves[j], corners.moves[j + 1]
         if first < last:
@@ -87,7 +87,7 @@ def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta
 
 @kernel
 def fill_motion(c: Any, motion: Any) -> float:
-    """Put values and slopes (2, N) of a motion on the grid of N samples in ``motion``; a bound of its alternation."""
+    """Fill ``motion`` (2, N) with values and slopes at N samples; return a bound of the alternating part."""
     N, bound = motion.shape[1], 0.0
     for n in range(N):
         motion[0, n], motion[1, n], _ = value_of(c, 0.0, 2 * math.pi * n / N)
@@ -100,11 +100,11 @@ def fill_motion(c: Any, motion: Any) -> float:
 def crossings_of_moving(
     corners: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
 ) -> tuple[int, bool]:
-    """Put the zeros, ascending, of a displacement with a moving level in theta, and +1 (upwards) or -1 in sign.
+    """Fill theta with the ascending zeros of a displacement with a moving level, and sign with +1 (upwards) or -1.
 
-    Returns their number, and whether it is positive at 0. Cells are those of the grid of the motion and its pieces. On
-    idle pieces it matters only on which side of the level the next piece begins. Jumps of x are crossings.
-    bound, motion : as of `fill_motion`.
+    Cells end at the samples of the motion and at the ends of segments. On idle segments crossings have no effect;
+    only the sign at the end is recorded. A jump through zero is a crossing. ``bound`` and ``motion`` are those of
+    `fill_motion`. Return the number of zeros, and whether the displacement is positive at phase 0.
     """
     if corners is None:
         return 0, False
@@ -114,7 +114,7 @@ def crossings_of_moving(
     if mean + bound + corners.bounds[j, 1] < 0.0:
         return 0, False
     first, last, at, rows, N = corners.moves[j], corners.moves[j + 1], corners.at, corners.rows, motion.shape[1]
-    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
     before, slope, _ = value_on(c, 0.0, rows[first], at[first], 0.0)
     above = before > 0.0
@@ -157,7 +157,7 @@ def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, cou
 
 @kernel
 def piece_of(at: Any, first: int, last: int, theta: float) -> int:
-    """The piece, of those from first to last, that a phase in [0, 2 pi] is on."""
+    """Return the segment, of those from first to last, that contains a phase in [0, 2 pi]."""
     low, high = first, last
     while high - low > 1:
         middle = (low + high) // 2
@@ -170,7 +170,7 @@ def piece_of(at: Any, first: int, last: int, theta: float) -> int:
 
 @kernel
 def polynomial(row: Any, x: float) -> float:
-    """Its value."""
+    """Return the value of a polynomial."""
     total: float = 0.0
     for q in range(row.shape[0] - 1, -1, -1):
         total = total * x + row[q]
@@ -179,7 +179,7 @@ def polynomial(row: Any, x: float) -> float:
 
 @kernel
 def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
-    """x, x' and x'' on the piece of these coefficients which begins at ``start``."""
+    """Return x, x' and x'' on the segment with these coefficients that begins at ``start``."""
     value, slope, curve = value_of(c, level, theta)
     y = theta - start
     value += row[0] + y * (row[1] + y * (row[2] + y * row[3]))
@@ -192,11 +192,11 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
 def crossings_on(
     c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
-    """Put the crossings of a level, ascending, in theta, and +1 (upwards) or -1 in sign.
+    """Fill theta with the ascending crossings of a level, and sign with +1 (upwards) or -1, in at least N cells.
 
-    Returns their number, and whether x is above the level at 0. At least N cells are looked at.
+    Return their number, and whether x is above the level at phase 0.
     """
-    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
@@ -206,7 +206,7 @@ def crossings_on(
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
             if n == cells and i + 1 == last:
-                after = start  # what is one instant has one value
+                after = start  # both ends are the same phase
             count = _in_cell(c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
             a, before, slope = b, after, slope_after
     return count, start > 0.0
@@ -217,7 +217,7 @@ def _in_cell(
     c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
     slope_after: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
-    """Crossings in a cell: one or three if its ends differ in sign, two or none otherwise; see `crossings`."""
+    """Append the crossings of a cell: one or three if its ends differ in sign, two or none otherwise."""
     if (before > 0.0) != (after > 0.0):
         mean = (after - before) / (b - a)
         if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
@@ -245,7 +245,7 @@ def _add(
     c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
     theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
-    """Append the root between low and high by safeguarded Newton from the chord."""
+    """Append the root between low and high by a safeguarded Newton iteration that begins at the secant."""
     if count >= theta.shape[0]:
         return count
     rising = value_high > value_low
@@ -270,7 +270,7 @@ def _add(
 
 @kernel
 def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
-    """Where side x has the maximum between low, where it rises, and high, where it falls."""
+    """Return the phase of the maximum of side x between low, where it increases, and high, where it decreases."""
     at = 0.5 * (low + high)
     for _ in range(60):
         _, slope, curve = value_on(c, level, row, start, at)
@@ -279,7 +279,7 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
         else:
             high = at
         new = at - slope / curve if curve != 0.0 else low
-        if abs(new - at) <= 1e-9 or slope == 0.0:  # the value misses its square
+        if abs(new - at) <= 1e-9 or slope == 0.0:  # the error of the value is of second order
             return min(max(new, low), high) if slope != 0.0 else at
         at = new if low < new < high else 0.5 * (low + high)
     return at
@@ -289,7 +289,7 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
 def highest_on(
     c: Any, at: Any, rows: Any, broken: Any, first: int, last: int, N: int, side: float
 ) -> tuple[float, float]:
-    """The largest value of side x, side +1 or -1, and its phase: at a corner, on either side of a jump, or between."""
+    """Return the largest value of side (+1 or -1) times x, and its phase; at a jump both values count."""
     most, place = -math.inf, 0.0
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
@@ -314,11 +314,11 @@ def highest_on(
 
 @kernel
 def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> bool:
-    """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
+    """Fill A, B with the two-sided coefficients 0, 1, ... of k and k w, both zero where x is below a breakpoint.
 
-    With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,
-    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends : (2, Q) room for derivatives of polynomials.
-    Returns False, and does nothing, if the spring has no pieces.
+    With the integral G_n(theta) of f exp(-i n x) from 0 to theta and sign_j = +1 for an upward crossing at theta_j,
+    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends (2, Q) is overwritten. Return False, without
+    changes, if the spring has no segments.
     """
     if corners is None:
         return False
@@ -346,7 +346,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
 @kernel
 def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
-    """Add the pieces of displacement j at the first T phases."""
+    """Add the piecewise part of displacement j at the first T phases."""
     if corners is None:
         return
     first, end = corners.moves[j], corners.moves[j + 1]
@@ -358,7 +358,7 @@ def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
 
 @kernel
 def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
-    """Multiply slopes at the first T phases by the stiffness of a spring that has pieces."""
+    """Multiply slopes at the first T phases by the stiffness of a spring with segments."""
     if corners is None:
         return
     first, end = corners.parts[spring], corners.parts[spring + 1]
@@ -395,7 +395,7 @@ def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, 
 
 @kernel
 def put_phases(corners: Any, out: Any) -> int:
-    """Put the phases of all corners of the excitation in out; their number."""
+    """Fill ``out`` with the phases of all breakpoints of the excitation, and return their number."""
     if corners is None:
         return 0
     for i in range(corners.phases.shape[0]):
@@ -405,7 +405,7 @@ def put_phases(corners: Any, out: Any) -> int:
 
 @kernel
 def integrals(at: Any, rows: Any, out: Any) -> None:
-    """Put int_0^theta f exp(-i n x) dx of piecewise polynomials at the beginnings of pieces and at 2 pi in out."""
+    """Fill ``out`` with int_0^theta f exp(-i n x) dx at the beginnings of the segments of f and at 2 pi."""
     ends = np.empty((2, rows.shape[1]))
     out[0] = 0j
     for i in range(at.shape[0]):
@@ -416,7 +416,7 @@ def integrals(at: Any, rows: Any, out: Any) -> None:
 
 @kernel
 def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
-    """Add factor times the integrals of p(x) exp(-i n (start + x)) from 0 to width; see `moments`."""
+    """Add the integrals of p(x) exp(-i n (start + x)) from 0 to width times a factor; see `moments`."""
     degree = -1
     for q in range(row.shape[0]):
         if row[q] != 0.0:

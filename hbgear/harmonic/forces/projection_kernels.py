@@ -1,27 +1,29 @@
 """Kernels: exact harmonic projection of piecewise-linear and cubic laws.
 
-A continuous piecewise-linear law is a sum of ramps, g(d) = g0 + s0 d + sum_i D_i max(d - x_i, 0). With theta_j the
-instants where d crosses the corner x and sigma_j = +1 on going above it, -1 on going below, the indicator of d > x has
+A continuous piecewise-linear law is a sum of ramps, g(d) = g0 + s0 d + sum_i D_i max(d - x_i, 0). Let theta_j be the
+phases at which d crosses the breakpoint x, sigma_j = +1 upwards and -1 downwards. The indicator of d > x has the
+coefficients
 
-    s_n = (1 / 2 pi) sum_j sigma_j exp(-i n theta_j) / (i n),     s_0 = fraction of the period spent above x
+    s_n = (1 / 2 pi) sum_j sigma_j exp(-i n theta_j) / (i n),     s_0 = fraction of the period above x
 
 so that with kappa = s0 + sum_i D_i s(x_i) and chi = g0 - sum_i D_i x_i s(x_i), both times the Fourier series of the
 stiffness,
 
     P_k = sum_m kappa_{k-m} d_m + chi_k,        dP/dd = Toeplitz(kappa)      (two-sided coefficients)
 
-A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi. A cubic spring
-adds k1 + k3 d^2 to kappa, and 2 k3 d^2 more to what stands in the derivative.
+For a sum of such springs with different stiffness series, kappa and chi are summed. A cubic spring adds k1 + k3 d^2 to
+kappa and another 2 k3 d^2 to the derivative.
 
-Where the stiffness k or the prescribed displacement e has corners, the same with d = t - e: for s stand the
-coefficients of k where d > x, and of -k e there besides, which is all that has corners; see `corners`.
+If the stiffness k or the prescribed displacement e has breakpoints, or the displacement is relative to a moving level,
+d = t + w with a trigonometric polynomial t. The coefficients of k and k w, restricted to d > x, take the place of s;
+see `Corners`. A moving level may jump; the phase of a jump does not depend on the motion.
 
-No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
-decision is which roots exist, and it is checked at the extrema between grid points.
+The derivative has no boundary term because g is continuous in d. The law is not sampled: the only discrete decision is
+which crossings exist, and it is checked at the extrema between grid points.
 
 References
 ----------
-Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for contact projected exactly.
+Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for exact contact projection.
 """
 
 from __future__ import annotations
@@ -46,10 +48,10 @@ from hbgear.harmonic.forces.piecewise_kernels import (
 
 
 class ProjectionWorkspace(NamedTuple):
-    """Arrays in which motions are projected, overwritten each time; room for those of a number of harmonics H.
+    """Arrays for the projection of motions with H harmonics; overwritten each time.
 
-    theta, sign (K, C), number (K,), above (K,) : crossings of all corners, see `cross`. kappa, chi, more
-    (m, order + 1) : see `project`. The others are for what is met on the way.
+    theta, sign (K, C), number (K,), above (K,) : crossings of all breakpoints, see `cross`. kappa, chi, more
+    (m, order + 1) : see `project`. The other arrays hold intermediate results.
     """
 
     theta: Array
@@ -71,7 +73,7 @@ class ProjectionWorkspace(NamedTuple):
 
 @kernel
 def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
-    """A `ProjectionWorkspace` for motions of m elements with H harmonics."""
+    """Return a `ProjectionWorkspace` for motions of m elements with H harmonics."""
     laws, (_, pieces, degrees) = numbers.laws, sizes_of(numbers.corners)
     K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * pieces, laws.of.shape[0]
     length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
@@ -87,7 +89,7 @@ def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
 
 @kernel
 def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
-    """`cross`; theta, sign, count and above."""
+    """Return theta, sign, number and above of `cross`."""
     space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, np.int64(0))
     cross(numbers, rows, ramped, space)
     return space.theta, space.sign, space.number, space.above
@@ -95,7 +97,7 @@ def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
 
 @kernel
 def projected(numbers: Any, rows: Any, order: int) -> Any:
-    """`project`; kappa, chi, and what kappa lacks of dP/dd."""
+    """Return kappa, chi and more of `project`."""
     space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, order)
     project(numbers, rows, space)
     return space.kappa, space.chi, space.more
@@ -103,11 +105,10 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
 
 @kernel
 def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
-    """Put the crossings of all corners by a motion, real rows (m, 2H + 1), in the space.
+    """Fill the workspace with the crossings of all breakpoints by a motion, real rows (m, 2H + 1).
 
-    theta, sign (K, C) ; number (K,) of them ; above (K,) : whether the element starts above the corner.
-
-    ramped : only of the corners at which a spring of the table turns.
+    theta, sign (K, C), number (K,) : phases, directions and number of crossings. above (K,) : whether the displacement
+    begins above the breakpoint. With ``ramped`` only breakpoints are included at which the slope of a spring changes.
     """
     laws, samples, c = numbers.laws, space.samples, space.waves
     last = element = -1
@@ -116,7 +117,7 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
         space.number[i], space.above[i] = 0, False
         j = laws.owner[i]
         moving = j >= rows.shape[0]
-        if not laws.ramped[i] and (ramped or moving):  # of a moving level, for clearances only
+        if not laws.ramped[i] and (ramped or moving):  # for clearances only
             continue
         if moving:
             if laws.element[j] != element:
@@ -137,14 +138,14 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
 
 @kernel
 def project(numbers: Any, rows: Any, space: Any) -> None:
-    """Put kappa and chi, two-sided coefficients 0, 1, ..., and what kappa lacks of dP/dd in the space."""
+    """Fill the workspace with the two-sided coefficients 0, 1, ... of kappa and chi, and with more = dP/dd - kappa."""
     laws, corners, c = numbers.laws, numbers.corners, space.waves
     kappa, chi, more = space.kappa, space.chi, space.more
     kappa[:, :] = 0j
     chi[:, :] = 0j
     more[:, :] = 0j
     if laws.of.shape[0]:
-        cross(numbers, rows, np.bool_(True), space)  # see `crossings` on literals
+        cross(numbers, rows, np.bool_(True), space)  # a literal would compile `cross` a second time
         _add_springs(laws, corners, space)
     for j in range(rows.shape[0]):
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
@@ -156,7 +157,7 @@ def project(numbers: Any, rows: Any, space: Any) -> None:
 
 @kernel
 def _add_springs(laws: Any, corners: Any, space: Any) -> None:
-    """Add the springs of the table to kappa and chi, from the crossings of their corners."""
+    """Add the springs of the table to kappa and chi, from the crossings of their breakpoints."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above
     s, pull, both, last = space.indicator, space.pull, space.both, -1
     both[:, :, :] = 0j
@@ -188,7 +189,7 @@ def _add_springs(laws: Any, corners: Any, space: Any) -> None:
 
 @kernel
 def coefficient(kappa: Any, c: Any, k: int) -> complex:
-    """Coefficient k of the product of two real functions, two-sided as those of kappa; c has one-sided ones."""
+    """Return the two-sided coefficient k of the product of two real functions; c has one-sided coefficients."""
     x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
     for n in range(1, c.shape[0]):
         r, s = kappa[abs(k - n)].real, kappa[abs(k - n)].imag
@@ -202,7 +203,7 @@ def coefficient(kappa: Any, c: Any, k: int) -> complex:
 
 @kernel
 def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
-    """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
+    """Add to chi the product of kappa and the kept harmonics of a displacement, up to the known order."""
     if corners is None:
         return
     if not in_pieces(corners, j):
@@ -217,9 +218,9 @@ def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
 def _add_moved_cubic(
     corners: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
 ) -> None:  # fmt: skip
-    """What a cubic spring adds for t + w beside that for t, if w has corners.
+    """Add the additional terms of a cubic spring for t + w instead of t, if w has breakpoints.
 
-    kappa has 3 k3 (t w + w^2), chi k1 w + k3 w^3, and the derivative 3 k3 t w more than kappa.
+    These are 3 k3 (t w + w^2) in kappa, k1 w + k3 w^3 in chi, and another 3 k3 t w in the derivative.
     """
     if corners is None:
         return
@@ -236,7 +237,7 @@ def _add_moved_cubic(
 
 @kernel
 def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
-    """s_n of the set where the function is above a corner."""
+    """Compute the coefficients s_n of the indicator of the set where the function is above a breakpoint."""
     share = 1.0 if above else 0.0
     for n in range(s.shape[0]):
         s[n] = 0.0
@@ -253,7 +254,7 @@ def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
 
 @kernel
 def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
-    """Add the product of two real functions, given by coefficients 0, 1, 2, ...; series has those at the shifts."""
+    """Add the product of two real functions with coefficients 0, 1, 2, ...; ``series`` holds those at the shifts."""
     for k in range(out.shape[0]):
         out[k] += series[0].real * s[k]
     for i in range(1, shifts.shape[0]):
@@ -268,7 +269,7 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
 
 @kernel
 def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any, both: Any) -> None:
-    """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative; both (2H + 1,) is room."""
+    """Add k1 + k3 d^2 to kappa and 2 k3 d^2 to more; both (2H + 1,) is overwritten."""
     H, order = c.shape[0] - 1, kappa.shape[0] - 1
     both[H] = c[0]
     for k in range(1, H + 1):
