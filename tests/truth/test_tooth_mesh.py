@@ -110,6 +110,31 @@ def test_without_relief_the_mean_mesh_is_the_same():
         assert nearest < 2e-3
 
 
+@pytest.mark.parametrize("clearance", ["0 um", "20 um"])
+def test_contacts_with_bearings(clearance):
+    """Exact forces of a mesh of contacts between bearings with clearance, against samples of the same laws.
+
+    The error of N samples of a force that jumps is of the order 1/N.
+    """
+    supports = (hb.gears.Support("3e8 N/m", clearance=clearance, preload="500 N"), hb.gears.Support("4e8 N/m"))
+    model = drawing(12.0).model("200 N m", 0.04, "bearings", supports=supports, mesh="teeth")
+    exact, sampled = (hb.HarmonicBalance(model, 10, samples=count, sampled=bool(count)) for count in (None, 60_000))
+    X = 0.2 * np.random.default_rng(1).normal(size=exact.size)
+    X.reshape(3, -1)[:, 0] = 1.3, 0.1, 0.1
+    np.testing.assert_allclose(exact.evaluate(X, Omega=0.8)[0], sampled.evaluate(X, Omega=0.8)[0], rtol=0, atol=5e-6)
+
+
+@pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
+def test_rigid_bearings_leave_the_torsion():
+    rigid = (hb.gears.Support(1e13), hb.gears.Support(1e13))
+    torsion = drawing(12.0).model("200 N m", 0.04, mesh="teeth")
+    held = drawing(12.0).model("200 N m", 0.04, "bearings", supports=rigid, mesh="teeth")
+    points = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (0.95, 0.94))[0] for model in (torsion, held)]
+    np.testing.assert_allclose(points[1].coefficients(0), points[0].coefficients(0), rtol=0, atol=1e-3)
+    leading = [np.abs(point.multipliers).max() for point in points]
+    assert leading[1] == pytest.approx(leading[0], abs=1e-3)
+
+
 def test_a_saved_curve_has_its_contacts(tmp_path):
     model = drawing(12.0).model("200 N m", 0.04, mesh="teeth")
     curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.2, 1.0))

@@ -191,6 +191,18 @@ def test_gear_says_what_is_asked(run, tmp_path):
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
 
 
+def test_gear_with_pairs_of_teeth(run, tmp_path):
+    """The jumps of teeth with their own gaps; the mean mesh of the same drawing has none."""
+    code, out, err = run("gear", *DRAWING, "--damping", 0.04, "--relief", "12um", "--mesh", "teeth", "-o", "teeth.toml")
+    assert (code, err) == (0, "")
+    assert read_machine(tmp_path / "teeth.toml").mesh_model == "teeth"
+    rows = {line.split("  ")[1].strip(): line for line in out.splitlines() if line.startswith("  ")}
+    assert "6941-, 6961+, 9352-, 13282+" in rows["as computed"]
+    assert "none" in rows["mesh of tooth pairs: one stiffness, secant"]
+    assert "3.951e+08 N/m" in rows["stiffness, all gaps closed"]
+    assert "must be one of teeth, secant, tangent" in run("gear", *DRAWING, "--mesh", "mean")[2]
+
+
 def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
     """The same figure as drawn here; what goes wrong there is told here."""
     words = ["gear", *DRAWING, "--harmonics", 8, "--plot"]

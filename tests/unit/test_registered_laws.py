@@ -23,7 +23,7 @@ def quintic(d, v, tau, k):
     return k[0] * d**5, 5 * k[0] * d**4, 0.0
 
 
-PRESENT = hb.mechanics.Periodic.rectangular(2.0, 0.0, 0.6)
+PRESENT = hb.mechanics.Periodic.rectangular(0.3, 0.0, 0.6)
 LEVEL = hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)
 
 EXAMPLES = {
