@@ -47,6 +47,7 @@ autodoc_preserve_defaults = True
 autodoc_inherit_docstrings = False  # overridden methods of base classes are documented there
 napoleon_google_docstring = False
 napoleon_use_param = False  # parameters with a common description stay together
+napoleon_use_ivar = True  # attributes are a list: fields that are documented as members are not described twice
 napoleon_use_rtype = False
 napoleon_attr_annotations = False
 
