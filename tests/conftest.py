@@ -1,6 +1,7 @@
 """What all tests share: one thread for linear algebra, random numbers, differences. This folder is on the path, so that
 tests anywhere can ``from cross.shooting import ...``; so is the root, for ``from studies import ...``."""
 
+import importlib
 import os
 import signal
 import sys
@@ -24,6 +25,25 @@ def figures_are_closed():
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+REGISTRIES = {
+    "hbgear.mechanics.laws.registry": ("LAWS", "_BY_CLASS"),
+    "hbgear.continuation.events.registry": ("EVENTS",),
+    "hbgear.harmonic.equations.layout": ("MEASURES",),
+}
+
+
+@pytest.fixture(autouse=True)
+def registries_are_restored():
+    """Laws, events and measures that a test registers are unknown to the next one."""
+    tables = [getattr(importlib.import_module(module), name) for module in REGISTRIES for name in REGISTRIES[module]]
+    known = [dict(table) for table in tables]
+    yield
+    for table, before in zip(tables, known, strict=True):
+        if table != before:
+            table.clear()
+            table.update(before)
 
 
 @pytest.fixture

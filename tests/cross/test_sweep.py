@@ -287,7 +287,7 @@ def test_progress_is_reported():
         (
             lambda: SteadyStateSettings(longest=FEWEST - 1),
             ValueError,
-            "longest = 19 periods are too few .* need 20 or more",
+            "longest = 19 periods are too few .* give 20 or more",
         ),
         (
             lambda: sweep(ESCAPING, [0.9, 1.0]),

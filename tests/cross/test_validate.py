@@ -201,10 +201,10 @@ def test_another_model_is_refused(pair):
     ):
         with pytest.raises(ValueError, match=words):
             validate(pair, 2, problem=hb.HarmonicBalance(other, 40))
-    with pytest.raises(ValueError, match="does not say which model"):
+    with pytest.raises(ValueError, match="the header of the file has no model and balance"):
         validate(replace(pair, problem=None, meta={}), 2)
     unknown = {**pair.meta, "model": {"class": "Pump", "fields": {}}}
-    with pytest.raises(KeyError, match="no class 'Pump'"):
+    with pytest.raises(KeyError, match="no model class 'Pump'"):
         validate(replace(pair, problem=None, meta=unknown), 2)
 
 

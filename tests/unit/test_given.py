@@ -33,7 +33,7 @@ A_BRANCH, A_MODEL, A_PROBLEM = "needs a Branch", "needs a model", "needs a Harmo
         (lambda _: hb.validate(MODEL), (A_BRANCH, "got a SpurPair", "trace it first")),
         (lambda _: hb.validate(PROBLEM), (A_BRANCH, "got a HarmonicBalance", "trace it first")),
         (lambda _: hb.validate("low.npz"), (A_BRANCH, "got 'low.npz'", "load(path)")),
-        (lambda c: hb.validate(c, "6"), ("got '6'", "in a list")),
+        (lambda c: hb.validate(c, "6"), ("got '6'", "a list of indices and labels")),
         (lambda _: hb.extend(PROBLEM), (A_BRANCH, "got a HarmonicBalance")),
         (lambda _: hb.analysis.peaks(MODEL), (A_BRANCH, "got a SpurPair")),
         (lambda _: hb.switch(PROBLEM, "PD1"), (A_BRANCH, "got a HarmonicBalance")),

@@ -95,7 +95,7 @@ def test_measures_that_are_refused_by_name(curve):
         peaks(curve, "loud")
     with pytest.raises(ValueError, match="the measure 'crest' is not a displacement; use rms"):
         hb.design.Measurements([1.0], [1.0], measure="crest")
-    with pytest.raises(KeyError, match=r"no .*'loud'; there are 'Omega'.*; measures are rms, .*crest, H1, H2"):
+    with pytest.raises(KeyError, match=r"no .*'loud'; choose one of 'Omega'.*; measures are rms, .*crest, H1, H2"):
         plot.response(curve, "loud")
     with pytest.raises(KeyError, match=r"no .*'pp'"):  # the length of a name decides nothing
         plot.response(curve, "pp")

@@ -227,7 +227,7 @@ def test_changes_of_sign_beside_a_known_point(changes, unseen):
     """On a section of the path that holds a point one change is known; a second one, or one elsewhere, is not."""
     pair_, points = event("NS", two_sided=True), ["a", "b", "c"]
     path = SampledCurve(["a", "b", "c "], [(0, 0.0), (1, 0.0), (2, 0.0)], ["", "", ""], {0: "NS"})
-    found = path.unseen(Watch(pair_, points, [1, 0], changes), points)
+    found = path.unmatched_sign_changes(Watch(pair_, points, [1, 0], changes), points)
     assert found == {segment: [(k, pair_) for k in sections] for segment, sections in unseen.items()}
 
 
@@ -239,7 +239,7 @@ def test_a_known_change_of_number_belongs_to_a_point_of_another_kind(two_sided, 
     change is known without a point on the path, and is that of the doubling only for events that need both sides."""
     one, points = event("NS" if two_sided else "own", two_sided), ["a", "b"]
     path = SampledCurve(["a", "q", "b"], [(0, 0.0), (0, 0.5), (1, 0.0)], ["", kind, ""], {})
-    found = path.unseen(Watch(one, points, [1], [1, 0]), points)
+    found = path.unmatched_sign_changes(Watch(one, points, [1], [1, 0]), points)
     assert found == ({0: [(0, one)]} if searched else {})
 
 
@@ -256,6 +256,6 @@ def test_a_point_found_next_to_one_of_its_kind_is_this_one(s, ends, kept):
         find=lambda part: [point], changes=lambda one, rows: np.zeros(1),
     )  # fmt: skip
     segment = SimpleNamespace(part=lambda a, b: (a, b))
-    path = SimpleNamespace(rows=["a", "b"], kinds=list(ends))
+    path = SimpleNamespace(points=["a", "b"], kinds=list(ends))
     found = find_even_crossings(watch, segment, [(point.event, 0.5)], lambda *_: None, path, 0)
     assert found == ([(("a", "b"), point)] if kept else [])

@@ -291,7 +291,7 @@ def test_catalogue_round_trip(model):
 
 
 def test_rebuild_refuses_what_it_does_not_know():
-    with pytest.raises(KeyError, match="no class 'SpurPear'; did you mean 'SpurPair'"):
+    with pytest.raises(KeyError, match="no model class 'SpurPear'; did you mean 'SpurPair'"):
         rebuild_model({"class": "SpurPear", "fields": {}})
     with pytest.raises(KeyError, match="has no parameter 'zetta'"):
         rebuild_model({"class": "Duffing", "fields": {"zetta": 1.0}})

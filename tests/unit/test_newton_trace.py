@@ -454,8 +454,8 @@ def test_a_load_to_the_negative_side_takes_no_more_steps_to_its_static_state(mon
     """Elements pushed to either side, and a law that is not linear there: Newton ends where it has converged."""
     from hbgear.harmonic.equations import static_state
 
-    steps, static = [], static_state._static
-    monkeypatch.setattr(static_state, "_static", lambda *given: steps.append(given) or static(*given))
+    steps, static = [], static_state._solve_static
+    monkeypatch.setattr(static_state, "_solve_static", lambda *given: steps.append(given) or static(*given))
     counts = []
     for model in (SpurPair(), SpurPair(F_m=-0.1), Duffing()):
         HarmonicBalance(model, 5).start(0.5)

@@ -178,8 +178,8 @@ def stride_of(problem, steps, X, step, bounds):
 def test_a_stride_ends_beyond_the_span(kind):
     problem = kind(Duffing(), 3)
     found = stride_of(problem, StepControl(), problem.start(0.5), 0.01, (0.4, 0.505))
-    assert found.reason == "" and found.rows[-1].value > 0.505
-    assert all(row.value < 0.505 for row in found.rows[:-1])
+    assert found.reason == "" and found.points[-1].value > 0.505
+    assert all(row.value < 0.505 for row in found.points[:-1])
 
 
 def test_a_stride_is_bounded():

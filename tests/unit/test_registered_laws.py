@@ -45,18 +45,6 @@ EXAMPLES = {
 """Of every law of hbgear an example and its keys in TOML, or the reason for which it has none."""
 
 
-@pytest.fixture(autouse=True)
-def registry_is_restored():
-    """Laws that a test, or a page run before in this process, registers are unknown to the next test."""
-    known = dict(registry.LAWS), dict(registry._BY_CLASS)
-    for name in set(registry.LAWS) - set(EXAMPLES):
-        del registry.LAWS[name]
-    yield
-    for registered, before in zip((registry.LAWS, registry._BY_CLASS), known, strict=True):
-        registered.clear()
-        registered.update(before)
-
-
 def system(law):
     return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load([0.1], {1: [0.2]}))
 
