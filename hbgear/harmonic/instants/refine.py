@@ -251,7 +251,7 @@ def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float,
     moves = np.zeros(iterate.pattern.count)
     moves[[i for i, switch in enumerate(iterate.pattern.switches) if not switch.is_fixed]] = step[iterate.x.size :]
     loss = moves - np.roll(moves, -1)
-    ratio = loss / (0.5 * iterate.durations(at.period))
+    ratio = loss / np.maximum(0.5 * iterate.durations(at.period), np.finfo(float).tiny)  # a segment may be empty
     segment = int(np.argmax(ratio))
     return float(min(1.0, 1.0 / max(ratio[segment], 1e-300))), segment
 
