@@ -235,6 +235,8 @@ def _element_stiffness(
         given = [*np.atleast_1d(np.asarray(closed, dtype=bool)).tolist()] * (1 if np.ndim(closed) else len(names))
     if len(given) != len(names):
         raise ValueError(f"closed has {len(given)} entries; need {len(names)}, one for each element")
+    given = [False if state is None and _is_linear(e.law) else state
+             for e, state in zip(system.elements, given, strict=True)]  # fmt: skip
     if None not in given:
         return np.array([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, given, strict=True)])
     static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(given) if state is None], names)
@@ -266,6 +268,15 @@ def _equilibrium_stiffness(
             stacklevel=4,
         )
     return first
+
+
+def _is_linear(law: Law) -> bool:
+    """Return whether the slope of a law is the same at all displacements, so that no static equilibrium is needed."""
+    if law.breakpoints:
+        return False
+    d = np.array([-1.0, 0.0, 1.0, 1e3])
+    slopes = law.force(d, np.zeros(4), np.zeros(4))[1]
+    return bool((slopes == slopes[0]).all())
 
 
 def _mean_slope(law: Law, closed: bool) -> float:

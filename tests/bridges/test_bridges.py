@@ -215,7 +215,8 @@ def test_a_drive_train(ot):
     Omega = 300.0
     excited = np.array([[10.0], [0.0], [0.0]], dtype=complex)
     q = assembly.ss_response(excited, [Omega])[0][:, 0]
-    problem = hb.HarmonicBalance(found.system([silent(found)], hb.Load(cosine={1: found.along({"theta_0": 10.0})})), 2)
+    twist = hb.Element(found.along({"theta_0": 1.0, "theta_1": -1.0}), hb.Cubic(k3=0.0), name="none")
+    problem = hb.HarmonicBalance(found.system([twist], hb.Load(cosine={1: found.along({"theta_0": 10.0})})), 2)
     motion = to_complex(problem.motion(problem.start(Omega=Omega), Omega=Omega))[:, 1]
     np.testing.assert_allclose(motion, q, rtol=1e-9)
 

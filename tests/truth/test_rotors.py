@@ -256,3 +256,11 @@ def test_switched_off_nothing_changes():
 def test_bad_input(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()
+
+
+def test_a_linear_element_needs_no_static_equilibrium():
+    """A free chain with an element without stiffness: sqrt(2 k / m), although no equilibrium exists."""
+    K = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    element = Element([1.0, 0.0], Cubic(k3=0.0), name="none")
+    found = campbell(System(np.eye(2), 0 * K, K, [element], Load()), (1.0, 2.0), points=2)
+    np.testing.assert_allclose(found.frequencies[-1], [np.sqrt(2.0)], rtol=1e-9)
