@@ -155,3 +155,11 @@ def test_a_free_rotation_is_felt_by_its_rounding_alone():
     system = hb.System(np.diag([2.0, 2.0, 0.7, 1.9, 3.0]), C, K, elements, load)
     free = hb.HarmonicBalance(system, 3).compiled({}).structure.free
     np.testing.assert_allclose(free[:, 0] / free[2, 0], [0.0, 0.0, 1.0, -1.0, 0.0], rtol=0, atol=1e-12)
+
+
+def test_the_tail_of_a_smooth_law_may_be_rounding():
+    """p = k w log(1 + exp((d - gap) / w)), whose slope by 1 + tanh is rounding or zero far below the gap."""
+    from studies.random.structures import SoftStop
+
+    for law in (SoftStop(9.0, 0.75, 0.017), SoftStop(1.0, 0.5, 0.02)):
+        check_law(law, length=1.0, rate=1.0)

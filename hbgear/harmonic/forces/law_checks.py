@@ -119,6 +119,10 @@ def _is_stiff(law: Law) -> bool:
     return bool(np.any(evaluate_force(law, still, still, phases)[1]))
 
 
+_NEGLIGIBLE_SLOPE_RATIO = 1e-10
+"""Slope, over the typical one, that is not checked [-]: in tails of smooth laws it is rounding, as in 1 + tanh(-20)."""
+
+
 def check_law(law: Law, length: float, rate: float) -> None:
     """Raise an error for a law whose derivatives differ from differences of its force.
 
@@ -166,6 +170,8 @@ def _check_slope(law: Law, at: Sequence[Array], which: int, stated: Array, step:
     coarse, fine = (_difference(law, at, which, h) for h in (step, 0.5 * step))
     p = np.abs(evaluate_force(law, *at)[0])
     rounding = 1e3 * np.finfo(float).eps * (p + np.abs(np.asarray(at[which]) * stated)) / step
+    typical = abs(float(getattr(law, "reference", None) or 0.0)) if which == 0 else 0.0
+    rounding += _NEGLIGIBLE_SLOPE_RATIO * max(typical, float(np.abs(stated).max()))
     size = np.maximum(np.abs(stated), np.abs(fine))
     smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * np.abs(fine) + rounding
     wrong = np.flatnonzero(smooth & (np.abs(fine - stated) > _SLOPE_TOLERANCE * size + rounding))
