@@ -11,15 +11,6 @@ from hbgear.continuation.events.registry import EVENTS, optional_events
 from hbgear.harmonic.bifurcations.events import KINDS
 
 
-@pytest.fixture(autouse=True)
-def registry():
-    """The events of hbgear; those that a test registers are removed."""
-    before = dict(EVENTS)
-    yield
-    EVENTS.clear()
-    EVENTS.update(before)
-
-
 @pytest.fixture(scope="module")
 def problem():
     return hb.HarmonicBalance(hb.SpurPair(), 8)

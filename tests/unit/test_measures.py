@@ -32,15 +32,10 @@ def curve():
 
 
 @pytest.fixture(autouse=True)
-def registry():
-    """The measures of hbgear and two of a user, which are removed after the test."""
-    before, texts = dict(MEASURES), dict(MEASURE_TEXTS)
+def registry(registries_are_restored):
+    """The measures of hbgear and two of a user."""
     register_measure(two_norm, name="size", text="norm of the harmonics")
     register_measure(name="crest", text="crest factor", dimension=0, peaks=False, default=True)(crest)
-    yield
-    for known, old in ((MEASURES, before), (MEASURE_TEXTS, texts)):
-        known.clear()
-        known.update(old)
 
 
 NAMES = ["rms", "pp2", "max", "mean", "H1", "H3", "size", "crest"]

@@ -34,6 +34,11 @@ def quoted(value: Any) -> str:
     return text if len(text) <= 80 and " at 0x" not in text else article(type(value).__name__)
 
 
+def origin_of(definition: Any) -> tuple[str, str]:
+    """Return the module and the qualified name of a class or a function; of other callables those of their class."""
+    return str(definition.__module__), str(getattr(definition, "__qualname__", type(definition).__qualname__))
+
+
 def shortened(text: str, most: int = 80) -> str:
     """Return a text in one line of at most ``most`` characters; the middle of a longer text is left out."""
     text = " ".join(text.split()) if "\n" in text else text

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import counted
-from hbgear.common.text.messages import quoted
+from hbgear.common.text.messages import origin_of, quoted
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -229,16 +229,11 @@ def _check_name(name: str, function: Callable[[Array], Array]) -> None:
             "give another one: register_measure(name=...)"
         )
     known = MEASURES.get(name)
-    if known is not None and (name in BUILT_IN_MEASURES or _origin(known.function) != _origin(function)):
+    if known is not None and (name in BUILT_IN_MEASURES or origin_of(known.function) != origin_of(function)):
         raise ValueError(
-            f"register_measure: the name '{name}' belongs to {'.'.join(_origin(known.function))}; "
+            f"register_measure: the name '{name}' belongs to {'.'.join(origin_of(known.function))}; "
             "give another one: register_measure(name=...)"
         )
-
-
-def _origin(function: Any) -> tuple[str, str]:
-    """Return module and qualified name of a function."""
-    return str(function.__module__), str(getattr(function, "__qualname__", type(function).__qualname__))
 
 
 def _check_function(name: str, function: Callable[[Array], Array]) -> None:

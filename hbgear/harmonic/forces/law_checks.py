@@ -170,7 +170,7 @@ def _check_slope(law: Law, at: Sequence[Array], which: int, stated: Array, step:
     coarse, fine = (_difference(law, at, which, h) for h in (step, 0.5 * step))
     p = np.abs(evaluate_force(law, *at)[0])
     rounding = 1e3 * np.finfo(float).eps * (p + np.abs(np.asarray(at[which]) * stated)) / step
-    typical = abs(float(getattr(law, "reference", None) or 0.0)) if which == 0 else 0.0
+    typical = abs(law.reference) if which == 0 else 0.0
     rounding += _NEGLIGIBLE_SLOPE_RATIO * max(typical, float(np.abs(stated).max()))
     size = np.maximum(np.abs(stated), np.abs(fine))
     smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * np.abs(fine) + rounding

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, overload
 
-from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.common.text.messages import did_you_mean, origin_of, quoted
 from hbgear.mechanics.fields import kinds_of, plain
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
@@ -212,20 +212,15 @@ def _register(law: Any, name: str | None, required: tuple[str, ...] | None) -> A
         raise TypeError(f"register_law needs a class derived from hb.mechanics.Law, got {quoted(law)}")
     name = name or law.__name__
     known = LAWS.get(name)
-    if known is not None and _origin(known.build) != _origin(law):
+    if known is not None and origin_of(known.build) != origin_of(law):
         raise ValueError(
-            f"register_law: the name '{name}' belongs to {'.'.join(_origin(known.build))}; "
+            f"register_law: the name '{name}' belongs to {'.'.join(origin_of(known.build))}; "
             "give another one: register_law(name=...)"
         )
     LAWS[name] = _entry(law, name, required)
     if is_class:
         _BY_CLASS[law] = LAWS[name]
     return law
-
-
-def _origin(law: Any) -> tuple[str, str]:
-    """Return module and qualified name of a class or function."""
-    return law.__module__, law.__qualname__
 
 
 def _entry(law: Any, name: str, required: tuple[str, ...] | None) -> RegisteredLaw:
