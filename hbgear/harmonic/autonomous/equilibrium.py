@@ -40,8 +40,8 @@ from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
 _IMAGINARY_TOLERANCE = 1e-6
-"""Real part of an eigenvalue, relative to its modulus, up to which a located point is a Hopf point. A neutral saddle has
-the same test function, but two real eigenvalues of opposite sign."""
+"""Real part of an eigenvalue, relative to its modulus, up to which a located point is a Hopf point. A neutral saddle
+has the same test function, but two real eigenvalues of opposite sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,10 @@ class HopfPoint:
 
     Examples
     --------
-    See `hopf_points`.
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> hb.analysis.HopfPoint("damping", 0.2, 1.0, np.zeros(1), np.ones(1, dtype=complex), 0.0).Omega
+    1.0
     """
 
     parameter: str

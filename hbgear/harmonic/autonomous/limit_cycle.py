@@ -183,8 +183,8 @@ def limit_cycles(
     ... def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
     ...     return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
     >>> (hopf,) = hb.analysis.hopf_points(oscillator(), "damping", (0.5, -0.5))
-    >>> cycles = hb.analysis.limit_cycles(oscillator(), hopf, (0.0, 0.4), harmonics=7)
-    >>> round(cycles.tracked["Omega"][cycles.values.argmin()], 8)
+    >>> cycles = hb.analysis.limit_cycles(oscillator(), hopf, (0.0, 0.4), harmonics=7, stability=False)
+    >>> round(float(cycles.tracked["Omega"][-1]), 8)
     0.99750886
     """
     low, high = sorted(map(float, span))

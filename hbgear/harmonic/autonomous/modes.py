@@ -22,8 +22,8 @@ STATIC_FREQUENCY = 0.7390851332151607
 not a natural frequency of an undamped model."""
 
 _ZERO_MODE_RATIO = 1e-9
-"""Squared frequency or displacement, relative to the largest, below which a mode is a rigid-body motion, an open gap, or
-not measured by the elements."""
+"""Squared frequency or displacement, relative to the largest, below which a mode is a rigid-body motion, an open gap,
+or not measured by the elements."""
 
 
 class LinearMode(NamedTuple):
@@ -63,7 +63,7 @@ def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
     modes = _modes(evaluator, rest, stiffness)
     if number > len(modes):
         raise ValueError(
-            f"mode = {number}: the elements measure {len(modes)} mode(s) of this model; give a number up to {len(modes)}"
+            f"mode = {number}: the elements measure {len(modes)} mode(s); give a number up to {len(modes)}"
         )
     return modes[number - 1]
 
