@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
@@ -47,7 +48,7 @@ class Orbit:
     nu : int
         Period of the motion in excitation periods.
     state : ndarray, shape (2n,)
-        State (q, q') at tau = 0.
+        State (q, q') at tau = 0, followed by the positions of friction sliders.
     monodromy : ndarray, shape (2n, 2n)
         Monodromy matrix dy(nu T)/dy0, with free motions.
     reduced : ndarray, shape (r, r)
@@ -115,10 +116,10 @@ def variation(
     reduced : ndarray, shape (r, r)
         The same derivative in modal coordinates, without free motions.
     """
-    n = flow.n
-    Y = np.column_stack([y, np.eye(2 * n)])
+    n = flow.size
+    Y = np.column_stack([y, np.eye(n)])
     end, _, _ = flow.march(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
-    end = end.reshape(2 * n, -1)
+    end = end.reshape(n, -1)
     Phi = end[:, 1:]
     return end[:, 0], Phi, _reduced(structure, Phi)
 
@@ -127,8 +128,16 @@ def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
     """Return L Phi R with z = L y and y = R z; z may be any complex vector."""
     modes = structure.modes
     assert modes is not None
-    R = np.concatenate([modes.right, modes.right * modes.poles])
-    return modal_state(structure, (Phi @ R).T).T
+    R = scipy.linalg.block_diag(
+        np.concatenate([modes.right, modes.right * modes.poles]), np.eye(len(Phi) - 2 * structure.n)
+    )
+    return _modal(structure, (Phi @ R).T).T
+
+
+def _modal(structure: LinearStructure, y: Array) -> ComplexArray:
+    """Return states (..., 2n + Q) in modal coordinates; the positions of sliders stay as they are."""
+    n = 2 * structure.n
+    return np.concatenate([modal_state(structure, y[..., :n]), y[..., n:]], axis=-1)
 
 
 @checked_arguments()
@@ -188,18 +197,14 @@ def shoot(
         raise ValueError(f"tolerance = {tolerance} cannot be reached by time integration; give 1e-13 or more")
     system = model.system().at_speed(Omega)
     structure, flow = LinearStructure(system), Flow(system, float(Omega), variational=True)
-    y = np.array(guess, dtype=float)
-    if y.shape != (2 * system.n,):
-        raise ValueError(
-            f"a guess of shape {y.shape} does not fit {system.n} coordinates; give an array of shape ({2 * system.n},)"
-        )
+    y = flow.state(0.0, np.array(guess, dtype=float))
     if not np.all(np.isfinite(y)):
         raise ValueError(f"the guess {y} has entries that are not finite; give finite numbers")
     history: list[float] = []
     for iteration in range(max_iterations + 1):
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))
-        z = modal_state(structure, y)
-        residual = modal_state(structure, end) - z
+        z = _modal(structure, y)
+        residual = _modal(structure, end) - z
         history.append(float(np.linalg.norm(residual) / (np.linalg.norm(z) or 1.0)))
         if not np.isfinite(history[-1]):
             break
@@ -208,7 +213,8 @@ def shoot(
             mu = mu[np.argsort(-np.abs(mu))]
             return Orbit(model, float(Omega), nu, y, Phi, reduced, mu, history[-1], iteration)
         step = np.linalg.lstsq(reduced - np.eye(len(z)), -residual, rcond=1e-12)[0]
-        y = y + physical_state(structure, step)
+        modal = len(step) - len(flow.sliders)
+        y = y + np.concatenate([physical_state(structure, step[:modal]), step[modal:].real])
     raise NoConvergence(
         f"shooting did not converge at Omega = {Omega:.6g}: closure from {history[0]:.1e} to {history[-1]:.1e} in "
         f"{len(history)} integrations; give a guess nearer to the motion, or check nu = {nu}",

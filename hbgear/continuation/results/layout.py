@@ -21,6 +21,10 @@ class LayoutProtocol(Protocol):
         """Names of the regime codes."""
 
     @property
+    def neutral_regime(self) -> int:
+        """Code of the most severe regime of stable solutions that belong to a family; -1 without such a regime."""
+
+    @property
     def width(self) -> int:
         """Number of unknowns n."""
 

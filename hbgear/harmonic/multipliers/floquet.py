@@ -374,9 +374,7 @@ def _monodromy_with_python_laws(
     dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
-    monodromy_kernels.monodromy(
-        numbers.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out
-    )
+    monodromy_kernels.monodromy(numbers.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
 
 
 def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:

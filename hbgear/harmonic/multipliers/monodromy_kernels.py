@@ -648,7 +648,5 @@ def monodromies(
         if which == 1:
             workspace, x, L = long, schemes[1][0], schemes[1][1]
         fill_stiffness_modulation(numbers, rows, modes.ports, segments, segment_count, x, space, workspace)
-        monodromy(
-            numbers.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p]
-        )
+        monodromy(numbers.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
     return 0.0
