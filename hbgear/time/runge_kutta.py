@@ -219,9 +219,8 @@ class Flow:
         out[2 * n + slips, 0] = v[on[slips]]
         if Y.shape[1] > 1:
             u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
-            out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate) - self.B[:, on] @ (
-                stuck[:, None] * z[:, 1:]
-            )
+            out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
+            out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
             out[2 * n + slips, 1:] = rate[on[slips]]
         return out.ravel()
 
@@ -315,11 +314,8 @@ class Flow:
         while end - t > 1e-14 * abs(end):
             line = self.segments.slope[every, segment], self.segments.offset[every, segment], slip
             f = partial(self.rates, line, between)
-            extra = (
-                {"jac": partial(self.slopes, line, between)}
-                if method == "Radau" and self.columns * self.size == 2 * self.n
-                else {}
-            )
+            analytic = method == "Radau" and self.columns == 1 and not len(self.sliders)
+            extra = {"jac": partial(self.slopes, line, between)} if analytic else {}
             solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
             while solver.status == "running":
                 before = solver.y

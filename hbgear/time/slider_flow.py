@@ -92,14 +92,13 @@ class SliderFlow:
 
     def after(self, flow: Any, t: float, Y: Array, slip: Integers, passed: np.ndarray) -> tuple[Array, Integers]:
         """Return the state and the directions of slip after an event at t of the sliders ``passed``."""
-        Y = flow.columns_of(Y[:, None])[..., 0].copy()
-        n = flow.n
+        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
         d, _ = flow.gaps(t, Y.ravel())
-        for i in np.flatnonzero(passed):
+        slip = slip.copy()
+        for i in np.flatnonzero(passed).tolist():
             j = self.element[i]
-            side = slip[i] or int(np.sign(d[j] - Y[2 * n + i, 0]))
+            side = int(slip[i]) or int(np.sign(d[j] - Y[2 * n + i, 0]))
+            slip[i] = 0 if slip[i] else side
             Y[2 * n + i, 0] = d[j] - side * self.reach[i]
             Y[2 * n + i, 1:] = flow.W[:, j] @ Y[:n, 1:]
-        return Y.ravel(), np.where(
-            passed, np.where(slip == 0, np.sign(d[self.element] - Y[2 * n :, 0]), 0), slip
-        ).astype(int)
+        return Y.ravel(), slip

@@ -163,9 +163,10 @@ class Point:
 
     @property
     def stability(self) -> str:
-        """One of "stable", "unstable", "undecided" (the modulus error includes 1), "unknown" (no multipliers), "neutral".
+        """One of "stable", "unstable", "undecided", "neutral", "unknown" (no multipliers).
 
-        A neutral motion is stable and belongs to a family at the same parameters: no friction slider slips.
+        It is undecided if the modulus error includes 1. A neutral motion is stable and belongs to a family at the same
+        parameters: no friction slider slips.
         """
         if self.multipliers is None:
             return "unknown"

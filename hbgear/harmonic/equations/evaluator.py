@@ -324,7 +324,7 @@ class Evaluator:
         motion, sliders = slider_motion(self.numbers, rows), self.numbers.sliders
         assert sliders is not None
         for i, j in enumerate(sliders.element.tolist()):
-            begin = motion.begin[i, : motion.count[i]]
+            begin = motion.begin[i, : motion.number[i]]
             p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
             d = float(self.gap(j, rows[j], np.array([theta]))[0])
             kind = int(motion.kind[i, p])

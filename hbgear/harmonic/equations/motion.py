@@ -64,15 +64,18 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 
 def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
     """Return the regime codes (m,) of each law, see `REGIMES`."""
-    regime = evaluator.extrema_and_regime(X[None])[1]
-    _put_friction_regimes(evaluator, evaluator.slip_margins(X[None]), regime)
-    return regime[0]
+    regimes = evaluator.extrema_and_regime(X[None])[1]
+    _put_friction_regimes(evaluator, evaluator.slip_margins(X[None]), regimes)
+    codes: np.ndarray = regimes[0]
+    return codes
 
 
 def _put_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements with friction by those of their slider margins (P, Q)."""
     sliders = evaluator.numbers.sliders
-    for j in () if sliders is None else np.unique(sliders.element).tolist():
+    if sliders is None:
+        return
+    for j in sorted(set(sliders.element.tolist())):
         slips = margins[:, sliders.element == j] > 0
         regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)
 

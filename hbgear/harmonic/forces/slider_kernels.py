@@ -45,7 +45,7 @@ class SliderWorkspace(NamedTuple):
 
     Attributes
     ----------
-    count : ndarray, shape (Q,)
+    number : ndarray, shape (Q,)
         Number of intervals of each slider.
     begin, end : ndarray, shape (Q, I)
         Phases [rad] of the intervals; ``begin`` ascends over one period, from the first turning point.
@@ -67,7 +67,7 @@ class SliderWorkspace(NamedTuple):
         An indicator function in the real basis, and the values of the basis at a turning point.
     """
 
-    count: np.ndarray
+    number: np.ndarray
     begin: Array
     end: Array
     kind: np.ndarray
@@ -92,11 +92,11 @@ def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
     if sliders is None:
         return None
     Q, C, width = sliders.element.shape[0], 2 * H + 4, 2 * H + 1
-    number = 2 * C + 1
+    intervals = 2 * C + 1
     return SliderWorkspace(
-        np.zeros(Q, np.int64), np.empty((Q, number)), np.empty((Q, number)), np.empty((Q, number), np.int64),
-        np.empty((Q, number)), np.empty((Q, number)), np.zeros(Q, np.bool_), np.empty(Q), np.empty(C), np.empty(C),
-        np.empty(C), np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
+        np.zeros(Q, np.int64), np.empty((Q, intervals)), np.empty((Q, intervals)), np.empty((Q, intervals), np.int64),
+        np.empty((Q, intervals)), np.empty((Q, intervals)), np.zeros(Q, np.bool_), np.empty(Q),
+        np.empty(C), np.empty(C), np.empty(C), np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
         np.empty(max(length, H + 1), np.complex128), np.empty(width), np.empty(width),
     )  # fmt: skip
 
@@ -138,7 +138,7 @@ def _turning_points(basis: Any, row: Any, space: Any) -> int:
 def _march_slider(k: float, limit: float, z: float, i: int, mean: float, turns: int, space: Any) -> None:
     """Store the intervals of slider i, which starts at the residual position z."""
     turn, level, reach, onset = space.turn, space.level, limit / k, -1.0
-    space.count[i], space.slips[i] = 0, False
+    space.number[i], space.slips[i] = 0, False
     if turns < 2:  # at rest: the slider sticks where the constant displacement has moved it
         side = _overrun(mean, z, reach)
         if side != 0:
@@ -148,11 +148,11 @@ def _march_slider(k: float, limit: float, z: float, i: int, mean: float, turns: 
         return
     low = high = level[0]
     for n in range(turns + 1):  # the first pass, from the residual position
-        at = n if n < turns else 0
-        low, high = min(low, level[at]), max(high, level[at])
-        side = _overrun(level[at], z, reach)
+        after = n if n < turns else 0
+        low, high = min(low, level[after]), max(high, level[after])
+        side = _overrun(level[after], z, reach)
         if side != 0:
-            z, onset = level[at] - side * reach, turn[at]
+            z, onset = level[after] - side * reach, turn[after]
     space.span[i] = high - low - 2.0 * reach
     begin = turn[0]
     for n in range(turns):
@@ -180,12 +180,12 @@ def _overrun(d: float, z: float, reach: float) -> int:
 @kernel
 def _append(i: int, begin: float, end: float, kind: Any, z: float, onset: float, space: Any) -> None:
     """Append an interval to those of slider i, unless it is empty."""
-    n = space.count[i]
+    n = space.number[i]
     if not end > begin or n >= space.begin.shape[1]:
         return
     space.begin[i, n], space.end[i, n], space.kind[i, n] = begin, end, kind
     space.position[i, n], space.onset[i, n] = z, onset
-    space.count[i] = n + 1
+    space.number[i] = n + 1
 
 
 @kernel
@@ -227,7 +227,7 @@ def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi
     s, length = space.part, kappa.shape[1]
     for i in range(sliders.element.shape[0]):
         j = sliders.element[i]
-        for p in range(space.count[i]):
+        for p in range(space.number[i]):
             _indicator(space.begin[i, p], space.end[i, p], s, length)
             kind = space.kind[i, p]
             if kind == STICK:
@@ -249,7 +249,7 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
     s, column, line = space.part, space.column, space.line
     for i in range(sliders.element.shape[0]):
         at = sliders.element[i] * n
-        for p in range(space.count[i]):
+        for p in range(space.number[i]):
             onset = space.onset[i, p]
             if space.kind[i, p] != STICK or onset < 0.0:
                 continue
@@ -271,7 +271,7 @@ def put_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int
         return n
     march(sliders, basis, rows, space)
     for i in range(sliders.element.shape[0]):
-        for p in range(space.count[i] if space.slips[i] else 0):
+        for p in range(space.number[i] if space.slips[i] else 0):
             at, k = space.begin[i, p] % (2 * math.pi), n
             while k > 0 and out[k - 1] > at:
                 out[k] = out[k - 1]
@@ -287,7 +287,7 @@ def sticks_at(space: Any, i: int, theta: float) -> bool:
     at = theta % (2 * math.pi)
     if at < space.begin[i, 0]:
         at += 2 * math.pi
-    for p in range(space.count[i] - 1, -1, -1):
+    for p in range(space.number[i] - 1, -1, -1):
         if at >= space.begin[i, p]:
             return bool(space.kind[i, p] == STICK)
     return True

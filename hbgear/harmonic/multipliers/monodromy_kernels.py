@@ -616,7 +616,7 @@ def _rescale(state: Any, limit: float) -> float:
 def monodromies(
     numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
 ) -> float:
-    """Compute the monodromy matrices (P, r + Q, r + Q) of motions X (P, n) at Omega (P,) of a model without Python laws.
+    """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width) of a motion with a short period, the same of one with a long period, and the angle
     [rad] that separates them. Return 0, or the number of steps of a period if it exceeds ``most``.

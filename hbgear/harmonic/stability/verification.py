@@ -240,7 +240,7 @@ MAX_EXACT_COORDINATES = 2
 
 
 def _has_constant_stiffness(problem: Any, here: Mapping[str, float]) -> bool:
-    """Return whether all laws are piecewise linear without memory, with a stiffness that is constant over the period."""
+    """Return whether all laws are piecewise linear without memory, with a stiffness that does not vary."""
     compiled = problem.compiled(dict(here))
     springs = [law.piecewise for law in compiled.laws]
     return not compiled.sliders and not any(

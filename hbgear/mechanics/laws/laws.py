@@ -17,8 +17,8 @@ Contract for a new law:
    Then harmonic balance projects it exactly instead of sampling it, folds are located by Newton's method, and time
    integration of a single spring uses its linear segments. Rules 4 and 5 then follow from the springs.
 7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is divided there, too.
-8. ``sliders`` lists the friction sliders of a law with memory. Their forces, which depend on the history of d, are added
-   to ``force``, and they are projected exactly.
+8. ``sliders`` lists the friction sliders of a law with memory. Their forces, which depend on the history of d, are
+   added to ``force``, and they are projected exactly.
 9. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
    the choice of a time step, and change no result.
 
