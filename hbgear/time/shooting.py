@@ -121,6 +121,9 @@ def variation(
     end, _, _ = flow.march(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
     end = end.reshape(n, -1)
     Phi = end[:, 1:]
+    slides = 2 * flow.n
+    fixed = slides + np.flatnonzero((Phi[slides:] == np.eye(n)[slides:]).all(axis=1))
+    Phi[:, fixed] = 0.0  # sliders that never slip have prescribed positions, instead of a multiplier +1
     return end[:, 0], Phi, _reduced(structure, Phi)
 
 
@@ -131,13 +134,47 @@ def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
     R = scipy.linalg.block_diag(
         np.concatenate([modes.right, modes.right * modes.poles]), np.eye(len(Phi) - 2 * structure.n)
     )
-    return _modal(structure, (Phi @ R).T).T
+    return to_modal(structure, (Phi @ R).T).T
 
 
-def _modal(structure: LinearStructure, y: Array) -> ComplexArray:
-    """Return states (..., 2n + Q) in modal coordinates; the positions of sliders stay as they are."""
+def to_modal(structure: LinearStructure, y: Array) -> ComplexArray:
+    """Return states in modal coordinates.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Structure of the model.
+    y : ndarray, shape (..., 2n + Q)
+        States (q, q') with the positions of Q friction sliders.
+
+    Returns
+    -------
+    ndarray, shape (..., r + Q)
+        Modal coordinates, without free motions; the positions are unchanged.
+    """
     n = 2 * structure.n
     return np.concatenate([modal_state(structure, y[..., :n]), y[..., n:]], axis=-1)
+
+
+def from_modal(structure: LinearStructure, z: ComplexArray, sliders: int) -> Array:
+    """Return a state from modal coordinates, the inverse of `to_modal`.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Structure of the model.
+    z : ndarray, shape (r + Q,)
+        Modal coordinates and positions of the sliders.
+    sliders : int
+        Number Q of friction sliders.
+
+    Returns
+    -------
+    ndarray, shape (2n + Q,)
+        State.
+    """
+    r = len(z) - sliders
+    return np.concatenate([physical_state(structure, z[:r]), z[r:].real])
 
 
 @checked_arguments()
@@ -203,8 +240,8 @@ def shoot(
     history: list[float] = []
     for iteration in range(max_iterations + 1):
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))
-        z = _modal(structure, y)
-        residual = _modal(structure, end) - z
+        z = to_modal(structure, y)
+        residual = to_modal(structure, end) - z
         history.append(float(np.linalg.norm(residual) / (np.linalg.norm(z) or 1.0)))
         if not np.isfinite(history[-1]):
             break
@@ -213,8 +250,7 @@ def shoot(
             mu = mu[np.argsort(-np.abs(mu))]
             return Orbit(model, float(Omega), nu, y, Phi, reduced, mu, history[-1], iteration)
         step = np.linalg.lstsq(reduced - np.eye(len(z)), -residual, rcond=1e-12)[0]
-        modal = len(step) - len(flow.sliders)
-        y = y + np.concatenate([physical_state(structure, step[:modal]), step[modal:].real])
+        y = y + from_modal(structure, step, len(flow.sliders))
     raise NoConvergence(
         f"shooting did not converge at Omega = {Omega:.6g}: closure from {history[0]:.1e} to {history[-1]:.1e} in "
         f"{len(history)} integrations; give a guess nearer to the motion, or check nu = {nu}",

@@ -24,8 +24,8 @@ from hbgear.mechanics.reduction import Reduction
 def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
     """Return a branch of a `HarmonicBalance` with the errors of its reductions.
 
-    Warn if automatic harmonics leave points above the tolerance, if no motion comes near a breakpoint of a law, or if no
-    friction slider slips.
+    Warn if automatic harmonics leave points above the tolerance, if no motion comes near a breakpoint of a law, or if
+    no friction slider slips.
     """
     if problem.auto:
         _warn_of_truncation(problem, branch)
