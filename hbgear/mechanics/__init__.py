@@ -8,6 +8,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.common.ranges import Range
     from hbgear.mechanics.function_model import model
     from hbgear.mechanics.laws.compiled_law import CompiledLaw
+    from hbgear.mechanics.laws.contact_damping import HuntCrossley
     from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
     from hbgear.mechanics.laws.registry import register_law
@@ -28,6 +29,7 @@ __all__ = [
     "Cubic",
     "Duffing",
     "Element",
+    "HuntCrossley",
     "ImplausibleInputWarning",
     "Iwan",
     "Jenkins",
