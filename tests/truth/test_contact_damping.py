@@ -1,4 +1,4 @@
-"""Contact damping against event-exact motions of x'' + 2 zeta x' + f = F cos(Omega t) with two stops, computed apart."""
+"""Contact damping against event-exact motions of x'' + 2 zeta x' + f = F cos(Omega t), computed apart."""
 
 import numpy as np
 import pytest

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, checked
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law
 
@@ -78,10 +78,7 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
         checked("HuntCrossley", "damping", self.damping, NOT_NEGATIVE)
         if self.sides not in (1, 2):
             raise ValueError(f"HuntCrossley: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
-        if self.sides == 2:
-            checked("HuntCrossley", "gap", self.gap, NOT_NEGATIVE)
-        else:
-            checked("HuntCrossley", "gap", self.gap)
+        checked("HuntCrossley", "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
         checked("HuntCrossley", "exponent", self.exponent, Range(low=1, high=10))
 
     @property
