@@ -136,3 +136,77 @@ def test_residual_position_selects_the_motion():
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match=r"no friction slider slips .*nearest: x, .* spring"):
         curve = hb.trace(problem, "Omega", (0.4, 0.5))
     assert set(curve.stability) == {"neutral"} and set(curve.regimes) == {"stick"} and curve.stable.all()
+
+
+def test_a_curve_through_first_slip():
+    curve = hb.trace(hb.HarmonicBalance(oscillator(ONE, 0.06), 9), "Omega", (0.6, 2.2))
+    assert curve.status.complete and set(curve.regimes) == {"stick", "gross_slip"}
+    slips = [point for point in curve.special if point.kind == "SL"]
+    assert len(slips) == 2 and [point.note for point in slips] == ["x", "x"]
+    for point in slips:
+        assert abs(curve.problem.slip_margins(point.X, **point.parameters)[0]) < 1e-10
+        # a linear oscillator of stiffness 2 whose amplitude is limit / k
+        W = point.parameters["Omega"]
+        assert 0.06 / np.hypot(2.0 - W**2, 0.02 * W) == pytest.approx(0.1, rel=1e-9)
+    assert {state for state, name in zip(curve.stability, curve.regimes, strict=True) if name == "stick"} == {"neutral"}
+    assert hb.validate(curve, 3, tolerance=1e-3, landing="nearest").ok
+    jump = "the exponential method does not integrate friction"
+    with pytest.raises(ValueError, match=jump):
+        hb.time.integrate(curve.problem.model, [0.0, 0.0], 1, 1.0, method="exponential")
+
+
+CHAIN = {
+    1.1: [0.050109577028395344, 0.08950290333721908, 0.1122747906505226],
+    1.3: [0.16431478744593517, 0.20298462513388246, 0.3898104287551068],
+    1.5: [0.11411177489442188, 0.147061892612611, 0.6016146257568062],
+    1.8: [0.0837426655479115, 0.141179606175808, 0.14031016628950427],
+    1.95: [0.11549626479930869, 0.1623490889063048, 0.10589659114473592],
+}
+"""Rms of the three masses of `chain` over Omega: event-exact shooting of `hb.time` from a motion that started at rest."""
+
+
+def chain():
+    """Three masses with friction to the ground and between two of them, cubic springs and a stop."""
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    elements = [
+        hb.Element([1, 0, 0], hb.Jenkins(20.0, 1.0), name="ground"),
+        hb.Element([-1, 1, 0], hb.Jenkins(20.0, 1.0), name="link"),
+        hb.Element([0, 1, 0], hb.Cubic(1.0), name="second"),
+        hb.Element([0, -1, 1], hb.Cubic(1.0), name="third"),
+        hb.Element([0, 0, 1], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
+    ]
+    return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, 1.0, 0.0]}))
+
+
+@pytest.mark.slow
+def test_chain_with_friction_cubic_springs_and_a_stop():
+    curve = hb.trace(hb.HarmonicBalance(chain(), 9), "Omega", (0.5, 2.0))
+    assert curve.status.complete and {"stick", "gross_slip"} <= set(curve.regimes)
+    problem = hb.HarmonicBalance(chain(), 41)
+    for Omega, rms in CHAIN.items():
+        near = curve[int(np.argmin(np.abs(curve.values - Omega)))]
+        X = solve(problem, problem.from_point(near), {"Omega": Omega}).X
+        q = problem.motion(X, Omega=Omega)
+        np.testing.assert_allclose(np.sqrt(0.5 * (q[:, 1:] ** 2).sum(axis=1)), rms, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: hb.Jenkins(0.0, 0.1), "Jenkins: k = 0"),
+        (lambda: hb.Jenkins(1.0, -0.1), "Jenkins: limit = -0.1"),
+        (lambda: hb.mechanics.Coulomb(0.0, 1.0), "Coulomb: limit = 0"),
+        (lambda: hb.mechanics.Iwan((1.0, 1.0), (0.1,)), "2 stiffnesses k and 1 limits"),
+        (lambda: hb.mechanics.Iwan((1.0, 0.0), (0.1, 0.1)), "must be a sequence of positive numbers"),
+        (lambda: hb.mechanics.Iwan.uniform(1.0, 0.1, 0), "number = 0 sliders"),
+        (lambda: hb.HarmonicBalance(_moved(), 3), "element 'x' has friction and a prescribed displacement with break"),
+    ],
+)
+def test_bad_input(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def _moved():
+    step = hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], ONE, displacement=step, name="x")])

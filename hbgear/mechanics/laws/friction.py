@@ -77,16 +77,12 @@ class Jenkins(_Sliders):  # numpydoc ignore=PR02
 
     Examples
     --------
-    The friction damps the resonance:
-
     >>> import hbgear as hb
-    >>> def peak(limit):
-    ...     damper = hb.Element([1.0], hb.Jenkins(k=1.0, limit=limit))
-    ...     blade = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.05]}))
-    ...     curve = hb.trace(hb.HarmonicBalance(blade, 3), "Omega", (0.8, 1.6), stability=False)
-    ...     return round(float(curve.amplitude("H1").max()), 1)
-    >>> peak(0.04) < peak(10.0)
-    True
+    >>> damper = hb.Element([1.0], hb.Jenkins(k=1.0, limit=0.04), name="damper")
+    >>> blade = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.05]}))
+    >>> curve = hb.trace(hb.HarmonicBalance(blade, 3), "Omega", (0.8, 1.6))
+    >>> sorted(set(curve.regimes))
+    ['gross_slip', 'stick']
     """
 
     k: float
