@@ -162,7 +162,7 @@ CHAIN = {
     1.8: [0.0837426655479115, 0.141179606175808, 0.14031016628950427],
     1.95: [0.11549626479930869, 0.1623490889063048, 0.10589659114473592],
 }
-"""Rms of the three masses of `chain` over Omega: event-exact shooting of `hb.time` from a motion that started at rest."""
+"""Rms of the three masses of `chain` over Omega: event-exact shooting from a motion that started at rest."""
 
 
 def chain():

@@ -19,7 +19,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import warn_renamed
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.layout import LayoutProtocol, RebuildsProblem
+from hbgear.continuation.results.layout import LayoutProtocol, RebuildsProblem, neutral_regime_of
 from hbgear.continuation.results.point import (
     Jump,
     Point,
@@ -224,8 +224,7 @@ class BranchData:
     @property
     def stability(self) -> list[str]:
         """Stability of each point: "unstable", "stable", "undecided", "unknown" or "neutral"; see `Point.stability`."""
-        neutral = getattr(self.layout, "neutral_regime", -1)  # a layout of the user may have none
-        return stability_names(self.stability_codes, self.regime, neutral)
+        return stability_names(self.stability_codes, self.regime, neutral_regime_of(self.layout))
 
     @property
     def stable(self) -> NDArray[np.bool_] | None:

@@ -21,10 +21,6 @@ class LayoutProtocol(Protocol):
         """Names of the regime codes."""
 
     @property
-    def neutral_regime(self) -> int:
-        """Code of the most severe regime of stable solutions that belong to a family; -1 without such a regime."""
-
-    @property
     def width(self) -> int:
         """Number of unknowns n."""
 
@@ -42,6 +38,31 @@ class LayoutProtocol(Protocol):
 
     def measure_rows(self, name: str, rows: Array) -> Array:
         """Return a measure of amplitude for the unknowns of one element."""
+
+
+@runtime_checkable
+class HasNeutralRegime(Protocol):
+    """Layout with a regime in which stable solutions belong to a family. Without it no solution is neutral."""
+
+    @property
+    def neutral_regime(self) -> int:
+        """Code of the most severe regime of such solutions."""
+
+
+def neutral_regime_of(layout: Any) -> int:
+    """Return the code of the most severe regime of neutral solutions; -1 if there are none.
+
+    Parameters
+    ----------
+    layout : LayoutProtocol or None
+        Layout of the solutions.
+
+    Returns
+    -------
+    int
+        Regime code.
+    """
+    return layout.neutral_regime if isinstance(layout, HasNeutralRegime) else -1
 
 
 @runtime_checkable

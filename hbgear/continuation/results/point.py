@@ -16,7 +16,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
-from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.layout import LayoutProtocol, neutral_regime_of
 from hbgear.continuation.results.stability import stability_codes, stability_names
 
 LANDINGS = ("nearest", "integrate")
@@ -171,8 +171,7 @@ class Point:
         if self.multipliers is None:
             return "unknown"
         codes = np.atleast_1d(stability_codes(self.multipliers, np.asarray(self.modulus_error)))
-        neutral = getattr(self.layout, "neutral_regime", -1)  # a layout of the user may have none
-        return stability_names(codes, np.asarray(self.regime)[None], neutral)[0]
+        return stability_names(codes, np.asarray(self.regime)[None], neutral_regime_of(self.layout))[0]
 
     @property
     def stable(self) -> bool | None:
