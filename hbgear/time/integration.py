@@ -24,6 +24,7 @@ from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_rea
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP
 from hbgear.time.runge_kutta import METHODS, Flow
+from hbgear.time.slider_flow import complete_state
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +173,7 @@ def _runge_kutta(
     flow: Flow, y: Array, phase: float, periods: int, method: str, tolerance: float, samples: int
 ) -> Motion:
     """Return the motion from one state by a method of SciPy."""
-    y = flow.state(phase / flow.Omega, y)
+    y = complete_state(flow, phase / flow.Omega, np.asarray(y))
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
     t = tau / flow.Omega
     d, v = np.empty((2, flow.m, len(t)))

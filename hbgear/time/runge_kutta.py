@@ -171,25 +171,6 @@ class Flow:
         """Return states (size columns, T) as an array (size, columns, T)."""
         return Y.reshape(self.size, -1, Y.shape[-1])
 
-    def state(self, t: float, y: Array) -> Array:
-        """Return a state (2n,) or (size,) with positions of the sliders, by default from the residual ones.
-
-        Raises
-        ------
-        ValueError
-            If the state has another shape.
-        """
-        n, Q = 2 * self.n, len(self.sliders)
-        if y.shape not in ((n,), (self.size,)):
-            more = f", or ({self.size},) with the positions of the sliders" if Q else ""
-            raise ValueError(
-                f"a state of shape {y.shape} does not fit {self.n} coordinates; give an array of shape ({n},){more}"
-            )
-        if not Q:
-            return y
-        d, _ = self.gaps(t, np.append(y[:n], np.zeros(Q)))
-        return np.append(y[:n], self.sliders.positions(d, y[n:] if len(y) > n else None))
-
     def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
         """Return d and v (m, T) of states (size, T) at instants t."""
         m, y = self.m, self.columns_of(Y)[: 2 * self.n, 0]
@@ -337,7 +318,7 @@ class Flow:
                 t0 = solver.t_old
                 if visit:
                     visit(t0, stop, solver.dense_output())
-                Y = self._repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
+                Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
                 t = stop
                 together = stop + 1e-12 * (1 + abs(stop))
                 segment += np.where(at <= together, side, 0)
@@ -359,18 +340,6 @@ class Flow:
         size[: self.n, 0], size[self.n : 2 * self.n, 0], size[2 * self.n :, 0] = length, rate, length
         return size.ravel()
 
-    def _repeat_step(
-        self, f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
-    ) -> Array:
-        """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
-        if end - t <= 1e-14 * (1 + abs(t)):
-            return Y
-        solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
-        while solver.status == "running":
-            solver.step()
-        y: Array = solver.y
-        return y
-
     def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:
         """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
         every = np.arange(self.m)
@@ -387,6 +356,19 @@ class Flow:
             return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
 
         return first_exit(t, d, v, low, high, value)
+
+
+def _repeat_step(
+    f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
+) -> Array:
+    """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
+    if end - t <= 1e-14 * (1 + abs(t)):
+        return Y
+    solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
+    while solver.status == "running":
+        solver.step()
+    y: Array = solver.y
+    return y
 
 
 def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:

@@ -31,6 +31,7 @@ from hbgear.mechanics.series.fourier import resize, stretch, to_real
 from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import Motion, integrate
 from hbgear.time.runge_kutta import Flow
+from hbgear.time.slider_flow import complete_state
 
 _SAMPLES_FOR_HARMONICS = 2048  # samples per excitation period [-] of the motion whose harmonics are computed
 
@@ -234,7 +235,7 @@ def shoot(
         raise ValueError(f"tolerance = {tolerance} cannot be reached by time integration; give 1e-13 or more")
     system = model.system().at_speed(Omega)
     structure, flow = LinearStructure(system), Flow(system, float(Omega), variational=True)
-    y = flow.state(0.0, np.array(guess, dtype=float))
+    y = complete_state(flow, 0.0, np.array(guess, dtype=float))
     if not np.all(np.isfinite(y)):
         raise ValueError(f"the guess {y} has entries that are not finite; give finite numbers")
     history: list[float] = []

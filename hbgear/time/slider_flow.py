@@ -102,3 +102,37 @@ class SliderFlow:
             Y[2 * n + i, 0] = d[j] - side * self.reach[i]
             Y[2 * n + i, 1:] = flow.W[:, j] @ Y[:n, 1:]
         return Y.ravel(), slip
+
+
+def complete_state(flow: Any, t: float, y: Array) -> Array:
+    """Return a state of a `Flow` with the positions of its friction sliders.
+
+    Parameters
+    ----------
+    flow : Flow
+        Equations of motion.
+    t : float
+        Instant of the state.
+    y : ndarray, shape (2n,) or (2n + Q,)
+        State (q, q'), with or without positions; by default they are the residual ones, within the friction limits.
+
+    Returns
+    -------
+    ndarray, shape (2n + Q,)
+        State with positions.
+
+    Raises
+    ------
+    ValueError
+        If the state has another shape.
+    """
+    n, Q = 2 * flow.n, len(flow.sliders)
+    if y.shape not in ((n,), (n + Q,)):
+        more = f", or ({n + Q},) with the positions of the sliders" if Q else ""
+        raise ValueError(
+            f"a state of shape {y.shape} does not fit {flow.n} coordinates; give an array of shape ({n},){more}"
+        )
+    if not Q:
+        return y
+    d, _ = flow.gaps(t, np.append(y[:n], np.zeros(Q)))
+    return np.append(y[:n], flow.sliders.positions(d, y[n:] if len(y) > n else None))

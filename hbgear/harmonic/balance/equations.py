@@ -246,8 +246,9 @@ class HarmonicEquations(ContinuationProblem):
 
     @property
     def smooth(self) -> bool:  # type: ignore[override]
-        """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint."""
-        return not any(law.breakpoints for _, law in self.compiled({}).aft_laws)
+        """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint, and there is no friction."""
+        compiled = self.compiled({})
+        return not compiled.sliders and not any(law.breakpoints for _, law in compiled.aft_laws)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

@@ -119,14 +119,14 @@ class PeriodicMotions(HarmonicEquations):
     def slip_margins(self, X: Array, **parameters: float) -> Array:
         """Return, for each friction slider, the range of its displacement minus 2 limit / k: positive if it slips."""
         X = self._checked_unknowns(X, parameters)
-        margins: Array = self.compiled(parameters).slip_margins(X[None])[0]
+        margins: Array = motion.slip_margins(self.compiled(parameters), X[None])[0]
         return margins
 
     @checked_arguments()
     def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:
         """Return the positions of the friction sliders (Q,) at a basis phase theta."""
         X = self._checked_unknowns(X, parameters)
-        return self.compiled(parameters).slider_positions(X, theta)
+        return motion.slider_positions(self.compiled(parameters), X, theta)
 
     @property
     def slider_names(self) -> tuple[str, ...]:

@@ -314,32 +314,6 @@ class Evaluator:
         extrema(self.numbers_of(X), X, clearance, regime)
         return clearance, regime
 
-    def slider_positions(self, X: Array, theta: float) -> Array:
-        """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
-        if not self.sliders:
-            return np.empty(0)
-        from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
-
-        rows, out = self.spread(X).reshape(self.m, -1), np.empty(self.sliders)
-        motion, sliders = slider_motion(self.numbers, rows), self.numbers.sliders
-        assert sliders is not None
-        for i, j in enumerate(sliders.element.tolist()):
-            begin = motion.begin[i, : motion.number[i]]
-            p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
-            d = float(self.gap(j, rows[j], np.array([theta]))[0])
-            kind = int(motion.kind[i, p])
-            out[i] = motion.position[i, p] if kind == STICK else d - kind * sliders.limit[i] / sliders.k[i]
-        return out
-
-    def slip_margins(self, X: Array) -> Array:
-        """Return the ranges (P, Q) of the displacements of motions X (P, n) minus those in which sliders stick."""
-        out = np.empty((len(X), self.sliders))
-        if self.sliders:
-            from hbgear.harmonic.forces.slider_kernels import slider_states
-
-            slider_states(self.numbers, self.spread(X), self.m, out)
-        return out
-
     def shortest_intervals(self, X: Array) -> Array:
         """Return the shortest intervals (P,) of the basis phase between two switching times of motions X (P, n).
 

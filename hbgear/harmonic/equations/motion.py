@@ -65,7 +65,7 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
     """Return the regime codes (m,) of each law, see `REGIMES`."""
     regimes = evaluator.extrema_and_regime(X[None])[1]
-    _put_friction_regimes(evaluator, evaluator.slip_margins(X[None]), regimes)
+    _put_friction_regimes(evaluator, slip_margins(evaluator, X[None]), regimes)
     codes: np.ndarray = regimes[0]
     return codes
 
@@ -78,6 +78,34 @@ def _put_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndar
     for j in sorted(set(sliders.element.tolist())):
         slips = margins[:, sliders.element == j] > 0
         regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)
+
+
+def slip_margins(evaluator: Evaluator, X: Array) -> Array:
+    """Return the ranges (P, Q) of the displacements of motions X (P, n) minus those in which sliders stick."""
+    out = np.empty((len(X), evaluator.sliders))
+    if evaluator.sliders:
+        from hbgear.harmonic.forces.slider_kernels import slider_states
+
+        slider_states(evaluator.numbers, evaluator.spread(X), evaluator.m, out)
+    return out
+
+
+def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
+    """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
+    out, sliders = np.empty(evaluator.sliders), evaluator.numbers.sliders
+    if sliders is None:
+        return out
+    from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
+
+    rows = _rows(evaluator, X)
+    motion = slider_motion(evaluator.numbers, rows)
+    for i, j in enumerate(sliders.element.tolist()):
+        begin = motion.begin[i, : motion.number[i]]
+        p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
+        d = float(evaluator.gap(j, rows[j], np.array([theta]))[0])
+        kind = int(motion.kind[i, p])
+        out[i] = motion.position[i, p] if kind == STICK else d - kind * sliders.limit[i] / sliders.k[i]
+    return out
 
 
 def clearance(evaluator: Evaluator, X: Array) -> Array:
@@ -149,7 +177,7 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
     each = zip(clearances, regimes, evaluator.truncation_error(extended).tolist(), strict=True)
     observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in each]
     if evaluator.sliders:
-        margins = evaluator.slip_margins(X)
+        margins = slip_margins(evaluator, X)
         _put_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
         for one, margin in zip(observed, margins, strict=True):
             one["slip"] = margin
