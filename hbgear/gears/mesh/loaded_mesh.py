@@ -54,7 +54,7 @@ MIN_LOAD_FRACTION = 1e-9  # smallest load of a contact (fraction of the force) a
 class Contacts:
     """Possible contacts, arrays (N phases, M contacts): presence, tooth compliance, gap, Hertzian contact data.
 
-    The gap is the mean of both ends of the contact line of a slice; ``spread`` is half their difference.
+    The gap is the mean over the contact line of a slice, and ``spread`` half the difference between its ends.
     """
 
     present: Array
@@ -160,7 +160,7 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     middle = (first + last) / 2
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
     ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
-    gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
+    gap, spread = (ahead + 4 * _gaps(pair, s, across) + behind) / 6, np.abs(ahead - behind) / 2
     grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
     cos_helix = cos(pair.pinion.base_helix_angle)
@@ -173,7 +173,8 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     width = pair.face_width / slices
     # k_t = k_n cos^2(beta_b), and the length of contact is width / cos(beta_b)
     widths = width * np.maximum(fraction, MIN_LOAD_FRACTION)
-    return Contacts(fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix), gap, spread, (depth[0], depth[1]), rho, widths)
+    present, teeth = fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix)
+    return Contacts(present, teeth, gap, spread, (depth[0], depth[1]), rho, widths)
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:

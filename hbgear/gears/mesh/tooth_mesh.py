@@ -16,7 +16,7 @@ The driving flank moves towards the tip of the pinion and the back flank towards
 
 s_w1 is the thickness of the tooth of the pinion on its working pitch circle. Slices of helical teeth follow each other
 with a lag. The part of a slice within the path of contact grows linearly at the ends of the path. The gap is the mean
-of both ends of the contact line of a slice, so that a slice comes into contact at once; the gradual contact of
+over the contact line of a slice, so that a slice comes into contact at once; the gradual contact of
 `hbgear.gears.mesh.loaded_mesh` is approached with the number of slices.
 """
 
