@@ -100,7 +100,7 @@ def test_tables_of_the_mesh_are_files_beside_it(file, tmp_path):
     ("old", "new", "said"),
     [
         ('"80 um"', '"80 mm"', "line 12: backlash = 80 mm is as large as a tooth.*'80 um'"),
-        ("teeth = 25", "teeth = 12", "line 4: 12 teeth .* undercut"),
+        ("teeth = 25", "teeth = 6", "line 12: the contact ratio is .* less undercut of the pinion"),
         ('"3 mm"', '"3"', "line 6: module = '3' has no unit"),
         ('"3 mm"', "3", "line 6: module = 3 m is beyond any machine"),
         ('"20 mm"', '"20 kg"', "line 7: face_width = '20 kg' must be a quantity in m"),
@@ -225,7 +225,7 @@ def test_gear_assumes_what_is_not_said(run):
     ("words", "said"),
     [
         (["--z", "25"], "--z 25: need two numbers, such as --z 25,40"),
-        (["--z", "14,40"], "undercut"),
+        (["--z", "6,40"], "undercut"),
         (["--module", "3"], "module = '3' has no unit"),
         (["--backlash", "80mm"], "as large as a tooth"),
         (["--backlash-as", "axial"], "circumferential, normal, action"),

@@ -247,7 +247,11 @@ def test_bad_rotors(rotor, old, new, said):
         ('first = "middle"\nsecond = "out"', 'first = "middel"\nsecond = "out"', "no wheel 'middel'"),
         ('x = "82.5 mm"', 'x = "60 mm"', "collide"),
         ('"100 N m"\ngear', '"100 N"\ngear', "line 5: torque = '100 N' must be a quantity in N m"),
-        ("teeth = 30", "teeth = 6", "line 11: 6 teeth .* undercut"),
+        (
+            "teeth = 30",
+            'teeth = 10, tip_diameter = "28.3 mm"',
+            "line 11: 10 teeth .* undercut, which leaves no involute",
+        ),
         ('inertia = "0.01 kg m^2"', "", "line 13: wheel 'flange' needs its inertia"),
         ('k_mean = "4e8 N/m"', "", "a mesh needs its k_mean"),
         ('torque = "100 N m"\ndamping', "damping", "needs the torque on the first wheel"),

@@ -4,6 +4,10 @@
     eps_alpha = [sqrt(r_a1^2 - r_b1^2) + sqrt(r_a2^2 - r_b2^2) - a sin(alpha_wt)] / p_bt
     eps_beta = b sin(beta) / (pi m_n)
 
+Without a given tip diameter or tip alteration, the gears of a pair have the tip alteration k = min(0, (a - a_d)/m_n -
+x_1 - x_2) of ISO 21771, which keeps the tip clearance of the basic rack. a_d is the reference centre distance. The tips
+of a ring are shortened until they meet the involute of the pinion.
+
 For a ring gear z_2, r_a2, r_b2, a and the second root are negative. Lengths r_b theta and forces T / r_b along the line
 of action are in the transverse plane. If a_w is given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w).
 
@@ -16,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, cos, degrees, hypot, pi, sin, sqrt, tan
+from math import acos, cos, degrees, pi, sin, tan
 from typing import Any
 
 from hbgear.common.argument_checks import check
@@ -27,6 +31,7 @@ from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.backlash import MEASURES, convert_backlash
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import inverse_involute, involute
+from hbgear.gears.drawing.interference import Engagement, default_alterations, form_position, tip_distance
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class GearPair:  # numpydoc ignore=PR02
     Parameters
     ----------
     pinion, wheel : Gear
-        Pinion and wheel. The wheel may be a ring gear (``internal=True``).
+        Pinion and wheel. The wheel may be a ring gear (``internal=True``). Their tips are altered as described above.
     backlash : float or str, optional
         Backlash [m] in the measure ``backlash_measure``. By default it follows from the centre distance.
     backlash_measure : {"circumferential", "normal", "action"}, optional
@@ -78,6 +83,9 @@ class GearPair:  # numpydoc ignore=PR02
                              f"{', '.join(MEASURES)}")  # fmt: skip
         self._check_fit()
         self._check_distance()
+        for name, k in zip(("pinion", "wheel"), default_alterations(self.engagement), strict=True):
+            if not getattr(self, name).tips_given:
+                object.__setattr__(self, name, getattr(self, name).with_alteration(k))
         self._check_backlash()
         self._check_contact()
 
@@ -131,10 +139,21 @@ class GearPair:  # numpydoc ignore=PR02
 
     @cached_property
     def path(self) -> tuple[float, float]:
-        """Start A and end E of contact along the line of action, from the base circle of the pinion [m]."""
-        end = _tip_distance(self.pinion)
-        begin = self.tangent_length - self.wheel.sign * _tip_distance(self.wheel)
+        """Start A and end E of contact along the line of action, from the base circle of the pinion [m].
+
+        They are the tips of the gears, or the ends of the involutes of undercut teeth.
+        """
+        begin, end = self.engagement.tip_contact, tip_distance(self.pinion)
+        if self.pinion.undercut:
+            begin = max(begin, form_position(self.pinion))
+        if self.wheel.undercut:
+            end = min(end, self.tangent_length - form_position(self.wheel))
         return begin, end
+
+    @property
+    def engagement(self) -> Engagement:
+        """The gears at their centre distance, with checks of interference."""
+        return Engagement(self.pinion, self.wheel, self.working_center_distance, self.working_pressure_angle)
 
     @property
     def tangent_length(self) -> float:
@@ -275,8 +294,15 @@ class GearPair:  # numpydoc ignore=PR02
                 2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
             )
             if value <= 0:
-                raise ValueError(f"GearPair: profile shifts of {self.pinion.profile_shift:g} and "
-                                 f"{self.wheel.profile_shift:g} allow no centre distance; increase them")  # fmt: skip
+                given = f"profile shifts of {self.pinion.profile_shift:g} and {self.wheel.profile_shift:g}"
+                remedy = "increase them"
+                if self.wheel.internal:
+                    remedy = (
+                        "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it "
+                        "outwards, as many catalogues do, give the opposite sign, profile_shift = "
+                        f"{-self.wheel.profile_shift:g}"
+                    )
+                raise ValueError(f"GearPair: {given} allow no centre distance; {remedy}")
 
     def _check_backlash(self) -> None:
         thickness = pi * self.pinion.module / 2
@@ -301,54 +327,25 @@ class GearPair:  # numpydoc ignore=PR02
             for gear, other in ((p, w), (w, p)):
                 clearance = self.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
                 if clearance < 0:
+                    cause = f" with tip_alteration = {gear.tip_alteration:g}" if gear.tip_alteration else ""
                     raise ValueError(
-                        f"GearPair: the tips of the {gear.teeth} teeth reach {-clearance * mm:.3f} mm into the "
-                        f"roots of the other gear; give a tip_diameter below {gear.tip_diameter_used * mm:.6g} mm, or "
+                        f"GearPair: the tips of the {gear.teeth} teeth{cause} reach {-clearance * mm:.3f} mm into the "
+                        "roots of the other gear; give a tip_diameter below "
+                        f"{(gear.tip_diameter_used + 2 * clearance) * mm:.6g} mm, or "
                         f"a larger centre distance than {self.working_center_distance * mm:.6g} mm"
                     )
         if self.contact_ratio + self.overlap_ratio < 1 or self.contact_ratio <= 0:
+            cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
             raise ValueError(
                 f"GearPair: the contact ratio is {self.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
                 "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
-                "distance or pressure angle"
+                f"distance or pressure angle{f', or less undercut of the {cut[0]}' if cut else ''}"
             )
-        self._check_interference(begin, end)
-
-    def _check_interference(self, begin: float, end: float) -> None:
-        p, w = self.pinion, self.wheel
-        contacts = [("pinion", p, begin, w.tip_diameter_used)]
-        if not w.internal:
-            contacts.append(("wheel", w, self.tangent_length - end, p.tip_diameter_used))
-        for name, gear, first, tip in contacts:
-            form = gear.form_diameter
-            contact_diameter = 2 * hypot(first, gear.base_diameter / 2) if first > 0 else 0.0
-            if contact_diameter < form - 1e-3 * gear.module:
-                where = f"at {contact_diameter * 1e3:.6g} mm" if first > 0 else "below its base circle"
+        self.engagement.check()
+        for name, gear in (("pinion", p), ("wheel", w)):
+            length = gear.tip_relief_length or 0.0
+            if gear.tip_relief and length > end - begin:
                 raise ValueError(
-                    f"GearPair: interference: the tips of the other gear (diameter {tip * 1e3:.6g} mm) touch the "
-                    f"{name} {where}, outside its involute (which ends at {form * 1e3:.6g} mm): give a larger "
-                    f"profile_shift of the {name}, more teeth, or the other gear a smaller tip_diameter"
+                    f"GearPair: the tip_relief_length of the {name}, {length * mm:.4g} mm, must not exceed the path of "
+                    f"contact of {(end - begin) * mm:.4g} mm: give a shorter one"
                 )
-        if w.internal:
-            self._check_tips_of_ring()
-
-    def _check_tips_of_ring(self) -> None:
-        """Raise an error if the tips of pinion and ring do not pass each other outside the line of action."""
-        p, w, a = self.pinion, self.wheel, self.working_center_distance
-        r_1, r_2 = p.tip_diameter_used / 2, w.tip_diameter_used / 2
-        cosines = (r_2**2 - r_1**2 - a**2) / (2 * a * r_1), (a**2 + r_2**2 - r_1**2) / (2 * a * r_2)
-        if not all(-1 <= cosine <= 1 for cosine in cosines):
-            return  # the tip circles do not intersect
-        alpha_1, alpha_2 = (acos(g.base_diameter / g.tip_diameter_used) for g in (p, w))
-        working = involute(self.working_pressure_angle)
-        rotation = (acos(cosines[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
-        if rotation + working - involute(alpha_2) < acos(cosines[1]):
-            raise ValueError(
-                f"GearPair: interference: the tips of {p.teeth} teeth strike the tips of the ring of {w.teeth}: give a "
-                "larger difference of tooth numbers, profile shifts, or smaller addenda"
-            )
-
-
-def _tip_distance(gear: Gear) -> float:
-    """Return the distance sqrt(r_a^2 - r_b^2) of the tip along the line of action [m]."""
-    return sqrt(max(gear.tip_diameter_used**2 - gear.base_diameter**2, 0.0)) / 2
