@@ -1,5 +1,7 @@
 """Tooth-resolved mesh of a drawing: static equilibrium, flanks, and jump speeds against pair-by-pair sweeps."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,19 @@ def test_back_flanks_of_equal_gears_follow_half_a_pitch_later():
     assert (drive.side, back.side) == (1, -1)
     assert back.stiffness.nodes[0] == pytest.approx(0.5, abs=1e-9)
     assert back.stiffness.nodes[-1] == pytest.approx(0.5 + drive.stiffness.length, abs=1e-9)
+
+
+def test_misaligned_flanks():
+    """A slice has the gap f (1/2 + z) on the driving flank and that of its mirror image on the back flank; slices that
+    are not joined with their mirror images have the same stiffness."""
+    aligned = drawing()
+    p = dataclasses.replace(aligned, misalignment="8 um")
+    flanks = tooth_mesh(p, 200.0, slices=6).flanks
+    driving, back = ([flank.gap.rows[0, 0] for flank in flanks if flank.side == side] for side in (1, -1))
+    np.testing.assert_allclose(driving, 8e-6 * (np.arange(6) + 0.5) / 6, rtol=1e-9)
+    np.testing.assert_allclose(back, driving[::-1], rtol=1e-9)
+    apart = tooth_mesh(dataclasses.replace(aligned, misalignment=1e-14), 200.0, slices=6)
+    assert apart.stiffness == pytest.approx(tooth_mesh(aligned, 200.0, slices=6).stiffness, rel=1e-6)
 
 
 def jumps(curve: hb.Branch) -> list[hb.Jump]:

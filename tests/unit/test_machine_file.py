@@ -180,7 +180,7 @@ def test_gear_says_what_is_asked(run, tmp_path):
     assert read_machine(tmp_path / "box.toml") == Machine(pair(), 200.0, 0.04)
     assert (tmp_path / "gear-25-40.png").stat().st_size > 20_000
     for text in ("1.66259", "97.5000 mm", "80.0 circumferential, 75.2 normal", "37.6", "c' 13.02, c_gamma 19.49",
-                 "6062", "damping 0.04 (given): 0.02", "no pitch error: 5 um", "no tip relief: 10 um",
+                 "6062", "damping 0.04 (given): 0.02", "no pitch error: 8.4 um (grade 6)", "no tip relief: 10 um",
                  "inertia 20 % less", "the tangent", "dynamic factor before"):  # fmt: skip
         assert text in out, text
     model = pair().model(200.0, 0.04)
@@ -225,7 +225,7 @@ def test_gear_assumes_what_is_not_said(run):
     ("words", "said"),
     [
         (["--z", "25"], "--z 25: need two numbers, such as --z 25,40"),
-        (["--z", "6,40"], "undercut"),
+        (["--shift", "1.9,0"], "pointed"),
         (["--module", "3"], "module = '3' has no unit"),
         (["--backlash", "80mm"], "as large as a tooth"),
         (["--backlash-as", "axial"], "circumferential, normal, action"),

@@ -44,7 +44,7 @@ FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
 
 ACCURACY_GRADE = 6
-"""Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
+"""Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
@@ -360,6 +360,7 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
+    from hbgear.gears.mesh.iso_dynamics import deviations
     from hbgear.gears.pairs.pair_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
@@ -374,7 +375,9 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
             yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    yield "no pitch error: 5 um", paired(pitch_error=5e-6)
+    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
+    if not pair.pitch_error:
+        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
     if not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
         yield "no tip relief: 10 um", paired(**relieved)

@@ -49,7 +49,7 @@ class RackTip(NamedTuple):
         helix : float
             Helix angle [rad]; 0 for the normal section of a virtual spur gear.
         cotangents : ndarray
-            cot(t), from 0 at the root circle to cot(alpha_n) at the end of the rounding.
+            Values of cot(t), from 0 at the root circle to cot(alpha_n) at the end of the rounding.
         """
         sine = 1 / np.sqrt(1 + cotangents**2)
         depth = self.c + self.rho * sine
@@ -73,7 +73,7 @@ class RackTip(NamedTuple):
         Returns
         -------
         float
-            cot(alpha_n) without undercut; nan if the fillet meets no involute.
+            Value of cot(t), cot(alpha_n) without undercut; nan if the fillet meets no involute.
         """
         last = 1 / tan(self.alpha)
         straight_depth = self.c + self.rho * sin(self.alpha)

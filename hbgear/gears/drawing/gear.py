@@ -138,10 +138,13 @@ class Gear:  # numpydoc ignore=PR02
             raise ValueError(f"Gear: internal = {self.internal!r} must be True or False")
         if self.tip_diameter is not None and self.tip_alteration is not None:
             raise ValueError("Gear: tip_diameter and tip_alteration are both given; keep one")
-        self._check_diameters()
+        if (self.rim_thickness is None) != (self.web_thickness is None):
+            raise ValueError("Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
+                             "web of a rim that is as wide as its teeth is the face width")  # fmt: skip
+        _check_diameters(self)
         if not self.internal:
-            self._check_undercut()
-            self._check_tip()
+            _check_undercut(self)
+            _check_tip(self)
 
     # Angles and diameters
 
@@ -311,56 +314,57 @@ class Gear:  # numpydoc ignore=PR02
             return mean, self.body_diameter or self.root_diameter + 6 * self.module
         return self.body_diameter, mean
 
-    # Checks
 
-    def _check_diameters(self) -> None:
-        tip, root, base, body = self.tip_diameter_used, self.root_diameter, self.base_diameter, self.body_diameter
-        mm = 1e3
-        if root <= 0:
-            raise ValueError(f"Gear: the root diameter would be {root * mm:.4g} mm; give more teeth or a larger module")
-        if self.sign * (tip - root) <= 0:
-            raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if self.internal else 'above'} "
-                             f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
-        if tip < base or (tip == base and not self.internal):
-            reason = "below the base circle there is no involute"
-            raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
-                             f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
-                             if not self.internal else
-                             f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
-                             f"of {base * mm:.6g} mm: {reason}; give a larger tip_diameter, more "
-                             "teeth, or a smaller profile_shift (positive values make the teeth of a ring thicker and "
-                             "move its tips inwards; many catalogues count the shift of rings outwards, with the "
-                             "opposite sign)")  # fmt: skip
-        if body and self.sign * (root - body) <= 0:
-            raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if self.internal else 'below'}"
-                             f" the root diameter of {root * mm:.6g} mm: it is the "
-                             f"{'outside of the ring' if self.internal else 'bore'}")  # fmt: skip
+def _check_diameters(gear: Gear) -> None:
+    tip, root, base, body = gear.tip_diameter_used, gear.root_diameter, gear.base_diameter, gear.body_diameter
+    mm = 1e3
+    if root <= 0:
+        raise ValueError(f"Gear: the root diameter would be {root * mm:.4g} mm; give more teeth or a larger module")
+    if gear.sign * (tip - root) <= 0:
+        raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if gear.internal else 'above'} "
+                         f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
+    if tip < base or (tip == base and not gear.internal):
+        reason = "below the base circle there is no involute"
+        raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
+                         f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
+                         if not gear.internal else
+                         f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
+                         f"of {base * mm:.6g} mm: {reason}; give a larger tip_diameter, more "
+                         "teeth, or a smaller profile_shift (positive values make the teeth of a ring thicker and "
+                         "move its tips inwards; many catalogues count the shift of rings outwards, with the "
+                         "opposite sign)")  # fmt: skip
+    if body and gear.sign * (root - body) <= 0:
+        raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if gear.internal else 'below'}"
+                         f" the root diameter of {root * mm:.6g} mm: it is the "
+                         f"{'outside of the ring' if gear.internal else 'bore'}")  # fmt: skip
 
-    def _check_undercut(self) -> None:
-        """Warn of undercut teeth; raise an error if no involute is left."""
-        if not self.undercut:
-            return
-        min_teeth = (
-            2
-            * (self._straight_dedendum - TOLERATED_UNDERCUT - self.profile_shift)
-            * cos(self.helix_angle)
-            / sin(self.transverse_pressure_angle) ** 2
+
+def _check_undercut(gear: Gear) -> None:
+    """Warn of undercut teeth; raise an error if no involute is left."""
+    if not gear.undercut:
+        return
+    min_teeth = (
+        2
+        * (gear._straight_dedendum - TOLERATED_UNDERCUT - gear.profile_shift)
+        * cos(gear.helix_angle)
+        / sin(gear.transverse_pressure_angle) ** 2
+    )
+    teeth = (f"{gear.teeth} teeth with profile_shift = {gear.profile_shift:g} and a pressure angle of "
+             f"{degrees(gear.pressure_angle):g} deg")  # fmt: skip
+    remedy = f"profile_shift of at least {gear._smallest_shift:.3f}, or {ceil(min_teeth)} teeth or more"
+    form, tip, mm = gear.form_diameter, gear.tip_diameter_used, 1e3
+    if isnan(form) or form >= tip or float(gear.fillet(FILLET_STEPS)[1].min()) <= 0:
+        raise ValueError(f"Gear: {teeth} are undercut, which leaves no involute below the tip diameter of "
+                         f"{tip * mm:.6g} mm: give {remedy}")  # fmt: skip
+    warn(f"Gear: {teeth} are undercut: the involute begins at a diameter of {form * mm:.6g} mm above the base "
+         f"diameter of {gear.base_diameter * mm:.6g} mm; {remedy} avoid it")  # fmt: skip
+
+
+def _check_tip(gear: Gear) -> None:
+    thickness = gear.tooth_thickness(gear.tip_diameter_used)
+    if thickness <= 0:
+        raise ValueError(
+            f"Gear: the teeth are pointed below the tip diameter of {gear.tip_diameter_used * 1e3:.6g} mm "
+            f"(thickness there {thickness * 1e3:.3f} mm): give a smaller profile_shift than {gear.profile_shift:g},"
+            " a smaller tip_diameter or addendum, or a negative tip_alteration"
         )
-        teeth = (f"{self.teeth} teeth with profile_shift = {self.profile_shift:g} and a pressure angle of "
-                 f"{degrees(self.pressure_angle):g} deg")  # fmt: skip
-        remedy = f"profile_shift of at least {self._smallest_shift:.3f}, or {ceil(min_teeth)} teeth or more"
-        form, tip, mm = self.form_diameter, self.tip_diameter_used, 1e3
-        if isnan(form) or form >= tip or float(self.fillet(FILLET_STEPS)[1].min()) <= 0:
-            raise ValueError(f"Gear: {teeth} are undercut, which leaves no involute below the tip diameter of "
-                             f"{tip * mm:.6g} mm: give {remedy}")  # fmt: skip
-        warn(f"Gear: {teeth} are undercut: the involute begins at a diameter of {form * mm:.6g} mm above the base "
-             f"diameter of {self.base_diameter * mm:.6g} mm; {remedy} avoid it")  # fmt: skip
-
-    def _check_tip(self) -> None:
-        thickness = self.tooth_thickness(self.tip_diameter_used)
-        if thickness <= 0:
-            raise ValueError(
-                f"Gear: the teeth are pointed below the tip diameter of {self.tip_diameter_used * 1e3:.6g} mm "
-                f"(thickness there {thickness * 1e3:.3f} mm): give a smaller profile_shift than {self.profile_shift:g},"
-                " a smaller tip_diameter or addendum, or a negative tip_alteration"
-            )

@@ -24,6 +24,7 @@ from math import acos, cos, degrees, pi, sin, tan
 from typing import Any
 
 from hbgear.common.argument_checks import check
+from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.text.messages import quoted
@@ -52,6 +53,11 @@ class GearPair:  # numpydoc ignore=PR02
     pitch_error : float or str, default 0.0
         Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. The error of a single tooth
         occurs once per revolution and does not excite the mesh frequency.
+    misalignment : float or str, default 0.0
+        Distance of the driving flanks at one end of the face if they touch at the other end [m], along the line of
+        action in the transverse plane: the sum of lead errors of both gears and misalignment of the shafts. It is
+        positive if the gap is at the end with the larger coordinate, where helical teeth (of a right-hand pinion) leave
+        contact last. The back flanks have it at the other end.
 
     Raises
     ------
@@ -74,6 +80,7 @@ class GearPair:  # numpydoc ignore=PR02
     backlash_measure: str = "circumferential"
     center_distance: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-4, 50))
     pitch_error: QuantityField = QuantityField("m", Range(), Range(-1e-3, 1e-3), 0.0)
+    misalignment: QuantityField = QuantityField("m", Range(), Range(-2e-3, 2e-3), 0.0)
 
     def __post_init__(self) -> None:
         for name in ("pinion", "wheel"):
@@ -81,13 +88,13 @@ class GearPair:  # numpydoc ignore=PR02
         if not isinstance(self.backlash_measure, str) or self.backlash_measure not in MEASURES:
             raise ValueError(f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of "
                              f"{', '.join(MEASURES)}")  # fmt: skip
-        self._check_fit()
-        self._check_distance()
+        _check_fit(self)
+        _check_distance(self)
         for name, k in zip(("pinion", "wheel"), default_alterations(self.engagement), strict=True):
             if not getattr(self, name).tips_given:
                 object.__setattr__(self, name, getattr(self, name).with_alteration(k))
-        self._check_backlash()
-        self._check_contact()
+        _check_backlash(self)
+        _check_contact(self)
 
     # Geometry
 
@@ -219,6 +226,16 @@ class GearPair:  # numpydoc ignore=PR02
         """Half backlash b along the line of action in the transverse plane [m]."""
         return self.backlash_as("action") / 2
 
+    def tilt(self, across: Array) -> Array:
+        """Return the gap of the driving flanks [m] by misalignment, at positions -1/2 to 1/2 across the face."""
+        gap: Array = abs(self.misalignment) / 2 + self.misalignment * across
+        return gap
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the flanks have gaps that vary across the face: crowning or misalignment."""
+        return bool(self.pinion.crowning or self.wheel.crowning or self.misalignment)
+
     # Mesh and models
 
     def transverse_force(self, torque: Any) -> float:
@@ -260,92 +277,86 @@ class GearPair:  # numpydoc ignore=PR02
         """
         return call("hbgear.gears.pairs.pair_models.build_model", self, torque, damping, form, **options)
 
-    # Checks
 
-    def _check_fit(self) -> None:
-        p, w = self.pinion, self.wheel
-        if p.internal:
-            raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
-        if abs(p.module - w.module) > 1e-6 * p.module:
-            raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
-                             "give both gears the same normal module")  # fmt: skip
-        if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
-            raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
-                             f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
-        required = p.helix_angle if w.internal else -p.helix_angle
-        if abs(w.helix_angle - required) > 1e-6:
-            rule = "of the same hand" if w.internal else "of opposite hands"
-            raise ValueError(
-                f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
-                f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
-                f"wheel helix_angle = '{degrees(required) + 0.0:g} deg'"
-            )
-        if w.internal and w.teeth <= p.teeth:
-            raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no space for a pinion of {p.teeth}")
+def _check_fit(pair: GearPair) -> None:
+    p, w = pair.pinion, pair.wheel
+    if p.internal:
+        raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
+    if abs(p.module - w.module) > 1e-6 * p.module:
+        raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
+                         "give both gears the same normal module")  # fmt: skip
+    if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
+        raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
+                         f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
+    required = p.helix_angle if w.internal else -p.helix_angle
+    if abs(w.helix_angle - required) > 1e-6:
+        rule = "of the same hand" if w.internal else "of opposite hands"
+        raise ValueError(
+            f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
+            f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
+            f"wheel helix_angle = '{degrees(required) + 0.0:g} deg'"
+        )
+    if w.internal and w.teeth <= p.teeth:
+        raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no space for a pinion of {p.teeth}")
 
-    def _check_distance(self) -> None:
-        least = abs(self._signed_base_radius)
-        if self.center_distance is not None and self.center_distance <= least:
-            raise ValueError(f"GearPair: center_distance = {self.center_distance * 1e3:.6g} mm must be above "
-                             f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
-        if self.center_distance is None:
-            shifts = self.pinion.profile_shift + self.wheel.profile_shift
-            value = involute(self.pinion.transverse_pressure_angle) + (
-                2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
-            )
-            if value <= 0:
-                given = f"profile shifts of {self.pinion.profile_shift:g} and {self.wheel.profile_shift:g}"
-                remedy = "increase them"
-                if self.wheel.internal:
-                    remedy = (
-                        "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it "
-                        "outwards, as many catalogues do, give the opposite sign, profile_shift = "
-                        f"{-self.wheel.profile_shift:g}"
-                    )
-                raise ValueError(f"GearPair: {given} allow no centre distance; {remedy}")
 
-    def _check_backlash(self) -> None:
-        thickness = pi * self.pinion.module / 2
-        if self.backlash is not None and self.backlash > 0.5 * self.pinion.module:
-            raise ValueError(
-                f"GearPair: backlash = {self.backlash * 1e3:g} mm is as large as a tooth, which is "
-                f"{thickness * 1e3:.3g} mm thick; numbers are in m: "
-                f"give '{self.backlash * 1e3:g} um' if these are micrometres"
-            )
-        if self.backlash is None and self.theoretical_backlash < -1e-3 * self.pinion.module:
-            raise ValueError(
-                f"GearPair: at center_distance = {self.working_center_distance * 1e3:.6g} mm the teeth overlap by "
-                f"{-self.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
-                "the teeth are thinned for it"
-            )
-
-    def _check_contact(self) -> None:
-        p, w = self.pinion, self.wheel
-        mm = 1e3
-        begin, end = self.path
-        if not w.internal:
-            for gear, other in ((p, w), (w, p)):
-                clearance = self.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
-                if clearance < 0:
-                    cause = f" with tip_alteration = {gear.tip_alteration:g}" if gear.tip_alteration else ""
-                    raise ValueError(
-                        f"GearPair: the tips of the {gear.teeth} teeth{cause} reach {-clearance * mm:.3f} mm into the "
-                        "roots of the other gear; give a tip_diameter below "
-                        f"{(gear.tip_diameter_used + 2 * clearance) * mm:.6g} mm, or "
-                        f"a larger centre distance than {self.working_center_distance * mm:.6g} mm"
-                    )
-        if self.contact_ratio + self.overlap_ratio < 1 or self.contact_ratio <= 0:
-            cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
-            raise ValueError(
-                f"GearPair: the contact ratio is {self.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
-                "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
-                f"distance or pressure angle{f', or less undercut of the {cut[0]}' if cut else ''}"
-            )
-        self.engagement.check()
-        for name, gear in (("pinion", p), ("wheel", w)):
-            length = gear.tip_relief_length or 0.0
-            if gear.tip_relief and length > end - begin:
-                raise ValueError(
-                    f"GearPair: the tip_relief_length of the {name}, {length * mm:.4g} mm, must not exceed the path of "
-                    f"contact of {(end - begin) * mm:.4g} mm: give a shorter one"
+def _check_distance(pair: GearPair) -> None:
+    least = abs(pair._signed_base_radius)
+    if pair.center_distance is not None and pair.center_distance <= least:
+        raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
+                         f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
+    if pair.center_distance is None:
+        shifts = pair.pinion.profile_shift + pair.wheel.profile_shift
+        value = involute(pair.pinion.transverse_pressure_angle) + (
+            2 * tan(pair.pinion.pressure_angle) * shifts / pair._signed_teeth
+        )
+        if value <= 0:
+            given = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
+            remedy = "increase them"
+            if pair.wheel.internal:
+                remedy = (
+                    "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it "
+                    "outwards, as many catalogues do, give the opposite sign, profile_shift = "
+                    f"{-pair.wheel.profile_shift:g}"
                 )
+            raise ValueError(f"GearPair: {given} allow no centre distance; {remedy}")
+
+
+def _check_backlash(pair: GearPair) -> None:
+    thickness = pi * pair.pinion.module / 2
+    if pair.backlash is not None and pair.backlash > 0.5 * pair.pinion.module:
+        raise ValueError(
+            f"GearPair: backlash = {pair.backlash * 1e3:g} mm is as large as a tooth, which is "
+            f"{thickness * 1e3:.3g} mm thick; numbers are in m: "
+            f"give '{pair.backlash * 1e3:g} um' if these are micrometres"
+        )
+    if pair.backlash is None and pair.theoretical_backlash < -1e-3 * pair.pinion.module:
+        raise ValueError(
+            f"GearPair: at center_distance = {pair.working_center_distance * 1e3:.6g} mm the teeth overlap by "
+            f"{-pair.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
+            "the teeth are thinned for it"
+        )
+
+
+def _check_contact(pair: GearPair) -> None:
+    p, w = pair.pinion, pair.wheel
+    mm = 1e3
+    if not w.internal:
+        for gear, other in ((p, w), (w, p)):
+            clearance = pair.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
+            if clearance < 0:
+                cause = f" with tip_alteration = {gear.tip_alteration:g}" if gear.tip_alteration else ""
+                raise ValueError(
+                    f"GearPair: the tips of the {gear.teeth} teeth{cause} reach {-clearance * mm:.3f} mm into the "
+                    "roots of the other gear; give a tip_diameter below "
+                    f"{(gear.tip_diameter_used + 2 * clearance) * mm:.6g} mm, or "
+                    f"a larger centre distance than {pair.working_center_distance * mm:.6g} mm"
+                )
+    if pair.contact_ratio + pair.overlap_ratio < 1 or pair.contact_ratio <= 0:
+        cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
+        raise ValueError(
+            f"GearPair: the contact ratio is {pair.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
+            "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
+            f"distance or pressure angle{f', or less undercut of the {cut[0]}' if cut else ''}"
+        )
+    pair.engagement.check()
