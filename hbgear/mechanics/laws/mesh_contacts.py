@@ -180,7 +180,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array]:
-        """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level of contacts, and sides (J,)."""
+        """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level, and sides (J,)."""
         functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
         at = _union([one.at for both in functions for one in both])
         rows = np.array([
