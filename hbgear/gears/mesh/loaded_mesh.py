@@ -161,7 +161,7 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     middle = (first + last) / 2
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
     ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
-    gap, spread = (ahead + 4 * _gaps(pair, s, across) + behind) / 6, np.abs(ahead - behind) / 2
+    gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
     grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
     cos_helix = cos(pair.pinion.base_helix_angle)
