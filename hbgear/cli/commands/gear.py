@@ -52,7 +52,7 @@ SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
 
 ACCURACY_GRADE = 6
-"""Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
+"""Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
@@ -269,8 +269,9 @@ def _trace_and_report(
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
         return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
 
-    others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
-    with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
+    works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
+    works += [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
@@ -423,6 +424,7 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
+    from hbgear.gears.mesh.iso_dynamics import deviations
     from hbgear.gears.mesh.mesh_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
@@ -437,7 +439,9 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
             yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    yield "no pitch error: 5 um", paired(pitch_error=5e-6)
+    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
+    if not pair.pitch_error:
+        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
     if not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
         yield "no tip relief: 10 um", paired(**relieved)

@@ -271,7 +271,7 @@ def _entries(thing: Any) -> list[str]:
     for field in fields(thing):
         value, measured = getattr(thing, field.name), vars(type(thing)).get(field.name)
         default = measured.default if isinstance(measured, QuantityField) else field.default
-        if isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
+        if not field.init or isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
             continue
         if isinstance(measured, QuantityField) and measured.unit:
             out.append(f"{field.name} = {_quantity(value, measured.unit)}")
