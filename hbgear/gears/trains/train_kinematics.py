@@ -26,8 +26,8 @@ import numpy as np
 from hbgear.common.text.messages import did_you_mean
 from hbgear.gears.trains.train_components import Mesh, Wheel
 
-MAX_ORDER = 60
-"""Largest order of a mesh over the common frequency; above it the harmonic balance has too many unknowns."""
+MAX_ORDER = 10_000
+"""Largest order of a mesh over the common frequency. The motion of longer common periods has too many contacts."""
 
 DEFAULT_PRESSURE_ANGLE = radians(20.0)
 """Pressure angle of a mesh without a given angle or positions of its wheels [rad]."""
@@ -120,8 +120,8 @@ def kinematics(
         orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
             f"the tooth frequencies{' and the turns of the unbalanced wheels' if unbalanced else ''} have no simple "
-            f"ratio: over their common frequency they are {orders_text}; at most "
-            f"{MAX_ORDER} can be computed with all harmonics: give tooth counts with a simpler ratio"
+            f"ratio: over their common frequency they are {orders_text}; at most {MAX_ORDER:,} can be computed: give "
+            "tooth counts with a simpler ratio, or fewer unbalanced wheels"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
     sides = _sides(wheels, groups, meshes, speeds)
