@@ -77,7 +77,7 @@ def gear(
         str | None,
         typer.Option(
             help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
-            show_default="one stiffness by the secant",
+            show_default="teeth",
         ),
     ] = None,
     harmonics: Harmonics = "24",
@@ -248,7 +248,7 @@ def _trace_and_report(
     from hbgear.io.machines.machine_file import write_machine
 
     cycle = machine.mesh
-    model = machine.model() if machine.mesh_model else machine.model(cycle=cycle)
+    model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
     def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
@@ -272,7 +272,8 @@ def _machine(
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
-    from hbgear.gears.pairs.pair_models import DAMPING, MESHES
+    from hbgear.gears.mesh.mesh_models import MESHES
+    from hbgear.gears.pairs.pair_models import DAMPING
     from hbgear.io.machines.machine_file import Machine
 
     beta = to_si("--helix", "angle", helix, "rad")
@@ -312,6 +313,7 @@ def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
 
 def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model) -> Iterator[list[str]]:
     from hbgear.gears.mesh.iso_stiffness import iso_stiffness
+    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
 
     pair, scales = machine.pair, model.scales
     assert scales is not None
@@ -326,11 +328,8 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
     k = cycle.stiffness
     yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
            f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
-    if machine.mesh_model == "teeth":
-        yield [
-            "stiffness, all gaps closed",
-            f"{scales.force / scales.length:.4g} N/m mean, to which the damping refers",
-        ]
+    k_0 = tooth_mesh(pair, machine.torque).stiffness
+    yield ["stiffness, all gaps closed", f"{k_0:.4g} N/m mean, to which the damping ratio refers"]
     yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
            f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
@@ -360,7 +359,7 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
-    from hbgear.gears.pairs.pair_models import MESHES
+    from hbgear.gears.mesh.mesh_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
 
@@ -381,13 +380,10 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
                for name in ("pinion", "wheel")}  # fmt: skip
     yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
-    if machine.mesh_model is None:
-        tangent = pair.mesh(machine.torque, linearized="tangent")
-        yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
-        return
+    used = machine.mesh_model or MESHES[0]
     for name in MESHES:
-        if name != machine.mesh_model:
-            yield f"{_MESH_WORDS[machine.mesh_model]}: {_MESH_WORDS[name]}", made(mesh_model=name)
+        if name != used:
+            yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh_model=name)
 
 
 _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}

@@ -19,6 +19,7 @@ with a lag. They are not coupled. The part of a slice within the path of contact
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, tan
 from typing import TYPE_CHECKING, Any
@@ -124,6 +125,12 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
         helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
         slices = helical or (CROWNED_SLICES if crowned else 1)
     counted("GearPair.model: slices", slices, 1_000)
+    return _tooth_mesh(pair, torque, slices)
+
+
+@lru_cache(maxsize=8)
+def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
+    """Return the contacts; cached, because variants of a model and the mean-mesh models use the same ones."""
     force = pair.transverse_force(torque)
     path = _Path(pair, force, slices)
     folded = not pair.overlap_ratio and slices > 1
