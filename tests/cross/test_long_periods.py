@@ -96,10 +96,10 @@ def test_orders_up_to_sixty_are_all_unknowns():
 
 
 def test_tables_that_need_too_much_memory_are_refused():
-    with pytest.raises(ValueError, match="harmonics up to 8,924 .* GB for a table of basis functions"):
+    with pytest.raises(ValueError, match=r"harmonics up to 8,924 .* GB for a table of basis functions"):
         hb.HarmonicBalance(two_stages((23, 97, 31, 89), unbalance={"a": 1e-4, "b": 2e-4}), 4)
 
 
 def test_common_periods_that_are_too_long_are_refused():
-    with pytest.raises(ValueError, match="no simple ratio.*at most 10,000.*fewer unbalanced wheels"):
+    with pytest.raises(ValueError, match=r"no simple ratio.*at most 10,000.*fewer unbalanced wheels"):
         two_stages((41, 97, 43, 89), unbalance=dict.fromkeys("abd", 1e-4))
