@@ -99,8 +99,8 @@ class Discretization:
         if (2 * self.H + 1) * self.N > MAX_TABLE:
             raise ValueError(
                 f"harmonics up to {self.H:,} with {self.N:,} samples need {(2 * self.H + 1) * self.N * 8e-9:.2g} GB "
-                f"for a table of basis functions; at most {MAX_TABLE * 8e-9:.2g} GB are used: give fewer harmonics, or a "
-                "machine whose frequencies have a larger common base, such as fewer unbalanced wheels"
+                f"for a table of basis functions; at most {MAX_TABLE * 8e-9:.2g} GB are used: give fewer harmonics, or "
+                "a machine whose frequencies have a larger common base, such as fewer unbalanced wheels"
             )
         self._check_unknowns(len(self.orders) - 1)
 

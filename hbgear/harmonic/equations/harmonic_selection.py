@@ -136,10 +136,10 @@ def _combined(tones: tuple[int, ...], parts: int, bound: float) -> set[int]:
     return {abs(k) for k, _ in found}
 
 
-def select_harmonics(orders: Any, system: System) -> HarmonicSelection | None:
+def select_harmonics(orders: Any, system: System, H: int | None = None) -> HarmonicSelection | None:
     """Return the selection for the argument ``orders`` of a balance; None for all orders.
 
-    Without an argument, all orders are selected if no base order of the excitation exceeds 60, otherwise "meshes".
+    Without an argument, all orders are selected if no base order of the excitation exceeds 60 or H, otherwise "meshes".
 
     Raises
     ------
@@ -150,7 +150,8 @@ def select_harmonics(orders: Any, system: System) -> HarmonicSelection | None:
         return orders
     if orders is None:
         tones = tooth_orders(system)
-        return HarmonicSelection(tones) if max(tones) > _MOST_FULL_ORDERS else None
+        highest = _MOST_FULL_ORDERS if H is None else min(H, _MOST_FULL_ORDERS)
+        return HarmonicSelection(tones) if max(tones) > highest else None
     if isinstance(orders, str):
         if orders != "meshes":
             raise ValueError(f"orders = {orders!r}: need 'meshes', or a list of whole numbers such as (3, 5, 6, 8)")
