@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
+from functools import partial
 from math import degrees, floor, log10, pi
 from operator import methodcaller
 from pathlib import Path
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
 
 FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
+
+SAME_SPEED = 1e-4
+"""Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
 
 ACCURACY_GRADE = 6
 """Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
@@ -251,19 +255,28 @@ def _trace_and_report(
     model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
+    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[list[str]]:
         name, changed = assumption
-        return [name, *_alternative_results(changed(), model, curve, count, stop)]
+        return [[name, *_alternative_results(changed(), model, curve, count, stop)]]
 
-    with begun(alternative, list(_alternatives(machine, by_default))) as rows, outputs() as out:
+    def subharmonics(stop: Event) -> list[list[str]]:
+        return [row for one in (curve, *curve.others) for row in _subharmonics(model, one, stop)]
+
+    others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
         show_speeds(model, curve, machine)
+        found = doubled.result()
+        if found:
+            headers = ["leaves at", "stable at pinion r/min", "largest dynamic factor"]
+            print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
         jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
-        print_table(headers, [["as computed", *_factor_and_jumps(model, curve)], *(row.result() for row in rows)])
+        first = ["as computed", *_factor_and_jumps(model, curve)]
+        print_table(headers, [first, *(row for one in rows for row in one.result())])
     return curve
 
 
@@ -341,15 +354,49 @@ def _alternative_results(
     changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event
 ) -> tuple[str, str]:
     """Return `_factor_and_jumps` of a changed model; its curve is reused if the model differs in scales only."""
+    if changed.replace(reference=getattr(model, "reference", ())) != model:
+        problem = hb.HarmonicBalance(changed, count)
+        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=_until(stop))
+    return _factor_and_jumps(changed, curve)
+
+
+def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]]:
+    return work(stop)
+
+
+def _until(stop: Event) -> Callable[[hb.Progress], None]:
+    """Return a monitor of a trace that ends it when an event is set."""
 
     def ends(_: hb.Progress) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 
-    if changed.replace(reference=getattr(model, "reference", ())) != model:
-        problem = hb.HarmonicBalance(changed, count)
-        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=ends)
-    return _factor_and_jumps(changed, curve)
+    return ends
+
+
+def _subharmonics(model: hb.mechanics.Model, curve: hb.Branch, stop: Event) -> Iterator[list[str]]:
+    """Yield the label, stable speeds and largest dynamic factor of each curve of twice the period.
+
+    A curve that ends at another period doubling is traced once.
+    """
+    scales, ends = model.scales, list[float]()
+    assert scales is not None
+    for point in curve.special:
+        if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
+            continue
+        doubled = hb.switch(curve, point.label, accuracy=None, progress=_until(stop))
+        ends.append(float(doubled.values[-1]))
+        stable = np.zeros(0, dtype=bool) if doubled.stable is None else np.asarray(doubled.stable, dtype=bool)
+        if not stable.any():
+            continue
+        rpm = scales.pinion_speed(doubled.values)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
+        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
+        factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
+        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in sorted(spans))
+        begin = float(scales.pinion_speed(point.parameters["Omega"]))
+        yield [f"{point.label}, {begin:.0f} r/min", speeds, rounded(factor, 3)]
 
 
 def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:

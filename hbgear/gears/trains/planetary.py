@@ -265,7 +265,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
 
     @classmethod
     def of(cls, sun: GearPair, ring: GearPair, torque: Any, **others: Any) -> PlanetarySet:
-        """Return the set of a sun and a planet, and of this planet and a ring, with meshes resolved into pairs of teeth.
+        """Return the set of the pairs of sun and planet and of planet and ring, with meshes resolved into tooth pairs.
 
         Teeth, base radius of the sun, masses and inertias of the gears, meshes, backlashes and angles follow from the
         pairs.

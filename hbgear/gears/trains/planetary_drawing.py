@@ -47,8 +47,8 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
     found = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
     members = {"s": sun.pinion, "p": ring.pinion, "r": ring.wheel}
     return {
-        "teeth_s": sun.pinion.teeth, "teeth_p": ring.pinion.teeth, "teeth_r": ring.wheel.teeth, "r_s": sun.base_radii[0],
-        "torque": force * planets * sun.base_radii[0],
+        "teeth_s": sun.pinion.teeth, "teeth_p": ring.pinion.teeth, "teeth_r": ring.wheel.teeth,
+        "r_s": sun.base_radii[0], "torque": force * planets * sun.base_radii[0],
         **{f"m_{name}": gear.mass_used for name, gear in members.items()},
         **{f"J_{name}": 4 * gear.inertia_used / gear.base_diameter**2 for name, gear in members.items()},
         "alpha_s_deg": degrees(sun.working_pressure_angle), "alpha_r_deg": degrees(ring.working_pressure_angle),
