@@ -94,6 +94,13 @@ def exact_order(owner: str, order: Any) -> Fraction:
     return exact
 
 
+def common_divisor(a: Fraction, b: Fraction) -> Fraction:
+    """Return the largest common divisor of two positive fractions."""
+    while b:
+        a, b = b, a % b
+    return a
+
+
 def effective_torque(mean: float, orders: TorqueOrders) -> float:
     """Return the root mean square of a torque [N m], at which the stiffness of a mesh is computed."""
     return abs(mean) if not orders else sqrt(mean**2 + sum(amplitude**2 for _, amplitude, _ in orders) / 2)

@@ -17,7 +17,7 @@ of the pinion lies on the line of centres: k(2 tau_c - tau) and -e(2 tau_c - tau
 from __future__ import annotations
 
 from fractions import Fraction
-from math import cos, degrees, gcd, pi, sin, sqrt
+from math import cos, degrees, pi, sin, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from hbgear.gears.pairs.helical import HelicalPair
 from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
 from hbgear.gears.pairs.spur import SpurPair
 from hbgear.gears.pairs.support import Support
-from hbgear.gears.torque_orders import TorqueOrders, effective_torque, exact_order
+from hbgear.gears.torque_orders import TorqueOrders, common_divisor, effective_torque, exact_order
 from hbgear.gears.torque_orders import torque_orders as checked_orders
 from hbgear.mechanics.series.fourier import Series
 
@@ -148,8 +148,7 @@ def _fluctuation(pair: GearPair, orders: TorqueOrders, force: float, form: str) 
     exact = [exact_order("GearPair.model", order) / pair.pinion.teeth for order, _, _ in orders]
     common = Fraction(1)
     for one in exact:
-        common = Fraction(gcd(common.numerator * one.denominator, one.numerator * common.denominator),
-                          common.denominator * one.denominator)  # fmt: skip
+        common = common_divisor(common, one)
     radius = pair.base_radii[0]
     share = 1.0 if form == "spatial" else pair.equivalent_mass * radius**2 / pair.pinion.inertia_used
     row = np.zeros((2, max(int(one / common) for one in exact)))

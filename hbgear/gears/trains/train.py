@@ -157,7 +157,7 @@ default 1.0
             orders = any(wheel.torque_orders for wheel in self.wheels)
             if not orders and abs(mesh.torque - static) > MESH_TORQUE_TOLERANCE * static:
                 raise ValueError(
-                    f"Train: the mesh {mesh.name} is computed for {mesh.torque:.6g} N m on '{mesh.first}', and the train "
+                    f"Train: the mesh {mesh.name} is computed for {mesh.torque:.6g} N m on '{mesh.first}', the train "
                     f"loads it with {static:.6g} N m: give Mesh.of this torque, or the mesh torque=None to "
                     "omit this check"
                 )

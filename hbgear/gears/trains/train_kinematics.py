@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.text.messages import did_you_mean
-from hbgear.gears.torque_orders import exact_order
+from hbgear.gears.torque_orders import common_divisor, exact_order
 from hbgear.gears.trains.train_components import Mesh, Wheel
 
 MAX_ORDER = 10_000
@@ -114,7 +114,7 @@ def kinematics(
     slow = _shaft_frequencies(wheels, speeds)
     ratio = frequencies[0]
     for one in (*frequencies, *slow):
-        ratio = _common(ratio, one)
+        ratio = common_divisor(ratio, one)
     orders = tuple(int(one / ratio) for one in frequencies)
     if max(orders) > MAX_ORDER:
         orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
@@ -141,13 +141,6 @@ def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fractio
         orders = [exact_order(name, order) for order, _, _ in wheel.torque_orders]
         found += [order * abs(speeds[name]) for order in [*orders, *[Fraction(1)] * bool(wheel.unbalance)]]
     return found
-
-
-def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest common divisor of two fractions."""
-    while b:
-        a, b = b, a % b
-    return a
 
 
 def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:

@@ -1,0 +1,149 @@
+"""Torques with shaft orders: pairs against trains, integration in time, the back flanks, planetary sets, bad input."""
+
+from math import cos, pi, radians
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+from hbgear.gears.torque_orders import parse_torque_orders
+from hbgear.mechanics.series.fourier import evaluate, stretch
+
+
+def gears(wheel=40):
+    return [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, wheel)]
+
+
+def test_a_train_of_two_wheels_is_the_pair():
+    a, b = gears()
+    pair = hb.GearPair(a, b, backlash="80 um")
+    orders = {2: ("60 N m", "20 deg"), "5/2": "10 N m"}
+    drawn = pair.model("200 N m", 0.04, mesh="secant", torque_orders=orders)
+    assert (drawn.mesh_order, drawn.orders) == (50, {"mesh": 50.0})  # half turns of the pinion
+    assert drawn.scales.pinion_speed(1.0 / 50) == pytest.approx(60 * drawn.scales.mesh_frequency(1.0 / 50) / 25)
+    mesh = hb.gears.Mesh.of("a", "b", pair, "204.7", 0.04, mesh="secant")  # the root mean square of the torque
+    wheels = [hb.gears.Wheel.of("a", a, torque="200 N m"), hb.gears.Wheel.of("b", b)]
+    turned = hb.gears.Train(wheels, [mesh], balance="b")._kinematics.turned["a"]
+    shifted = {2: (60, radians(20) - 2 * turned), 2.5: (10, -2.5 * turned)}
+    wheels[0] = hb.gears.Wheel.of("a", a, torque="200 N m", torque_orders=shifted)
+    train = hb.gears.Train(wheels, [mesh], balance="b")
+    assert train.orders["a-b"] == 50
+    X = np.zeros(2 * 110 + 1)
+    X[[0, 1, 8, 99, 100, 203]] = 1.4, 0.05, -0.1, 0.3, 0.2, 0.1
+    two = [hb.HarmonicBalance(model, 110).evaluate(X, Omega=0.012)[0] for model in (drawn, train)]
+    scale = drawn.scales.force / train.scales.force, np.abs(two[0]).max()
+    np.testing.assert_allclose(two[1], two[0] * scale[0], rtol=0, atol=2e-3 * scale[1])
+    np.testing.assert_allclose(train.system().loads[1].vectors()[0][0], train.system().loads[1].vectors()[0][0])
+
+
+def test_rattle_closes_under_integration_in_time():
+    """Without a mean torque, the flanks are in contact alternately: x'' + 2 zeta x' + k f(x) = F cos(tau)."""
+    pair = hb.SpurPair(
+        0.06, 0.0, eps=(0.2,), e=(0.02,), mesh_order=5, fluctuation=hb.mechanics.Series(cosine=(0.3,), sine=(0.0, 0.05))
+    )
+    problem, Omega = hb.HarmonicBalance(pair, 120), 0.16
+    X = problem.start(Omega=Omega)
+    assert problem.regime(X, Omega=Omega).tolist() == [2]  # contact on both flanks
+    e = hb.mechanics.Series(cosine=(0.0,) * 4 + (0.02,))
+    x = [float(evaluate(X + e.row(120), 0.0)), float(evaluate(X + e.row(120), 0.0, 1)) * Omega]
+
+    def motion(t, state):
+        tau = Omega * t
+        d = state[0] - float(e(tau))
+        gap = d - np.clip(d, -1.0, 1.0)
+        v = state[1] - Omega * float(e(tau, 1))
+        force = 0.3 * cos(tau) + 0.05 * np.sin(2 * tau) - 0.12 * v - (1 - 0.2 * cos(5 * tau)) * gap
+        return [state[1], force]
+
+    period = 2 * pi / Omega
+    end = scipy.integrate.solve_ivp(motion, (0.0, period), x, rtol=1e-9, atol=1e-9, max_step=period / 400).y[:, -1]
+    np.testing.assert_allclose(end, x, rtol=0, atol=2e-4)
+
+
+def test_a_negative_torque_loads_the_back_flanks():
+    """Without relief, pairs of teeth and their secant are the same mesh on the back flanks, with the same phase."""
+    a, b = gears()
+    pair = hb.GearPair(a, b, backlash="80 um")
+    found = []
+    for mesh in ("teeth", "secant"):
+        model = pair.model("-200 N m", 0.04, mesh=mesh)
+        assert model.F_m < 0
+        found.append(hb.HarmonicBalance(model, 12).start(Omega=0.55))
+    assert found[0][0] < -1.0
+    assert np.abs(found[0][1:]).max() > 0.02
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-4)
+
+
+def test_planetary_set_with_engine_orders():
+    still, varying = (hb.gears.PlanetarySet(torque_orders=orders) for orders in ((), {1: "30 N m"}))
+    p = varying.mesh_order
+    assert varying.orders["mesh"] == p
+    assert varying.orders["sun"] == pytest.approx(p * still.orders["sun"])
+    assert varying.scales.pinion_speed(1 / p) == pytest.approx(still.scales.pinion_speed(1.0))
+    one, many = hb.HarmonicBalance(still, 2), hb.HarmonicBalance(varying.replace(fluctuation_scale=0.0), 2 * p)
+    X = np.random.default_rng(1).normal(0.0, 0.3, (8, 5)) + np.array([2.0, 0, 0, 0, 0])
+    R = one.evaluate(X.ravel(), Omega=0.9)[0]
+    found = many.evaluate(stretch(X, p).ravel(), Omega=0.9 / p)[0].reshape(8, -1)
+    np.testing.assert_allclose(found, stretch(R.reshape(8, -1), p), rtol=0, atol=1e-10 * np.abs(R).max())
+    load = varying.system().loads[1].complex(varying.system().n)
+    assert list(load) == [round(varying.orders["sun"])]
+    force = 30.0 / varying.r_s / varying.scales.force
+    np.testing.assert_allclose(next(iter(load.values()))[8], force)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({0.1234567: 1.0}, "order 0.1234567 of the torque has no common base with the turns of its shaft below 60"),
+        ({-1: 1.0}, "order -1 of the torque has no common base"),
+        ({"two": 1.0}, "order 'two' of the torque must be a number such as 2 or 1/2"),
+        ({2: "60 N"}, "torque_orders"),
+        ([(2, 1.0), (2.0, 3.0)], "has the order 2 twice"),
+        (3.0, "must be amplitudes by order of the shaft, such as"),
+    ],
+)
+def test_orders_that_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        hb.gears.Wheel("a", 1.0, torque_orders=given)
+
+
+def test_text_of_orders():
+    assert parse_torque_orders("--torque-orders", "2: 60Nm, 1/2:5 N m 30deg") == {
+        "2": ("60Nm", "0 deg"), "1/2": ("5 N m", "30deg"),
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="need each order with its amplitude"):
+        parse_torque_orders("--torque-orders", "60Nm")
+
+
+def test_a_mesh_for_another_torque_is_refused():
+    """The idler passes on the force: 100 N m on the pinion of 25 teeth are 120 N m on the idler of 30."""
+    three = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
+    pairs = [hb.GearPair(*three[i : i + 2], backlash="80 um") for i in (0, 1)]
+    wheels = [
+        hb.gears.Wheel.of(name, gear, x=x) for name, gear, x in zip("abc", three, (0, 0.0825, 0.1875), strict=True)
+    ]
+    wheels[0] = hb.gears.Wheel.of("a", three[0], torque="100 N m")
+
+    def train(second):
+        meshes = [hb.gears.Mesh.of("a", "b", pairs[0], "100 N m", mesh="secant"),
+                  hb.gears.Mesh.of("b", "c", pairs[1], second, mesh="secant")]  # fmt: skip
+        return hb.gears.Train(wheels, meshes, balance="c")
+
+    assert train("120 N m").torques["c"] == pytest.approx(-160.0)
+    with pytest.raises(ValueError, match="mesh b-c is computed for 100 N m on 'b', the train loads it with 120 N m"):
+        train("100 N m")
+
+
+@pytest.mark.parametrize("N", [2, 3, 4, 5, 6])
+def test_phasing_by_teeth_of_the_sun(N):
+    """The rule of Parker and Lin: torque for l z_s mod N = 0, force for 1 and N - 1, neither for other values."""
+    for z_s in range(24, 24 + N):
+        z_p = next(z for z in range(24, 24 + N + 1) if (2 * z_s + 2 * z) % N == 0)
+        machine = hb.gears.PlanetarySet(z_s, z_p, z_s + 2 * z_p, planets=N)
+        names = {0: "in phase", N / 2: "counter-phase"}
+        assert machine.phasing == names.get(z_s % N, "sequential")
+        for harmonic in (1, 2, 3):
+            k = harmonic * z_s % N
+            expected = ("torque",) * (k == 0) + ("force",) * (k in (1, N - 1))
+            assert machine.excitation(harmonic) == expected
