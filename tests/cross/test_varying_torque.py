@@ -1,5 +1,6 @@
 """Torques with shaft orders: pairs against trains, integration in time, the back flanks, planetary sets, bad input."""
 
+import dataclasses
 from math import cos, pi, radians
 
 import numpy as np
@@ -8,7 +9,6 @@ import scipy
 
 import hbgear as hb
 from hbgear.gears.torque_orders import parse_torque_orders
-from hbgear.mechanics.series.fourier import evaluate, stretch
 
 
 def gears(wheel=40):
@@ -22,9 +22,9 @@ def test_a_train_of_two_wheels_is_the_pair():
     drawn = pair.model("200 N m", 0.04, mesh="secant", torque_orders=orders)
     assert (drawn.mesh_order, drawn.orders) == (50, {"mesh": 50.0})  # half turns of the pinion
     assert drawn.scales.pinion_speed(1.0 / 50) == pytest.approx(60 * drawn.scales.mesh_frequency(1.0 / 50) / 25)
-    mesh = hb.gears.Mesh.of("a", "b", pair, "204.7", 0.04, mesh="secant")  # the root mean square of the torque
+    mesh = hb.gears.Mesh.of("a", "b", pair, (200**2 + 0.5 * (60**2 + 10**2)) ** 0.5, 0.04, mesh="secant")
     wheels = [hb.gears.Wheel.of("a", a, torque="200 N m"), hb.gears.Wheel.of("b", b)]
-    turned = hb.gears.Train(wheels, [mesh], balance="b")._kinematics.turned["a"]
+    turned = hb.gears.Train(wheels, [dataclasses.replace(mesh, torque=None)], balance="b")._kinematics.turned["a"]
     shifted = {2: (60, radians(20) - 2 * turned), 2.5: (10, -2.5 * turned)}
     wheels[0] = hb.gears.Wheel.of("a", a, torque="200 N m", torque_orders=shifted)
     train = hb.gears.Train(wheels, [mesh], balance="b")
@@ -32,9 +32,7 @@ def test_a_train_of_two_wheels_is_the_pair():
     X = np.zeros(2 * 110 + 1)
     X[[0, 1, 8, 99, 100, 203]] = 1.4, 0.05, -0.1, 0.3, 0.2, 0.1
     two = [hb.HarmonicBalance(model, 110).evaluate(X, Omega=0.012)[0] for model in (drawn, train)]
-    scale = drawn.scales.force / train.scales.force, np.abs(two[0]).max()
-    np.testing.assert_allclose(two[1], two[0] * scale[0], rtol=0, atol=2e-3 * scale[1])
-    np.testing.assert_allclose(train.system().loads[1].vectors()[0][0], train.system().loads[1].vectors()[0][0])
+    np.testing.assert_allclose(two[1], two[0], rtol=0, atol=1e-9 * np.abs(two[0]).max())
 
 
 def test_rattle_closes_under_integration_in_time():
@@ -42,23 +40,24 @@ def test_rattle_closes_under_integration_in_time():
     pair = hb.SpurPair(
         0.06, 0.0, eps=(0.2,), e=(0.02,), mesh_order=5, fluctuation=hb.mechanics.Series(cosine=(0.3,), sine=(0.0, 0.05))
     )
-    problem, Omega = hb.HarmonicBalance(pair, 120), 0.16
+    problem, Omega = hb.HarmonicBalance(pair, 80), 0.16
     X = problem.start(Omega=Omega)
     assert problem.regime(X, Omega=Omega).tolist() == [2]  # contact on both flanks
     e = hb.mechanics.Series(cosine=(0.0,) * 4 + (0.02,))
-    x = [float(evaluate(X + e.row(120), 0.0)), float(evaluate(X + e.row(120), 0.0, 1)) * Omega]
+    q, zero = hb.mechanics.Series(X[0], X[1::2], X[2::2]), np.zeros(1)
+    x = [float((q(zero) + e(zero))[0]), Omega * float((q(zero, 1) + e(zero, 1))[0])]
 
     def motion(t, state):
         tau = Omega * t
-        d = state[0] - float(e(tau))
+        d = state[0] - 0.02 * cos(5 * tau)
         gap = d - np.clip(d, -1.0, 1.0)
-        v = state[1] - Omega * float(e(tau, 1))
+        v = state[1] + 0.1 * Omega * np.sin(5 * tau)
         force = 0.3 * cos(tau) + 0.05 * np.sin(2 * tau) - 0.12 * v - (1 - 0.2 * cos(5 * tau)) * gap
         return [state[1], force]
 
     period = 2 * pi / Omega
-    end = scipy.integrate.solve_ivp(motion, (0.0, period), x, rtol=1e-9, atol=1e-9, max_step=period / 400).y[:, -1]
-    np.testing.assert_allclose(end, x, rtol=0, atol=2e-4)
+    end = scipy.integrate.solve_ivp(motion, (0.0, period), x, rtol=1e-8, atol=1e-8, max_step=period / 300).y[:, -1]
+    np.testing.assert_allclose(end, x, rtol=0, atol=1e-3)
 
 
 def test_a_negative_torque_loads_the_back_flanks():
@@ -81,11 +80,12 @@ def test_planetary_set_with_engine_orders():
     assert varying.orders["mesh"] == p
     assert varying.orders["sun"] == pytest.approx(p * still.orders["sun"])
     assert varying.scales.pinion_speed(1 / p) == pytest.approx(still.scales.pinion_speed(1.0))
-    one, many = hb.HarmonicBalance(still, 2), hb.HarmonicBalance(varying.replace(fluctuation_scale=0.0), 2 * p)
+    one = hb.HarmonicBalance(still, 2)
+    many = hb.HarmonicBalance(varying.replace(fluctuation_scale=0.0), orders=(p, 2 * p))
     X = np.random.default_rng(1).normal(0.0, 0.3, (8, 5)) + np.array([2.0, 0, 0, 0, 0])
     R = one.evaluate(X.ravel(), Omega=0.9)[0]
-    found = many.evaluate(stretch(X, p).ravel(), Omega=0.9 / p)[0].reshape(8, -1)
-    np.testing.assert_allclose(found, stretch(R.reshape(8, -1), p), rtol=0, atol=1e-10 * np.abs(R).max())
+    found = many.evaluate(X.ravel(), Omega=0.9 / p)[0]
+    np.testing.assert_allclose(found, R, rtol=0, atol=1e-9 * np.abs(R).max())
     load = varying.system().loads[1].complex(varying.system().n)
     assert list(load) == [round(varying.orders["sun"])]
     force = 30.0 / varying.r_s / varying.scales.force
@@ -139,7 +139,7 @@ def test_a_mesh_for_another_torque_is_refused():
 def test_phasing_by_teeth_of_the_sun(N):
     """The rule of Parker and Lin: torque for l z_s mod N = 0, force for 1 and N - 1, neither for other values."""
     for z_s in range(24, 24 + N):
-        z_p = next(z for z in range(24, 24 + N + 1) if (2 * z_s + 2 * z) % N == 0)
+        z_p = next(z for z in range(12, 12 + N + 1) if (2 * z_s + 2 * z) % N == 0)
         machine = hb.gears.PlanetarySet(z_s, z_p, z_s + 2 * z_p, planets=N)
         names = {0: "in phase", N / 2: "counter-phase"}
         assert machine.phasing == names.get(z_s % N, "sequential")
