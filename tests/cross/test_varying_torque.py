@@ -147,3 +147,26 @@ def test_phasing_by_teeth_of_the_sun(N):
             k = harmonic * z_s % N
             expected = ("torque",) * (k == 0) + ("force",) * (k in (1, N - 1))
             assert machine.excitation(harmonic) == expected
+
+
+def test_orders_in_files(tmp_path):
+    """Files of machines hold torque orders in full; files of trains have them for each wheel."""
+    from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
+    from hbgear.io.machines.train_file import read_train
+
+    pair = hb.GearPair(*gears(), backlash="80 um")
+    machine = Machine(pair, 20.0, 0.04, mesh_model="secant", torque_orders={"1/3": ("10 N m", "30 deg"), 2: 60.0})
+    write_machine(machine, tmp_path / "pair.toml")
+    read = read_machine(tmp_path / "pair.toml")
+    assert read.torque_orders == machine.torque_orders
+    assert read.model() == machine.model()
+    wheels = "\n".join(
+        f'[[wheel]]\nname = "{name}"\ninertia = 1e-3\nteeth = {z}\nbase_radius = {z / 1000}\n{torque}'
+        for name, z, torque in (("a", 20, 'torque = 10.0\ntorque_orders = { 2 = "5 N m" }'), ("b", 30, ""))
+    )
+    text = f'balance = "b"\n{wheels}\n[[mesh]]\nfirst = "a"\nsecond = "b"\nk_mean = 1e8\n'
+    (tmp_path / "train.toml").write_text(text)
+    assert read_train(tmp_path / "train.toml").wheels[0].torque_orders == ((2.0, 5.0, 0.0),)
+    (tmp_path / "wrong.toml").write_text(text.replace("{ 2 =", "{ two ="))
+    with pytest.raises(ValueError, match=r"wrong.toml, line 2.*order 'two' of the torque must be a number"):
+        read_train(tmp_path / "wrong.toml")

@@ -54,6 +54,10 @@ DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
 
 
+DAMPING_RANGE = "effect of the damping ratio of the mesh, whose measured values lie between 0.02 and 0.1"
+"""Title of the table of damping ratios, which is printed before all results that depend on them."""
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands of this module."""
     app.command()(gear)
@@ -274,15 +278,19 @@ def _trace_and_report(
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
+        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
+        computed = [row for one in rows for row in one.result()]
+        damping = [row for row in computed if row[0].startswith("damping")]
+        first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
+        print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
         show_speeds(model, curve, machine)
         found = doubled.result()
         if found:
             headers = ["leaves at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
-        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
-        first = ["as computed", *_factor_and_jumps(model, curve)]
-        print_table(headers, [first, *(row for one in rows for row in one.result())])
+        first[0] = "as computed"
+        print_table(headers, [first, *(row for row in computed if row not in damping)])
     return curve
 
 
