@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import degrees, floor, log10, pi
@@ -43,6 +44,9 @@ if TYPE_CHECKING:
 
 FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
+
+PARAMETRIC_SPAN = 2.4
+"""Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
@@ -269,8 +273,11 @@ def _trace_and_report(
         name, changed = assumption
         return [[name, *_alternative_results(changed(), model, curve, count, stop)]]
 
+    faster = _curve_above(model, count)
+
     def subharmonics(stop: Event) -> list[list[str]]:
-        return [row for one in (curve, *curve.others) for row in _subharmonics(model, one, stop)]
+        span = (float(curve.values.min()), PARAMETRIC_SPAN)
+        return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
 
     others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
     with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
@@ -286,7 +293,7 @@ def _trace_and_report(
         show_speeds(model, curve, machine)
         found = doubled.result()
         if found:
-            headers = ["leaves at", "stable at pinion r/min", "largest dynamic factor"]
+            headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
         first[0] = "as computed"
@@ -398,8 +405,18 @@ def _until(stop: Event) -> Callable[[hb.Progress], None]:
     return ends
 
 
-def _subharmonics(model: hb.mechanics.Model, curve: hb.Branch, stop: Event) -> Iterator[list[str]]:
-    """Yield the label, stable speeds and largest dynamic factor of each curve of twice the period.
+def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
+    """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
+        span = (PARAMETRIC_SPAN, model.default_span[0])
+        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
+
+
+def _subharmonics(
+    model: hb.mechanics.Model, curve: hb.Branch, span: tuple[float, float], stop: Event
+) -> Iterator[list[str]]:
+    """Yield the first speed, stable speeds and largest dynamic factor of each curve of twice the period.
 
     A curve that ends at another period doubling is traced once.
     """
@@ -408,19 +425,19 @@ def _subharmonics(model: hb.mechanics.Model, curve: hb.Branch, stop: Event) -> I
     for point in curve.special:
         if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
             continue
-        doubled = hb.switch(curve, point.label, accuracy=None, progress=_until(stop))
+        doubled = hb.switch(curve, point.label, span, accuracy=None, progress=_until(stop))
         ends.append(float(doubled.values[-1]))
-        stable = np.zeros(0, dtype=bool) if doubled.stable is None else np.asarray(doubled.stable, dtype=bool)
-        if not stable.any():
-            continue
+        stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
         rpm = scales.pinion_speed(doubled.values)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
-        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+        if not spans:
+            continue
         largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
         factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
         speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in sorted(spans))
         begin = float(scales.pinion_speed(point.parameters["Omega"]))
-        yield [f"{point.label}, {begin:.0f} r/min", speeds, rounded(factor, 3)]
+        yield [f"{begin:.0f} r/min", speeds, rounded(factor, 3)]
 
 
 def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
