@@ -215,6 +215,19 @@ def test_rigid_bearings_leave_the_torsion():
     assert leading[1] == pytest.approx(leading[0], abs=1e-3)
 
 
+def test_a_jump_has_its_sensitivities():
+    """The largest parameters of a jump of contacts; the stiffness amplitude is no parameter of them."""
+    model = drawing(12.0).model("200 N m", 0.04)
+    assert "eps_scale" not in model.parameters and "zeta" in model.parameters
+    with pytest.raises(ValueError, match=r"eps_scale = 0.5 has no meaning for contacts"):
+        model.replace(eps_scale=0.5)
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.2, 0.62))
+    found = hb.analysis.sensitivity(curve["LP1"], ["zeta"]).of()["zeta"]
+    moved = hb.trace(hb.HarmonicBalance(model.replace(zeta=model.zeta + 1e-4), 8), "Omega", (1.2, 0.62))["LP1"]
+    change = moved.parameters["Omega"] - curve["LP1"].parameters["Omega"]
+    assert found == pytest.approx(1e4 * change, rel=0.02)
+
+
 def test_a_saved_curve_has_its_contacts(tmp_path):
     model = drawing(12.0).model("200 N m", 0.04, mesh="teeth")
     curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.2, 1.0))

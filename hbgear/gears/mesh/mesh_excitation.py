@@ -81,6 +81,11 @@ class MeshExcitation(Model):
             raise ValueError(f"{owner}: contacts and a mesh stiffness are both given; give eps=() and no stiffness")
         check_contact_scale(owner, self.eps_scale, [self.contacts])
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale for contacts."""
+        return parameters_of_meshes(super().parameters, [self.contacts])
+
     def mesh_law(self, half_backlash: float) -> Law:
         """Return the force law of the mesh with a half backlash."""
         if self.contacts is None:
@@ -140,6 +145,13 @@ def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshCon
             f"{owner}: eps_scale = {eps_scale:g} has no meaning for contacts, whose stiffness is that of the pairs of "
             "teeth: give 1, or a mean-mesh model (mesh='tangent')"
         )
+
+
+def parameters_of_meshes(parameters: dict[str, float], contacts: Sequence[MeshContacts | None]) -> dict[str, float]:
+    """Return the parameters of a model without eps_scale if a mesh has contacts, see `check_contact_scale`."""
+    if all(one is None for one in contacts):
+        return parameters
+    return {name: value for name, value in parameters.items() if name != "eps_scale"}
 
 
 def check_mesh_stiffness(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) -> None:

@@ -38,7 +38,13 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
 from hbgear.gears.drawing.pair import GearPair
-from hbgear.gears.mesh.mesh_excitation import amplitudes, check_contact_scale, in_order, mesh_stiffness
+from hbgear.gears.mesh.mesh_excitation import (
+    amplitudes,
+    check_contact_scale,
+    in_order,
+    mesh_stiffness,
+    parameters_of_meshes,
+)
 from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
 from hbgear.gears.trains.planetary_drawing import drawn_fields
 from hbgear.gears.trains.train_components import Mesh, Wheel
@@ -293,6 +299,20 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             Torque on the sun [N m], which all planets share equally.
         **others : object
             Other fields, such as planets, zeta, and the mass and inertia of the carrier.
+
+        Raises
+        ------
+        ValueError
+            If the pairs do not have the same planet, or the wheel of the second pair is not a ring.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> sun, planet = (hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (28, 36))
+        >>> ring = hb.gears.Gear(100, "3 mm", "20 mm", internal=True, tip_diameter="296 mm")
+        >>> pairs = hb.GearPair(sun, planet, backlash="60 um"), hb.GearPair(planet, ring, backlash="60 um")
+        >>> hb.gears.PlanetarySet.of(*pairs, "300 N m", planets=4, m_c=8.0, J_c=6.0).phasing
+        'in phase'
         """
         return cls(**{**drawn_fields(sun, ring, torque, others.get("planets", cls.planets)), **others})
 
@@ -327,6 +347,11 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
                 f"nearest position is {nearest:.6g}; equal spacing requires that (z_s + z_r) / N = "
                 f"{tooth_sum}/{self.planets} is whole"
             )
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale if a mesh has contacts."""
+        return parameters_of_meshes(super().parameters, [self.contacts_sp, self.contacts_rp])
 
     # ---- kinematics
 

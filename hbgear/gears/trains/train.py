@@ -28,7 +28,7 @@ from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.gears.mesh.mesh_excitation import check_contact_scale, in_order
+from hbgear.gears.mesh.mesh_excitation import check_contact_scale, in_order, parameters_of_meshes
 from hbgear.gears.pairs.support import AXES
 from hbgear.gears.torque_orders import exact_order
 from hbgear.gears.trains.beam import Beam
@@ -194,6 +194,11 @@ default 1.0
                 "leave one out"
             )
         return beam if beam.length is not None else dataclasses.replace(beam, length=distance)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale if a mesh has contacts."""
+        return parameters_of_meshes(super().parameters, [mesh.contacts for mesh in self.meshes])
 
     # ---- kinematics
 
