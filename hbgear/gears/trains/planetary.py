@@ -64,9 +64,7 @@ _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
 DEFAULT_LENGTH = 1e-6  # [m], unit of length of a set without backlash
 
-RESULTANT_TOLERANCE = (
-    1e-6  # sums of unit vectors of the planets below this fraction of their number are rounding errors
-)
+RESULTANT_TOLERANCE = 1e-6  # sums of unit vectors below this fraction of their number are rounding errors
 
 SHAPE_TOLERANCE = 1e-6  # components of a mode shape with maximum 1 below this value are rounding errors
 
@@ -624,7 +622,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             function: Phased = one.reversed() if backward and isinstance(one, Periodic) else one
             return in_order(function, self.mesh_order, lag)
 
-        return contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
+        law: Law = contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
+        return law
 
     def _rotation(self) -> SpeedTerms | None:
         """Return the dimensionless Coriolis and centripetal terms of the frame of the carrier."""
