@@ -190,6 +190,14 @@ def test_without_relief_the_mean_mesh_is_the_same():
         assert nearest < 2e-3
 
 
+def test_the_law_is_the_sum_of_its_contacts():
+    law = drawing(12.0, 15.0).model("200 N m", 0.04).system().elements[0].law
+    tau, d = np.random.default_rng(1).uniform(-9.0, 9.0, (2, 500))
+    parts = [contact.force(d / 3, 0 * d, tau) for contact in law.contacts]
+    for found, wanted in zip(law.force(d / 3, 0 * d, tau), np.sum(parts, axis=0), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
 @pytest.mark.parametrize("clearance", ["0 um", "20 um"])
 def test_contacts_with_bearings(clearance):
     """Exact forces of a mesh of contacts between bearings with clearance, against samples of the same laws.

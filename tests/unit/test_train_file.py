@@ -250,6 +250,7 @@ def test_bad_rotors(rotor, old, new, said):
         ("teeth = 30", "teeth = 6", "line 11: 6 teeth .* undercut"),
         ('inertia = "0.01 kg m^2"', "", "line 13: wheel 'flange' needs its inertia"),
         ('k_mean = "4e8 N/m"', "", "a mesh needs its k_mean"),
+        ('k_mean = "4e8 N/m"', 'k_mean = "4e8 N/m"\nmesh_model = "tangent"', "computed from pair and torque"),
         ('torque = "100 N m"\ndamping', "damping", "needs the torque on the first wheel"),
         ('[[shaft]]\nfirst = "middle"', '[[shaft]]\nfirst = "flange"', "name two wheels"),
         ("eps = [0.2]", "eps = [2.0]", "eps|stiffness"),

@@ -279,8 +279,9 @@ def _trace_and_report(
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
         return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
 
-    others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
-    with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
+    works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
+    works += [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))

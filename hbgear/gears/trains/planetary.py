@@ -612,7 +612,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     def _mesh_law(self, which: str, lag: float) -> Law:
         """Return the dimensionless force law of a mesh with the sun ("sp") or the ring ("rp")."""
         b, ratio = getattr(self, f"b_{which}") / self.b_c, getattr(self, f"k_{which}") / self.k_sp
-        contacts = getattr(self, f"contacts_{which}")
+        contacts: MeshContacts | None = getattr(self, f"contacts_{which}")
         if contacts is None:
             stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(lag)
             return Backlash(b=b, stiffness=in_order(stiffness.scaled(ratio), self.mesh_order))
