@@ -67,10 +67,11 @@ class Train(Model):  # numpydoc ignore=PR02
         Name of the wheel whose torque balances all others; "" if the given torques are in equilibrium.
     gyroscopic : bool, default False
         True to include the gyroscopic terms of beams and of wheels that move in space.
-    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale, fluctuation_scale : float, \
-default 1.0
-        Factors of all mean torques, backlashes, stiffness amplitudes, errors, clearances, unbalances and torque orders,
-        for use as continuation parameters.
+    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : float, default 1.0
+        Factors of all mean torques, backlashes, stiffness amplitudes, errors, clearances and unbalances, for use as
+        continuation parameters.
+    fluctuation_scale : float, default 1.0
+        Factor of all torque orders, for use as a continuation parameter.
 
     Raises
     ------
