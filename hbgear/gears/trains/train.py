@@ -87,7 +87,8 @@ class Train(Model):  # numpydoc ignore=PR02
     >>> gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
     >>> pairs = [hb.GearPair(a, b, backlash="80 um") for a, b in zip(gears, gears[1:])]
     >>> names = ("in", "idler"), ("idler", "out")
-    >>> meshes = [hb.gears.Mesh.of(*two, pair, "100 N m") for two, pair in zip(names, pairs)]
+    >>> torques = "100 N m", "120 N m"  # on the first wheel of each mesh
+    >>> meshes = [hb.gears.Mesh.of(*two, pair, T) for two, pair, T in zip(names, pairs, torques)]
     >>> places = (0.0, 0.0825, 0.1875)
     >>> wheels = [hb.gears.Wheel.of(name, gear, x=x) for name, gear, x in zip(("in", "idler", "out"), gears, places)]
     >>> wheels[0] = hb.gears.Wheel.of("in", gears[0], torque="100 N m")
