@@ -155,6 +155,14 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
     return ToothMesh(tuple(flanks), mean, force)
 
 
+def tooth_centre(pair: GearPair) -> float:
+    """Return the phase [mesh periods] at which the tooth of the pinion lies on the line of centres, u_c."""
+    radius = pair.working_radii[0]
+    thickness = pair.pinion.tooth_thickness(2 * radius)
+    middle = pair.base_radii[0] * (tan(pair.working_pressure_angle) + thickness / (2 * radius))
+    return float((middle - pair.path[0]) / pair.base_pitch)
+
+
 class _Path:
     """Stiffness and gap over the path of contact of the slices of a pair of teeth.
 
@@ -169,10 +177,7 @@ class _Path:
         self.half_width = pair.overlap_ratio / (2 * slices)
         self.z = (np.arange(slices) + 0.5) / slices - 0.5
         self.lag = (pair.overlap_ratio * (self.z + 0.5)).tolist()
-        radius = pair.working_radii[0]
-        thickness = pair.pinion.tooth_thickness(2 * radius)
-        middle = pair.base_radii[0] * (tan(pair.working_pressure_angle) + thickness / (2 * radius))
-        self.centre = (middle - begin) / pair.base_pitch
+        self.centre = tooth_centre(pair)
         phase, side = cycle_phases(pair, STATIC_PHASES)
         self.loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)[2]
         self.loads = self.loads.reshape(len(phase), -1, slices)
