@@ -117,7 +117,7 @@ def variation(
     """
     n = flow.n
     Y = np.column_stack([y, np.eye(2 * n)])
-    end, _, _ = flow.march(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
+    end, _, _ = flow.integrate(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
     end = end.reshape(2 * n, -1)
     Phi = end[:, 1:]
     return end[:, 0], Phi, _reduced(structure, Phi)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.forces.breakpoints import Corners
+from hbgear.harmonic.forces.breakpoints import PiecewiseExcitation
 from hbgear.harmonic.forces.packed_laws import PackedLaws
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Law
@@ -59,14 +59,14 @@ class PackedModel(NamedTuple):
     """Model for kernels.
 
     basis (2H + 1, N) : real Fourier basis at N samples.
-    corners, own : None for a model without breakpoints in the phase or without compiled laws. Kernels are then compiled
+    piecewise, own : None for a model without breakpoints in the phase or without compiled laws. Kernels are compiled
         without the code for them, in two thirds of the time.
     """
 
     laws: PackedLaws
     linear: PackedLinearPart
     basis: Array
-    corners: Corners | None
+    piecewise: PiecewiseExcitation | None
     own: Own | None
 
 
