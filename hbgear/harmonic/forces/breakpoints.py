@@ -35,7 +35,7 @@ class PiecewiseExcitation(NamedTuple):
     moves : ndarray, shape (Q + 1,)
         Index of the first segment of w of each displacement j, and the number of all segments. There are no segments
         if e_j has no breakpoints and the level does not move.
-    at, rows : ndarray, shapes (T,) and (T, 4)
+    at, coefficients : ndarray, shapes (T,) and (T, 4)
         Beginning [rad] and coefficients of each segment of w.
     broken : ndarray, shape (T,)
         Whether w of a moving level jumps at the beginning of a segment.
@@ -65,7 +65,7 @@ class PiecewiseExcitation(NamedTuple):
     phases: Array
     moves: np.ndarray
     at: Array
-    rows: Array
+    coefficients: Array
     broken: np.ndarray
     idle: np.ndarray
     bounds: Array
@@ -148,7 +148,7 @@ def piecewise_excitation(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
         moves=_first_indices([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
         at=np.concatenate([np.empty(0), *pieces]),
-        rows=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
+        coefficients=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
         broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
         idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
         bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
