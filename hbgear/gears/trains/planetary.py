@@ -38,7 +38,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
 from hbgear.gears.mesh.mesh_excitation import amplitudes, mesh_stiffness
-from hbgear.gears.trains.train_components import Mesh, Wheel
+from hbgear.gears.trains.train_components import Mesh, Wheel, check_half_backlash
 from hbgear.gears.trains.train_kinematics import kinematics
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.models import Element, Load, Model, System
@@ -228,6 +228,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         super().__post_init__()
         for name in ("eps_sp", "eps_rp", "e_sp", "e_rp", "spacing", "planet_errors"):
             object.__setattr__(self, name, amplitudes("PlanetarySet", name, getattr(self, name)))
+        for name in ("b_sp", "b_rp"):
+            check_half_backlash("PlanetarySet", name, getattr(self, name))
         counted("PlanetarySet: planets", self.planets, 40, least=1)
         for name in ("teeth_s", "teeth_p", "teeth_r"):
             counted(f"PlanetarySet: {name}", getattr(self, name), 10_000, least=4)
