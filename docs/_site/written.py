@@ -228,9 +228,7 @@ def is_number(node: ast.expr | None) -> bool:
 def constant_page() -> None:
     """Write the table of the tuned constants of all modules, by package."""
     root = Path(hb.__file__).parent
-    about = (
-        "Limits, thresholds and tolerances of the algorithms, with their reasons. Arguments are in the API reference."
-    )
+    about = "Limits, thresholds and tolerances of the algorithms with their reasons."
     parts = ["# Tuned constants\n", f"{about}\n"]
     for package in sorted(path.parent for path in root.glob("*/__init__.py")):
         found = {path: constant_rows(path) for path in sorted(package.rglob("*.py"))}

@@ -1,4 +1,4 @@
-"""Reader of MATLAB files of versions 4 to 7. SciPy checks neither the types of elements nor their unpacked size.
+"""Reader of MATLAB files of versions 4 to 7, whose elements are checked before SciPy reads them.
 
 file:      128 bytes, the last two the byte order; then elements
 element:   type and size (4 bytes each), or both in 4 bytes and up to 4 bytes of data; a matrix contains elements
