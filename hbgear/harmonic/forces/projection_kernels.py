@@ -45,6 +45,7 @@ from hbgear.harmonic.forces.piecewise_kernels import (
     sizes_of,
     spans,
 )
+from hbgear.harmonic.forces.slider_kernels import SliderWorkspace, add_sliders, slider_workspace
 
 
 class ProjectionWorkspace(NamedTuple):
@@ -74,6 +75,8 @@ class ProjectionWorkspace(NamedTuple):
         kappa and chi of each spring without its stiffness series.
     ends : ndarray, shape (2, Q)
         Working memory for derivatives of polynomials.
+    slides : SliderWorkspace or None
+        Arrays of the friction sliders, if there are any.
     """
 
     theta: Array
@@ -91,6 +94,7 @@ class ProjectionWorkspace(NamedTuple):
     pull: ComplexArray
     both: ComplexArray
     ends: Array
+    slides: SliderWorkspace | None
 
 
 @kernel
@@ -106,6 +110,7 @@ def projection_workspace(packed: Any, m: int, H: int, order: Any) -> Any:
         coefficients[0], coefficients[1], coefficients[2], np.empty(packed.basis.shape[1]),
         np.empty((2, packed.basis.shape[1])), waves, square,
         part[0], part[1], both, np.empty((2, degrees)),
+        slider_workspace(packed.sliders, H, packed.basis.shape[1], order + 1),
     )  # fmt: skip
 
 
@@ -180,6 +185,7 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
     if laws.of.shape[0]:
         cross(packed, coefficients, np.bool_(True), space)  # a literal would compile `cross` a second time
         _add_springs(laws, piecewise, space)
+    add_sliders(packed.sliders, packed.basis, coefficients, space.slides, kappa, chi)
     for j in range(coefficients.shape[0]):
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
             fill_gap(piecewise, coefficients[j], j, c)
