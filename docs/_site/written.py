@@ -1,7 +1,8 @@
-"""Pages that each build writes: API reference, commands, studies.
+"""Pages that each build writes: API reference, commands, constants, studies.
 
     api/        one page for each object of `hbgear`, its sub-modules and `hbgear.plot`, and for each result class
     commands.md every command of ``hbgear`` with its options
+    constants.md tuned numbers of the modules with their reasons
     studies/    studies/README.md, the figures and tables of the studies
 
 The pages are generated from the package, so a new name, command or study needs no change here. Links of pages to files
@@ -194,6 +195,50 @@ def command_page() -> None:
     write(DOCS / "commands.md", "\n".join(parts))
 
 
+# ---- tuned constants
+
+
+def constant_rows(path: Path) -> list[str]:
+    """Return the rows of the numbers at the top level of a module: name, value and reason."""
+    source = path.read_text(encoding="utf-8")
+    lines, rows = source.splitlines(), []
+    for node, below in pairwise([*ast.parse(source).body, ast.Pass()]):
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        value = getattr(node, "value", None)
+        if not isinstance(target, ast.Name) or not target.id.strip("_").isupper() or not is_number(value):
+            continue
+        reason = getattr(getattr(below, "value", None), "value", None)
+        if not isinstance(reason, str):
+            comment = lines[node.lineno - 1].partition("#")[2]
+            reason = comment or lines[node.lineno - 2].partition("#")[2]
+        name, text = target.id.strip("_"), cell(reason.replace("``", "`").replace("$", "\\$"))
+        rows.append(f"| `{name}` | {ast.unparse(value).replace('**', '^').replace('*', 'x')} | {text} |")
+    return rows
+
+
+def is_number(node: ast.expr | None) -> bool:
+    """Return whether an expression contains only numbers and operators."""
+    allowed = (ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+    parts = [] if node is None else list(ast.walk(node))
+    numbers = [part.value for part in parts if isinstance(part, ast.Constant)]
+    plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in numbers)
+    return bool(parts) and plain and all(isinstance(part, allowed) for part in parts)
+
+
+def constant_page() -> None:
+    """Write the table of the tuned constants of all modules, by package."""
+    root = Path(hb.__file__).parent
+    about = "Limits, thresholds and tolerances of the algorithms with their reasons."
+    parts = ["# Tuned constants\n", f"{about}\n"]
+    for package in sorted(path.parent for path in root.glob("*/__init__.py")):
+        found = {path: constant_rows(path) for path in sorted(package.rglob("*.py"))}
+        parts += [f"## {package.name}\n"] if any(found.values()) else []
+        for path, rows in found.items():
+            module = path.relative_to(root).as_posix()
+            parts += [f"### {module}\n", "| constant | value | reason |\n|---|---|---|", *rows, ""] if rows else []
+    write(DOCS / "constants.md", "\n".join(parts))
+
+
 # ---- studies
 
 
@@ -237,6 +282,7 @@ def all_pages(app: Sphinx) -> None:
     forget()
     api_pages()
     command_page()
+    constant_page()
     study_pages()
 
 

@@ -225,7 +225,7 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    one, kept = compiled.system.elements[index], compiled.corners.kept[:, index]
+    one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
     return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
 
 

@@ -133,7 +133,7 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
         raise refusal
     try:
         exact = float(number)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise refusal from None
     return _short(exact)
 

@@ -67,7 +67,7 @@ def from_ross(rotor: Any) -> Matrices:
     K, C = (np.asarray(matrix(still), dtype=float) for matrix in (rotor.K, rotor.C))
     springs = list(_springs(rotor, still, 0, len(K)))
     for spring in springs:
-        K = K - spring.taken
+        K = K - spring.coupling
 
     def over(matrix: Any, first: Array) -> Any:
         """Return the change of a matrix with speed, relative to its first value; None if it is constant."""
@@ -108,7 +108,7 @@ class _Spring:
 
     direction: Array
     stiffness: float
-    taken: Array
+    coupling: Array
 
 
 def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
@@ -129,12 +129,12 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
     k = float(mesh.stiffness)
     inside = np.abs(coupling).max() > _RANK_ONE_TOLERANCE * k
     own = _direction(coupling / k if inside else _coupling(rotor, mesh, len(alone)))
-    direction, taken = np.zeros(n), np.zeros((n, n))
+    direction, removed = np.zeros(n), np.zeros((n, n))
     here = slice(first, first + len(alone))
     direction[here] = own
     if inside:
-        taken[here, here] = coupling
-    yield _Spring(direction, k, taken)
+        removed[here, here] = coupling
+    yield _Spring(direction, k, removed)
     yield from _springs(driving, speed, first, n)
     yield from _springs(driven, speed * ratio, first + len(driving.K(speed)), n)
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
@@ -20,10 +19,10 @@ from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
 from hbgear.common.text.messages import quoted
 from hbgear.io.branches.archive import Damaged, archive_of
-from hbgear.io.matrix_files.matlab_check import check_matlab
+from hbgear.io.matrix_files.matlab import read_matlab
 from hbgear.io.matrix_files.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_files.matrix_market import DamagedFileError, read_matrix_market
-from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mat, check_mtx
+from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mtx
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.matrices import square
@@ -232,7 +231,7 @@ def _one(value: Any, name: str) -> Any:
             f"'{value}' has no matrix '{name}', but {', '.join(sorted(every)) or 'nothing'}: give names=..."
         )
     if suffix == ".npy":
-        return _read(value, lambda: np.load(value, allow_pickle=False))
+        return _read(value, lambda: np.array(np.load(value, mmap_mode="r", allow_pickle=False)))  # size checked first
     return _read(value, lambda: _market(value))
 
 
@@ -255,21 +254,10 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix == ".mat":
         if Path(path).is_file() and is_hdf5(path):
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
-        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else _read_matlab(path))
+        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else read_matlab(path))
         return {name: value for name, value in found.items() if not name.startswith("__")}
     raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in separate files (.mtx, .npy) are given by "
                      "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
-
-
-def _read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the variables of a file of version 7 or earlier."""
-    check_mat(path)
-    check_matlab(path)
-    found: dict[str, Any] = scipy.io.loadmat(path)
-    for value in found.values():
-        if scipy.sparse.issparse(value) and value.format == "csc":
-            value.check_format(full_check=True)
-    return found
 
 
 def _read(path: Any, read: Any) -> Any:

@@ -142,7 +142,7 @@ def _check_options(options: Mapping[str, Any]) -> None:
     try:
         first, last = (float(end) for end in span)
         good = 0 < first < math.inf and 0 < last < math.inf and first != last
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         good = False
     if not good:
         raise ValueError(f"model: default_span = {quoted(span)} must be two different frequencies, such as (0.5, 1.5)")

@@ -12,10 +12,11 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.frequency_units import model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response, speed_axes
-from hbgear.plot.style import COLOURS, GREY, MEASURES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.time.basins_of_attraction import Basins
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.validation import Report
@@ -109,7 +110,7 @@ def sweeps(
                 ax.axvspan(*sorted(jump.interval), color=DIRECTIONS[s.direction][1], alpha=0.12, linewidth=0, zorder=0)
         if branch is None:
             ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
-            ax.set_ylabel(f"{MEASURES.get(measure, measure)} of {_name(found[0], element)}")
+            ax.set_ylabel(axis_text(measure, _name(found[0], element)))
         dress(ax)
         if own:
             _in_speeds(ax, found[0].parameter, model or (model_of(branch) if branch else None))

@@ -21,7 +21,6 @@ from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
 from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
 from hbgear.harmonic.frequency_units import MESH, PINION
-from hbgear.io.branches.columns import MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,10 +69,6 @@ def legend_entry(event: Event | SpecialPoint) -> str:
 
 MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
 """Marker and legend entry of each built-in kind of special point; events of users define their own."""
-
-
-MEASURES = MEASURED
-"""Measures of amplitude in words."""
 
 
 BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#56b4e9", "#7a5c00")

@@ -171,9 +171,9 @@ class Sweep:
         Poincare points (d, v) at tau = 0 of each motion, one per excitation period.
     period : ndarray, shape (P,)
         Period in excitation periods; 0 if the motion did not settle.
-    taken : ndarray, shape (P,)
+    integrated_periods : ndarray, shape (P,)
         Number of integrated excitation periods.
-    left : ndarray, shape (P,)
+    remaining_distance : ndarray, shape (P,)
         Estimated remaining distance, relative to the state.
     lyapunov : ndarray, shape (P,)
         Largest Lyapunov exponent per unit of time if the motion did not settle, else nan.
@@ -198,8 +198,8 @@ class Sweep:
     rows: Array
     points: tuple[Array, ...]
     period: np.ndarray
-    taken: np.ndarray
-    left: Array
+    integrated_periods: np.ndarray
+    remaining_distance: Array
     lyapunov: Array
     jumps: tuple[SweepJump, ...]
     direction: int
@@ -300,7 +300,10 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
             columns: dict[str, Any] = {found.parameter: found.values, "direction": [found.direction] * len(found)}
             for j, name in enumerate(found.elements):
                 columns |= {f"{measure}_{name}": found.amplitude(measure, j) for measure in measures.BUILT_IN_MEASURES}
-            columns |= {name: getattr(found, name) for name in ("period", "taken", "left", "lyapunov")}
+            columns |= {
+                name: getattr(found, name)
+                for name in ("period", "integrated_periods", "remaining_distance", "lyapunov")
+            }
             if i == 0:
                 writer.writerow(columns)
             writer.writerows(zip(*columns.values(), strict=True))
@@ -493,7 +496,7 @@ class _Sweeper:
         if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > _MIN_CHAOTIC_GROWTH:
             return how, exponent
         how = settled(longest - first)
-        how = replace(how, taken=how.taken + first)
+        how = replace(how, integrated_periods=how.integrated_periods + first)
         return how, np.nan if how.period[0] else lyapunov(integrator, motions)
 
     def _detect_jump(self, i: int, before: Array, state: Array) -> None:
@@ -518,7 +521,9 @@ class _Sweeper:
         """Return the message of the last value."""
         value, observed, how, _ = self.found[-1]
         period = f"period {how.period[0]}" if how.period[0] else "not periodic"
-        return f"{self.parameter} = {value:.5g}, rms {observed.rms.max():.4g}, {period} after {how.taken[0]}"
+        return (
+            f"{self.parameter} = {value:.5g}, rms {observed.rms.max():.4g}, {period} after {how.integrated_periods[0]}"
+        )
 
     def _result(self, system: Any, status: Status, message: str) -> Sweep:
         """Return the sweep of all values so far."""
@@ -543,8 +548,8 @@ class _Sweeper:
             rows=stacked("rows", (m, 2 * HARMONICS + 1)),
             points=tuple(s.points for s in observed),
             period=np.array([h.period[0] for h in how], dtype=int),
-            taken=np.array([h.taken[0] for h in how], dtype=int),
-            left=np.array([h.left[0] for h in how]),
+            integrated_periods=np.array([h.integrated_periods[0] for h in how], dtype=int),
+            remaining_distance=np.array([h.remaining_distance[0] for h in how]),
             lyapunov=np.array([f[3] for f in self.found]),
             jumps=tuple(self.jumps),
             direction=1 if self.direction == "up" else -1,

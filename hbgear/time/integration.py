@@ -184,7 +184,7 @@ def _runge_kutta(
             d[:, inside], v[:, inside] = flow.gaps_over(t[inside], dense(t[inside]))
 
     end = (phase + 2 * np.pi * periods) / flow.Omega
-    Y, instants, count = flow.march(phase / flow.Omega, y, end, method, tolerance, visit)
+    Y, instants, count = flow.integrate(phase / flow.Omega, y, end, method, tolerance, visit)
     return Motion(flow.Omega, tau, d, v, Y, flow.Omega * np.array(instants), count)
 
 

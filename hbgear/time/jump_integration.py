@@ -72,7 +72,7 @@ class JumpOutcome:
         Period in excitation periods; 0 if the motion is not periodic.
     rms : ndarray, shape (m,)
         Root mean square of the element coordinates; inf if the motion diverges.
-    taken : int
+    integrated_periods : int
         Number of integrated excitation periods.
     motion : Point or None
         Fourier coefficients of the periodic motion; None if it is not periodic.
@@ -81,7 +81,7 @@ class JumpOutcome:
     value: float
     period: int
     rms: Array
-    taken: int
+    integrated_periods: int
     motion: Point | None
 
     @property
@@ -189,16 +189,16 @@ def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyS
     how = settle(integrator, motions, settling)
     found = []
     for i, here in enumerate(each):
-        this, period, taken = np.array([i]), int(how.period[i]), int(how.taken[i])
+        this, period, periods = np.array([i]), int(how.period[i]), int(how.integrated_periods[i])
         last = motions.select(this)
         if not np.isfinite(last.zeta).all():
-            found.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), taken, None))
+            found.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), periods, None))
             continue
         seen = integrator.select(this).advance(last, period or OBSERVED, record=True)
         assert seen is not None
         d = seen[0][0]
         motion = _as_point(problem, d, period, here) if period else None
-        found.append(JumpOutcome(values[i], period, d.std(axis=1), taken, motion))
+        found.append(JumpOutcome(values[i], period, d.std(axis=1), periods, motion))
     return found
 
 

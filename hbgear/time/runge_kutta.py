@@ -230,7 +230,7 @@ class Flow:
             p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
         return p, kd, kv
 
-    def march(
+    def integrate(
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None = None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
@@ -266,9 +266,9 @@ class Flow:
             If the motion diverges, or steps become too short.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._march(t, Y, end, method, tolerance, visit)
+            return self._integrate(t, Y, end, method, tolerance, visit)
 
-    def _march(
+    def _integrate(
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
@@ -278,12 +278,12 @@ class Flow:
         while end - t > nearly:
             between = self.between(t)
             stop = between.end if end - between.end > nearly else end
-            Y, more, steps = self._march_between(between, t, Y, stop, method, tolerance, atol, visit)
+            Y, more, steps = self._integrate_between(between, t, Y, stop, method, tolerance, atol, visit)
             t, count = stop, count + steps
             instants += more
         return Y, instants, count
 
-    def _march_between(
+    def _integrate_between(
         self, between: Interval, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip

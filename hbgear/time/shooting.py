@@ -119,7 +119,7 @@ def variation(
     """
     n = flow.size
     Y = np.column_stack([y, np.eye(n)])
-    end, _, _ = flow.march(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
+    end, _, _ = flow.integrate(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
     end = end.reshape(n, -1)
     Phi = end[:, 1:]
     slides = 2 * flow.n

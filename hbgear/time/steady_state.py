@@ -90,19 +90,19 @@ class Settled:
     ----------
     period : ndarray, shape (B,)
         Period in excitation periods; 0 if the motion did not settle.
-    taken : ndarray, shape (B,)
+    integrated_periods : ndarray, shape (B,)
         Number of integrated excitation periods.
-    left : ndarray, shape (B,)
-        Remaining distance, relative to the state, for the period ``guess``; inf if the motion diverges or does not
-        converge.
-    guess : ndarray, shape (B,)
+    remaining_distance : ndarray, shape (B,)
+        Remaining distance, relative to the state, for the period ``likely_period``; inf if the motion diverges or
+        does not converge.
+    likely_period : ndarray, shape (B,)
         Period with the smallest remaining distance.
     """
 
     period: np.ndarray
-    taken: np.ndarray
-    left: Array
-    guess: np.ndarray
+    integrated_periods: np.ndarray
+    remaining_distance: Array
+    likely_period: np.ndarray
 
 
 def settle(
@@ -211,18 +211,18 @@ def _settle_batch(
             continue
         if p < 50:  # the size of a start at rest is zero
             size = np.maximum(size, np.linalg.norm(weights * integrator.to_modal(here), axis=-1))
-        period, left, guess = (np.empty(len(active), dtype=kind) for kind in (np.int64, float, np.int64))
-        is_periodic(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, left, guess)
+        period, distance, likely = (np.empty(len(active), dtype=kind) for kind in (np.int64, float, np.int64))
+        is_periodic(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, distance, likely)
         if caught:
             before = past[(p - _TEST_INTERVAL - 1) % len(past)] - here.zeta  # the steady part is equal at both
             period = np.where(period > 0, period, caught(integrator.to_modal(here), integrator.to_modal(here) + before))
         diverged = ~np.isfinite(here.zeta).all(axis=-1)
-        left[diverged], period[diverged] = np.inf, 0
-        out.left[active], out.guess[active] = left, guess
+        distance[diverged], period[diverged] = np.inf, 0
+        out.remaining_distance[active], out.likely_period[active] = distance, likely
         finished = (period > 0) | diverged
         if finished.any():
             motions.replace(active[finished], here.select(np.flatnonzero(finished)))
-            out.taken[active[finished]] = p
+            out.integrated_periods[active[finished]] = p
             out.period[active[finished]] = period[finished]
             keep = np.flatnonzero(~finished)
             if keep.size:

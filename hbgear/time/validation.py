@@ -188,7 +188,7 @@ class JumpCheck:
         Root mean square of this element in the motion on which integration settles.
     period : int
         Period of that motion in excitation periods; 0 if it is not periodic.
-    taken : int
+    integrated_periods : int
         Number of integrated excitation periods.
     jump : Jump
         Jump by integration. ``jump.after`` is a start for `trace` if ``jump.note`` states that it is on no given curve.
@@ -204,7 +204,7 @@ class JumpCheck:
     after: float
     rms: float
     period: int
-    taken: int
+    integrated_periods: int
     jump: Jump
     status: str
 
@@ -275,8 +275,8 @@ class Report:
                    "status"]  # fmt: skip
         return headers, [
             [j.label, f"{j.value:.6g}", "increasing" if j.direction > 0 else "decreasing", f"{j.before:.5g}",
-             f"{j.after:.5g}" if np.isfinite(j.after) else "-", f"{j.rms:.5g}", str(j.period or "-"), str(j.taken),
-             j.status] for j in self.jumps
+             f"{j.after:.5g}" if np.isfinite(j.after) else "-", f"{j.rms:.5g}", str(j.period or "-"),
+             str(j.integrated_periods), j.status] for j in self.jumps
         ]  # fmt: skip
 
     def export(self, path: str | os.PathLike[str]) -> None:
@@ -596,7 +596,7 @@ def _check_jump(curves: tuple[Branch, ...], jump: Jump) -> JumpCheck:
     after = float("nan") if stated is None else stated.amplitude("rms", which)
     return JumpCheck(
         jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
-        found.period, found.taken, decided, _landing_status(curves, stated, ends),
+        found.period, found.integrated_periods, decided, _landing_status(curves, stated, ends),
     )  # fmt: skip
 
 
@@ -746,7 +746,7 @@ def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
     flow = Flow(model.system(), Omega)
     T = nu * 2 * np.pi / Omega
     try:
-        end, _, _ = flow.march(0.0, y, T, "DOP853", _INTEGRATION_TOLERANCE)
+        end, _, _ = flow.integrate(0.0, y, T, "DOP853", _INTEGRATION_TOLERANCE)
     except ArithmeticError:
         return np.inf
     (d0, v0), (d1, v1) = flow.gaps(0.0, y), flow.gaps(T, end)
@@ -785,7 +785,8 @@ def _growth(model: Any, orbit: Orbit) -> float:
     T = orbit.nu * 2 * np.pi / orbit.Omega
     try:
         ends = [
-            flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", _INTEGRATION_TOLERANCE)[0] for s in (1, -1)
+            flow.integrate(0.0, orbit.state + s * delta, periods * T, "DOP853", _INTEGRATION_TOLERANCE)[0]
+            for s in (1, -1)
         ]
     except ArithmeticError:
         return np.inf

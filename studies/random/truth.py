@@ -82,7 +82,7 @@ class Orbits:
 
     def _end(self, u: Array) -> Array:
         flow = Flow(self.system, float(u[-1]))
-        return flow.march(0.0, u[:-1], self.nu * 2 * np.pi / flow.Omega, "DOP853", 1e-12)[0]
+        return flow.integrate(0.0, u[:-1], self.nu * 2 * np.pi / flow.Omega, "DOP853", 1e-12)[0]
 
     def slope(self, u: Array) -> Array:
         """d end / d Omega, by a central difference, without the drift."""

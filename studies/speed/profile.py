@@ -103,8 +103,8 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     more = compiled.with_driven_harmonics(X, Omega)
     found = [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts]
     return {
-        "linear part": lambda: linear_parts(compiled.numbers, Omega),
-        "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
+        "linear part": lambda: linear_parts(compiled.packed, Omega),
+        "laws, assembly": lambda: assemblies(compiled.packed, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
         "reach, truncation": lambda: (compiled.extrema_and_regime(X), compiled.with_driven_harmonics(X, Omega)),

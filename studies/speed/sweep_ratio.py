@@ -75,8 +75,8 @@ def run(quick: bool = False) -> dict[str, Any]:
         rows = []
         for tolerance in tolerances:
             found, seconds = sweeps(tolerance, values)
-            periods = sum(int(s.taken.sum()) for s in found)
-            slow = sum(float((s.taken / s.values).sum()) for s in found) * unit
+            periods = sum(int(s.integrated_periods.sum()) for s in found)
+            slow = sum(float((s.integrated_periods / s.values).sum()) for s in found) * unit
             rows.append(
                 {"tolerance": tolerance, "seconds": seconds, "periods": periods, "dop853": slow, "sweeps": found}
             )

@@ -135,7 +135,7 @@ def test_longer_periods_and_chaos():
     found = sweep(hb.SpurPair(e=(0.1,)), [1.5, 1.66], settling=SteadyStateSettings(longest=600))
     assert found.period.tolist() == [4, 0]
     assert np.isnan(found.lyapunov[0]) and 0.05 < found.lyapunov[1] < 0.1
-    assert "1 of 2 motions did not settle" in found.message and found.taken[1] < 600
+    assert "1 of 2 motions did not settle" in found.message and found.integrated_periods[1] < 600
     assert [len(p) for p in found.points] == [4, 128]
 
 
@@ -189,12 +189,17 @@ def test_settled_means_that_little_is_left():
         left = np.linalg.norm(stepper.to_modal(flight) - there, axis=1) / size
         assert np.all(left < 3 * tolerance)
         assert zeta > 0.1 or left.max() > 1e-3 * tolerance  # it has not waited for ever
-    assert how.taken.max() < 40
+    assert how.integrated_periods.max() < 40
 
 
 def test_a_motion_that_does_not_settle_says_so():
     found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=60))
-    assert found.period[0] == 0 and found.taken[0] == 60 and found.left[0] > 1e-3 and abs(found.lyapunov[0]) < 1e-3
+    assert (
+        found.period[0] == 0
+        and found.integrated_periods[0] == 60
+        and found.remaining_distance[0] > 1e-3
+        and abs(found.lyapunov[0]) < 1e-3
+    )
     assert "1 of 1 motions did not settle within 60 periods" in found.message
 
 
@@ -202,7 +207,9 @@ def test_a_motion_that_does_not_settle_says_so():
 def test_what_is_still_to_go_is_known_however_few_periods_are_allowed(longest):
     """Also if few are left after the 400 after which a motion is tested for chaos."""
     found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=longest))
-    assert found.period[0] == 0 and found.taken[0] == longest and 1e-3 < found.left[0] < np.inf
+    assert (
+        found.period[0] == 0 and found.integrated_periods[0] == longest and 1e-3 < found.remaining_distance[0] < np.inf
+    )
 
 
 # ---- motions that run away

@@ -265,6 +265,7 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
         (lambda: hb.gears.Mesh("a", "a", 1e8), "cannot mesh with itself"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
+        (lambda: hb.gears.Mesh("a", "b", 1e8, half_backlash=1e-300), "must be 0 or at least 1e-15 m"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.mechanics.Series(1.0)), "keep one"),
         (lambda: hb.gears.Bearing("a", table=3.0), "MatrixTable"),
         (lambda: hb.gears.Bearing("a", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "for x and y"),

@@ -178,7 +178,6 @@ def spoilt(rng: Random, made: Made) -> str:
         made.units[at] = pick(rng, BAD_UNITS)
         return f"unit {made.units[at]!r}"
     if which == 1:
-        at = 0 if made.names[0] == "phase" and len(made.names) == 2 else at  # the values of a cycle have any name
         made.names[at] = pick(rng, BAD_NAMES)
         return f"name {made.names[at]!r} [{made.units[at]}]"
     made.cells[int(rng.integers(len(made.cells)))][at] = cell = pick(rng, BAD_CELLS)

@@ -171,6 +171,7 @@ def test_turning_of_the_carrier():
         ({"driver": "ring"}, "cannot drive and be fixed"),
         ({"torque": -5.0}, "torque"),
         ({"k_sp": 0.0}, "k_sp"),
+        ({"b_sp": 1e-300}, "b_sp = 1e-300 m must be 0 or at least 1e-15 m"),
         ({"m_s": float("nan")}, "m_s"),
         ({"alpha_s_deg": 95.0}, "alpha_s_deg"),
         ({"eps_sp": 0.2}, "eps_sp"),

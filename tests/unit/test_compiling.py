@@ -283,8 +283,8 @@ def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
 )
 def test_kernels_get_no_tables_that_a_model_has_no_use_for(model, found):
     """They are compiled without the code for these."""
-    numbers = hb.HarmonicBalance(model, 8).compiled({}).numbers
-    assert (numbers.corners is not None) is found and numbers.own is None
+    packed = hb.HarmonicBalance(model, 8).compiled({}).packed
+    assert (packed.piecewise is not None) is found and packed.own is None
 
 
 def test_products_and_sums_are_not_fused(tmp_path):

@@ -98,3 +98,19 @@ def test_names_that_are_no_text():
 def test_articles():
     assert [article(x) for x in ("LP", "PD", "NS", "BP", "GR", "CP", "Element", "Branch")] == [
         "an LP", "a PD", "an NS", "a BP", "a GR", "a CP", "an Element", "a Branch"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda n: hb.mechanics.Receptances([0, 1, 2, 3], [[[n]]] * 4, ["a"]), "must be complex numbers"),
+        (lambda n: hb.design.Measurements([1.0], [1.0], jumps=[(n, 1)]), "the jump a tuple must be"),
+        (lambda n: hb.gears.Mesh("a", "b", 1e8, eps=(n,)), "eps"),
+        (lambda n: hb.gears.Gear(teeth=20, module=n, face_width=0.02), "module"),
+        (lambda n: hb.mechanics.model(default_span=(n, 1.0))(lambda zeta=0.1: None), "default_span"),
+        (lambda n: hb.mechanics.Series(n), "mean"),
+    ],
+)
+def test_integers_beyond_the_range_of_floats_are_refused(call, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        call(10**400)

@@ -5,6 +5,7 @@ import os
 import struct
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 import zlib
 from pathlib import Path
@@ -325,6 +326,44 @@ def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is_read(tmp_pa
     said, grown = ended.stdout.splitlines()
     assert "cannot be read as matrices: it " in said and " bytes in a file of " in said
     assert float(grown) < 100  # MB
+
+
+@pytest.mark.parametrize("suffix", ["mat", "npz", "npy"])
+def test_a_declared_size_of_four_gigabytes_is_refused_before_memory_is_taken(tmp_path, suffix):
+    """Only the headers declare it: the size is compared with a limit before anything is unpacked."""
+    path, n = tmp_path / f"big.{suffix}", 23_170  # 8 n^2 = 4.29e9 bytes
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (n, n)})
+    if suffix == "mat":
+        bomb_mat(path, 8e4)
+        good = path.read_bytes()
+        inner = zlib.decompress(good[136:])
+        packed = zlib.compress(inner[:4] + struct.pack("<I", 8 * n * n) + inner[8:])
+        path.write_bytes(good[:128] + struct.pack("<II", 15, len(packed)) + packed)
+    elif suffix == "npz":
+        np.savez_compressed(path, M=np.zeros((100, 100)), K=np.zeros((100, 100)))
+        content = path.read_bytes()
+        at = content.index(b"PK\x01\x02")  # the directory, with the sizes of the members
+        path.write_bytes(content[: at + 24] + struct.pack("<I", 8 * n * n) + content[at + 28 :])
+    else:
+        path.write_bytes(head.getvalue() + bytes(8000))
+    source = {"M": np.eye(2), "K": path} if suffix == "npy" else path
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="cannot be read as matrices: it "):
+        hb.io.from_matrices(source)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2e7
+
+
+def test_compressed_variables_are_unpacked_once(tmp_path, monkeypatch):
+    scipy.io.savemat(tmp_path / "a.mat", {"M": M, "K": scipy.sparse.csc_array(K), "note": "x"}, do_compression=True)
+    made, new = [], zlib.decompressobj
+    monkeypatch.setattr(zlib, "decompressobj", lambda *more: made.append(1) or new(*more))
+    found = hb.io.from_matrices(tmp_path / "a.mat")
+    np.testing.assert_array_equal(found.M, M)
+    np.testing.assert_array_equal(plain(found.K), K)
+    assert len(made) == 3
 
 
 def test_a_large_matrix_of_zeros_is_read(tmp_path):

@@ -113,3 +113,12 @@ def test_every_command_has_its_options(site, tmp_path, monkeypatch):
     assert text.count("## hbgear ") >= 16
     trace = text.partition("## hbgear trace\n")[2].partition("## ")[0]
     assert all(f"`{option}`" in trace for option in ("MODEL", "--harmonics", "--stability, --no-stability"))
+
+
+def test_the_page_of_constants_lists_each_with_its_reason(site, tmp_path, monkeypatch):
+    written = site("written")
+    monkeypatch.setattr(written, "DOCS", tmp_path)
+    written.constant_page()
+    rows = [line for line in (tmp_path / "constants.md").read_text().splitlines() if line.startswith("| `")]
+    assert len(rows) > 300 and all(row.split(" | ")[-1].strip(" |") for row in rows)
+    assert "| `REFERENCE_SIZE` | 700 | Number of unknowns of a solution that counts as 1. |" in rows

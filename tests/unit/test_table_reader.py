@@ -83,11 +83,18 @@ def test_names_and_units_that_are_not_known(tmp_path, header, message):
 CYCLE = np.array([0.0, 90.0, 180.0, 270.0]), np.array([360.5, 300.25, 240.5, 300.25])
 
 
+REMARKS = ("", "# measured in May, 20 °C; rig 2", "% x\n! y\n// z")
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "utf-32", "latin-1")
+
+
 @pytest.mark.parametrize("mark", [",", ";", "\t", " ", "   ", ", ", " ; "])
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "utf-32", "latin-1"])
 @pytest.mark.parametrize("decimal", [".", ","])
-@pytest.mark.parametrize("remark", ["", "# measured in May, 20 °C; rig 2", "% x\n! y\n// z"])
-def test_a_mesh_cycle_however_it_is_written(tmp_path, mark, encoding, decimal, remark):
+def test_a_mesh_cycle_with_each_separator_decimal_mark_and_encoding(tmp_path, mark, decimal):
+    for i, encoding in enumerate(ENCODINGS):
+        _check_cycle(tmp_path, mark, encoding, decimal, REMARKS[i % 3])
+
+
+def _check_cycle(tmp_path, mark, encoding, decimal, remark):
     header = mark.join(("phase [°]", "stiffness [N/µm]"))
     path = written(tmp_path / "k.csv", header, CYCLE, mark, decimal, encoding, remark)
     if mark.strip() == "," == decimal:
@@ -95,6 +102,25 @@ def test_a_mesh_cycle_however_it_is_written(tmp_path, mark, encoding, decimal, r
             hb.io.read_mesh_table(path)
         return
     np.testing.assert_allclose(hb.io.read_mesh_table(path).value, 1e6 * np.append(CYCLE[1], CYCLE[1][0]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "message"),
+    [
+        ("phase [cycle],damping [N/m]", "N/m", "column 'damping' is unknown; accepted are stiffness, mesh stiffness,"),
+        ("phase [cycle],error [N/m]", "N/m", "column 'error' is unknown"),
+        ("phase [cycle],stiffness [um]", "m", "column 'stiffness' is unknown; accepted are error, transmission error"),
+    ],
+)  # fmt: skip
+def test_a_column_of_another_name_is_no_mesh_cycle_unless_it_is_named(tmp_path, header, unit, message):
+    path = written(tmp_path / "k.csv", header, (CYCLE[0] / 360, CYCLE[1]), ",")
+    with pytest.raises(ValueError, match=message):
+        hb.io.read_mesh_table(path, unit=unit)
+    name = header.partition(",")[2].partition(" [")[0]
+    factor = 1e-6 if unit == "m" else 1.0
+    np.testing.assert_allclose(hb.io.read_mesh_table(path, name, unit).value[:-1], factor * CYCLE[1], rtol=1e-12)
+    with pytest.raises(ValueError, match="no column 'phase'; it has 'phase', "):
+        hb.io.read_mesh_table(path, "phase", unit)
 
 
 def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):

@@ -245,6 +245,11 @@ def test_bad_rotors(rotor, old, new, said):
         ("teeth = 25", "teth = 25", "line 6: unknown key 'wheel.0.gear.teth'; did you mean 'teeth'"),
         ('balance = "out"', 'balance = "outt"', "there is no wheel 'outt'; did you mean 'out'"),
         ('first = "middle"\nsecond = "out"', 'first = "middel"\nsecond = "out"', "no wheel 'middel'"),
+        (
+            'first = "middle"\nsecond = "out"',
+            f'first = "{"x" * 999}"\nsecond = "out"',
+            r"no wheel 'x{66}\.\.\.x{9}'; it has: in",
+        ),
         ('x = "82.5 mm"', 'x = "60 mm"', "collide"),
         ('"100 N m"\ngear', '"100 N"\ngear', "line 5: torque = '100 N' must be a quantity in N m"),
         (

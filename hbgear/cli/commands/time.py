@@ -223,9 +223,15 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
     others = []
     for i in np.flatnonzero(s.period != 1):
-        distance = f"remaining distance {s.left[i]:.0e}" if np.isfinite(s.left[i]) else "not converging"
+        distance = (
+            f"remaining distance {s.remaining_distance[i]:.0e}"
+            if np.isfinite(s.remaining_distance[i])
+            else "not converging"
+        )
         converging = f", {distance}" if s.lyapunov[i] < 0 else ""
-        aperiodic = f"not periodic after {s.taken[i]} periods{converging}, Lyapunov exponent {s.lyapunov[i]:.3g}"
+        aperiodic = (
+            f"not periodic after {s.integrated_periods[i]} periods{converging}, Lyapunov exponent {s.lyapunov[i]:.3g}"
+        )
         others.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else aperiodic, f"{size[i]:.5g}"])
     if others:
         print_table([s.parameter, "motion", measure], others, "motions that do not have the period of the excitation")

@@ -250,16 +250,16 @@ def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: Continu
 def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint | None:
     """Return the point by Newton's method on its equations at another resolution; None if it fails."""
     now = found.sharp or RefinedLocation(segment.problem, found.point)
-    row, here = now.point, {**segment.parameters, segment.name: now.point.value}
-    start = np.append(problem.resized(row.X), row.value)
+    located, here = now.point, {**segment.parameters, segment.name: now.point.value}
+    start = np.append(problem.resized(located.X), located.value)
     try:
         point = SpecialPoint(
-            **point_fields(now.problem, segment.name, here, row), kind=found.event.kind, note=found.note
+            **point_fields(now.problem, segment.name, here, located), kind=found.event.kind, note=found.note
         )
         extended = found.event.equations(problem, segment.name, point)
         if extended is None:
             return None
-        unit = problem.unit_of(segment.name, row.value)
+        unit = problem.unit_of(segment.name, located.value)
         U = _newton_until_settled(extended, start, here, PARAMETER_ROUNDING * unit)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
@@ -270,10 +270,10 @@ def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationPr
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
         there = _point_of(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
-        good = _distance(segment, there, row) <= MAX_POINT_SHIFT and there.residual <= segment.settings.tolerance
+        good = _distance(segment, there, located) <= MAX_POINT_SHIFT and there.residual <= segment.settings.tolerance
         return RefinedLocation(problem, there) if good else None
 
-    distance = _distance(segment, replace(row, u=U), row)
+    distance = _distance(segment, replace(located, u=U), located)
     return MovedPoint(float(U[-1]), distance, sharp) if distance <= MAX_POINT_SHIFT else None
 
 
@@ -317,25 +317,25 @@ def _on_segment(segment: Segment, found: LocatedEvent, problem: ContinuationProb
         return _NOT_FOUND
     if not points:
         return _NOT_FOUND
-    row = min(points, key=lambda p: abs(again.fraction_of(p.point.u) - found.s)).point
+    point = min(points, key=lambda p: abs(again.fraction_of(p.point.u) - found.s)).point
     return MovedPoint(
-        row.value, _distance(segment, row, (found.sharp or found).point), lambda: RefinedLocation(problem, row)
+        point.value, _distance(segment, point, (found.sharp or found).point), lambda: RefinedLocation(problem, point)
     )
 
 
-def _fold_shift(segment: Segment, row: CurvePoint, finer: ContinuationProblem) -> float:
+def _fold_shift(segment: Segment, point: CurvePoint, finer: ContinuationProblem) -> float:
     """Return the change of the parameter value of a fold at a higher resolution, from one point near the fold.
 
         p(s) ~ p + t (s - s_0) + k (s - s_0)^2 / 2,   at the fold p - t^2 / 2k
 
     with the slope t at the point and k = dt/ds of the segment.
     """
-    finer = finer.with_borders_at(finer.resized(row.X), {**segment.parameters, segment.name: row.value})
-    scale = rescaled(segment.scale, finer, len(finer.resized(row.X)))
-    near_fold = resolve_at_resolution(row, finer, segment.name, segment.parameters, scale, segment.settings)
+    finer = finer.with_borders_at(finer.resized(point.X), {**segment.parameters, segment.name: point.value})
+    scale = rescaled(segment.scale, finer, len(finer.resized(point.X)))
+    near_fold = resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
     begin, end = segment.slopes
     curvature = (end[-1] - begin[-1]) / segment.length**2
-    return float(abs(near_fold.value - row.value) + near_fold.tangent[-1] ** 2 / abs(2 * curvature))
+    return float(abs(near_fold.value - point.value) + near_fold.tangent[-1] ** 2 / abs(2 * curvature))
 
 
 def _solved_again(segment: Segment, finer: ContinuationProblem) -> Segment:
@@ -343,8 +343,8 @@ def _solved_again(segment: Segment, finer: ContinuationProblem) -> Segment:
     scale = rescaled(segment.scale, finer, len(finer.resized(segment.a.X)))
     finer = finer.with_borders_at(finer.resized(segment.a.X), {**segment.parameters, segment.name: segment.a.value})
     a, b = (
-        resolve_at_resolution(row, finer, segment.name, segment.parameters, scale, segment.settings)
-        for row in (segment.a, segment.b)
+        resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
+        for point in (segment.a, segment.b)
     )
     return _segment_between(replace(segment, problem=finer, scale=scale), a, b)
 
@@ -385,6 +385,6 @@ def _distance(segment: Segment, one: CurvePoint, other: CurvePoint) -> float:
     return norm((_resized(segment, one) - _resized(segment, other)) / segment.scale)
 
 
-def _resized(segment: Segment, row: CurvePoint) -> Array:
+def _resized(segment: Segment, point: CurvePoint) -> Array:
     """Return the unknowns u of a point at the resolution of the segment."""
-    return np.append(segment.problem.resized(row.X), row.value)
+    return np.append(segment.problem.resized(point.X), point.value)

@@ -76,13 +76,16 @@ class SampledCurve:
 
     @classmethod
     def through(
-        cls, rows: Points, points: Mapping[Position, LocatedEvent], between: Callable[[int, float], CurvePoint | None]
+        cls,
+        curve_points: Points,
+        points: Mapping[Position, LocatedEvent],
+        between: Callable[[int, float], CurvePoint | None],
     ) -> SampledCurve:
         """Return the curve through points and the special points between them.
 
         The function ``between`` solves for the point at a fraction of a segment; it returns None if that fails.
         """
-        every = {(i, 0.0): (point, "") for i, point in enumerate(rows)}
+        every = {(i, 0.0): (point, "") for i, point in enumerate(curve_points)}
         order, held = sorted([*every, *points]), dict[Position, str]()
         for before, position, after in zip(order, order[1:], order[2:], strict=False):
             if position in points:
@@ -93,7 +96,7 @@ class SampledCurve:
                     held[min(sides)] = event.kind
         positions = sorted(every)
         replaced_kinds = {k: held[position] for k, position in enumerate(positions) if position in held}
-        path = Points(every[position][0] for position in positions) if points else rows
+        path = Points(every[position][0] for position in positions) if points else curve_points
         return cls(path, positions, [every[position][1] for position in positions], replaced_kinds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
@@ -101,12 +104,14 @@ class SampledCurve:
         (segment_number, low), (following, high) = self.positions[k : k + 2]
         return segment_number, low, high if following == segment_number else 1.0
 
-    def near_zero_candidates(self, detector: EventDetector, rows: Points, scale: Array) -> dict[int, list[Candidate]]:
+    def near_zero_candidates(
+        self, detector: EventDetector, curve_points: Points, scale: Array
+    ) -> dict[int, list[Candidate]]:
         """Return candidates by part: from the sampled curve, and from the points without the special points."""
         found = detector.touching(self.points, scale)
-        if self.points is rows:
+        if self.points is curve_points:
             return found
-        for segment_number, further in detector.touching(rows, scale).items():
+        for segment_number, further in detector.touching(curve_points, scale).items():
             for event, s in further:
                 k = bisect.bisect(self.positions, (segment_number, s)) - 1
                 _, low, high = self.ends(k)
@@ -115,7 +120,9 @@ class SampledCurve:
                     candidates.append((event, fraction))
         return found
 
-    def unmatched_sign_changes(self, detector: EventDetector, rows: Points) -> dict[int, list[tuple[int, Event]]]:
+    def unmatched_sign_changes(
+        self, detector: EventDetector, curve_points: Points
+    ) -> dict[int, list[tuple[int, Event]]]:
         """Return the segments on which test functions change sign more often than the known special points explain.
 
         For each segment, the parts of the sampled curve with an unexplained sign change are returned, each with its
@@ -123,7 +130,7 @@ class SampledCurve:
         more accurate equations may have moved the point there.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
-        if self.points is rows:
+        if self.points is curve_points:
             return found
         segments = [segment_number for segment_number, _ in self.positions]
         ends = {
@@ -134,7 +141,7 @@ class SampledCurve:
         for event in detector.searched:
             changes = detector.changes(event, self.points)
             held = [k for k, kind in self.replaced_kinds.items() if kind == event.kind]
-            known = np.flatnonzero(detector.changes(event, rows)).tolist()
+            known = np.flatnonzero(detector.changes(event, curve_points)).tolist()
             uncertain = set(known) - {segments[k] for k in held}
             uncertain -= ends if event.needs_two_sides else set()  # other kinds change its number as well
             uncertain.update(
@@ -160,8 +167,8 @@ def _points_on_both_sides(
         s + SIDE_POINT_FRACTION * (end - s): between(segment_number, s + SIDE_POINT_FRACTION * (end - s))
         for end in ends
     }
-    rows = {(segment_number, at): (point, "") for at, point in sides.items() if point is not None}
-    return rows if len(rows) == len(ends) else {}
+    curve_points = {(segment_number, at): (point, "") for at, point in sides.items() if point is not None}
+    return curve_points if len(curve_points) == len(ends) else {}
 
 
 def find_even_crossings(
@@ -195,19 +202,23 @@ def find_even_crossings(
         Special points, each with the segment on which it was located.
     """
     first, kinds = min(k, 1), path.kinds[k : k + 2]
-    rows = path.points[k - first : k + 3]  # with one point on either side
-    positions = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
-    known = len(detector.sign_changes(rows))
+    curve_points = path.points[k - first : k + 3]  # with one point on either side
+    positions = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(curve_points)]
+    known = len(detector.sign_changes(curve_points))
     for event, s in candidates:
-        _bisect_candidate(detector, segment, event, s, solved, positions, rows)
-    segments = detector.sign_changes(rows)
+        _bisect_candidate(detector, segment, event, s, solved, positions, curve_points)
+    segments = detector.sign_changes(curve_points)
     if len(segments) <= known:
         return []
     out: list[tuple[Segment, LocatedEvent]] = []
     for i in segments:
         if not 0 <= positions[i] < 1:
             continue
-        part, low, length = segment.part(rows[i], rows[i + 1]), positions[i], positions[i + 1] - positions[i]
+        part, low, length = (
+            segment.part(curve_points[i], curve_points[i + 1]),
+            positions[i],
+            positions[i + 1] - positions[i],
+        )
         for point in detector.find(part):
             s = low + point.s * length
             end = kinds[0] if s < END_POINT_FRACTION else kinds[1] if s > 1 - END_POINT_FRACTION else ""
@@ -245,13 +256,13 @@ def _bisect_candidate(
     s: float,
     solved: Solved,
     positions: list[float],
-    rows: list[CurvePoint],
+    curve_points: list[CurvePoint],
 ) -> None:
     """Add points to a segment, the first one at s, until the event changes sign or is no longer close.
 
     ``positions`` contains the fraction of each point: 0 and 1 for the ends, any value outside for points beyond.
     """
-    before = np.count_nonzero(detector.changes(event, rows))
+    before = np.count_nonzero(detector.changes(event, curve_points))
     for _ in range(MAX_POINTS_PER_EVENT):
         if not 0 < s < 1 or s in positions:
             return
@@ -260,14 +271,14 @@ def _bisect_candidate(
             return
         i = bisect.bisect(positions, s)
         positions.insert(i, s)
-        rows.insert(i, point)
-        values = detector.values(event, rows)
+        curve_points.insert(i, point)
+        values = detector.values(event, curve_points)
         near = [
             (segment_number, at)
-            for segment_number, at in event.near_zeros(rows, values, segment.scale)
+            for segment_number, at in event.near_zeros(curve_points, values, segment.scale)
             if 0 <= positions[segment_number] < 1
         ]
-        if not near or np.count_nonzero(detector.changes(event, rows)) > before:
+        if not near or np.count_nonzero(detector.changes(event, curve_points)) > before:
             return
         segment_number, fraction = near[0]
         s = positions[segment_number] + fraction * (positions[segment_number + 1] - positions[segment_number])

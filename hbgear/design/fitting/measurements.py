@@ -186,7 +186,7 @@ def _jump(given: Any) -> tuple[float, int, float]:
         frequency, direction, *rest = (float(x) for x in given)
         deviation = rest[0] if rest else 0.1 * DEFAULT_DEVIATION * frequency
         good = len(rest) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         good = False
     if not good:
         raise ValueError(

@@ -180,7 +180,7 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
         if isinstance(values, str) or not isinstance(values, Iterable):
             raise TypeError
         out = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{owner}: {name} = {values!r} must be a sequence of numbers such as (0.1, 0.05)") from None
     if not np.all(np.isfinite(out)):
         raise ValueError(f"{owner}: {name} = {values!r} has entries that are not finite")

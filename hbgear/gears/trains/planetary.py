@@ -47,7 +47,7 @@ from hbgear.gears.mesh.mesh_excitation import (
 )
 from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
 from hbgear.gears.trains.planetary_drawing import drawn_fields
-from hbgear.gears.trains.train_components import Mesh, Wheel
+from hbgear.gears.trains.train_components import Mesh, Wheel, check_half_backlash
 from hbgear.gears.trains.train_kinematics import kinematics
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
@@ -257,6 +257,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         super().__post_init__()
         for name in ("eps_sp", "eps_rp", "e_sp", "e_rp", "spacing", "planet_errors"):
             object.__setattr__(self, name, amplitudes("PlanetarySet", name, getattr(self, name)))
+        for name in ("b_sp", "b_rp"):
+            check_half_backlash("PlanetarySet", name, getattr(self, name))
         check_contact_scale("PlanetarySet", self.eps_scale, [self.contacts_sp, self.contacts_rp])
         for mesh in ("sp", "rp"):
             check("PlanetarySet", f"contacts_{mesh}", getattr(self, f"contacts_{mesh}"), MeshContacts | None)

@@ -33,6 +33,16 @@ WHEEL_COORDINATES = {"torsion": (5,), "plane": (0, 1, 5), "space": (0, 1, 2, 3, 
 """Indices of the coordinates of a wheel for each value of `Wheel.moves`."""
 
 
+MIN_HALF_BACKLASH = 1e-15
+"""Smallest half backlash [m] except zero: it is the unit of length, and squares of displacements are finite."""
+
+
+def check_half_backlash(owner: str, name: str, value: float) -> None:
+    """Raise an error for a half backlash that is too small for a unit of length."""
+    if 0 < value < MIN_HALF_BACKLASH:
+        raise ValueError(f"{owner}: {name} = {value:g} m must be 0 or at least {MIN_HALF_BACKLASH:g} m")
+
+
 def _check_names(owner: str, *names: Any) -> None:
     """Raise an error if a name is not a non-empty text."""
     for name in names:
@@ -389,6 +399,7 @@ class Mesh:  # numpydoc ignore=PR02
 
     def __post_init__(self) -> None:
         _check_names("Mesh", self.first, self.second)
+        check_half_backlash("Mesh", "half_backlash", self.half_backlash)
         if self.first == self.second:
             raise ValueError(f"Mesh: '{self.first}' cannot mesh with itself; name two wheels")
         for name in ("eps", "e"):

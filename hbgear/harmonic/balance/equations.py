@@ -290,7 +290,7 @@ class HarmonicEquations(ContinuationProblem):
         """Return the model as arrays for compiled loops along curves in a parameter; None if they cannot be used."""
         evaluator = self.compiled(parameters)
         usable = name == "Omega" and evaluator.is_fully_compiled and self.pins is None
-        return evaluator.numbers if usable and self.size <= _MAX_COMPILED_UNKNOWNS else None
+        return evaluator.packed if usable and self.size <= _MAX_COMPILED_UNKNOWNS else None
 
     # ---- other structures
 

@@ -34,7 +34,7 @@ from hbgear.harmonic.forces.projection_kernels import ProjectionWorkspace, coeff
 from hbgear.harmonic.forces.slider_kernels import add_memory
 from hbgear.harmonic.forces.toeplitz_kernel import add_product
 from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
-from hbgear.mechanics.series.fourier_kernels import put_waves
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided
 
 
 class Workspace(NamedTuple):
@@ -44,7 +44,7 @@ class Workspace(NamedTuple):
     ----------
     space : ProjectionWorkspace
         Arrays of the force projection.
-    rows : ndarray, shape (m, 2H + 1)
+    coefficients : ndarray, shape (m, 2H + 1)
         Coefficients of the motion with all harmonics, see `spread`.
     matrices, constants : ndarray
         Linear part, see `fill_linear_part`.
@@ -53,7 +53,7 @@ class Workspace(NamedTuple):
     """
 
     space: ProjectionWorkspace
-    rows: Array
+    coefficients: Array
     matrices: ComplexArray
     constants: ComplexArray
     w: Array
@@ -63,59 +63,61 @@ class Workspace(NamedTuple):
 
 
 @kernel
-def workspace_for(numbers: Any) -> Any:
+def workspace_for(packed: Any) -> Any:
     """Return a `Workspace` for motions of a model."""
-    linear, m, H = numbers.linear, numbers.laws.cubic.shape[0], numbers.basis.shape[0] // 2
+    linear, m, H = packed.linear, packed.laws.cubic.shape[0], packed.basis.shape[0] // 2
     K = linear.orders.shape[0]
     matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
     w, each, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
-    space, rows, work = (
-        projection_workspace(numbers, m, H, 2 * H),
+    space, coefficients, work = (
+        projection_workspace(packed, m, H, 2 * H),
         np.zeros((m, 2 * H + 1)),
         np.empty((3, K, m, m), np.complex128),
     )
-    return Workspace(space, rows, matrices, constants, w, each, sums, work)
+    return Workspace(space, coefficients, matrices, constants, w, each, sums, work)
 
 
 @kernel
 def assemble_allocating(
-    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
+    packed: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
 ) -> float:
     """Call `assemble` from Python with a new workspace."""
-    return assemble(numbers, X, omega, matrices, constants, R, J, dR, workspace_for(numbers))
+    return assemble(packed, X, omega, matrices, constants, R, J, dR, workspace_for(packed))
 
 
 @inlined
 def assemble(
-    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, workspace: Any
+    packed: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, workspace: Any
 ) -> float:
     """Fill R (n,), J = dR/dX (n, n), dR/dOmega (n,) at X (n,), omega = Omega / nu; return the size of its terms."""
-    space, rows, some = workspace.space, workspace.rows, X.reshape(matrices.shape[2], -1)
-    spread(numbers, X, rows)
-    project(numbers, rows, space)
-    size = _fill_forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
-    add_memory(numbers.sliders, space.slides, numbers.linear.orders, J)
-    size += _add_compiled_laws(numbers.own, numbers, rows, omega, R, J, dR)
+    space, coefficients, some = workspace.space, workspace.coefficients, X.reshape(matrices.shape[2], -1)
+    spread(packed, X, coefficients)
+    project(packed, coefficients, space)
+    size = _fill_forces(coefficients, packed.linear.orders, space, R, J) + _add_linear(
+        some, matrices, constants, R, J, dR
+    )
+    add_memory(packed.sliders, space.slides, packed.linear.orders, J)
+    size += _add_compiled_laws(packed.own, packed, coefficients, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
 @kernel
-def spread(numbers: Any, X: Any, rows: Any) -> None:
-    """Fill the selected harmonics of rows (m, 2H + 1) from unknowns X (n,); all others must be zero before."""
-    orders, some = numbers.linear.orders, X.reshape(rows.shape[0], -1)
-    for j in range(rows.shape[0]):
-        rows[j, 0] = some[j, 0]
+def spread(packed: Any, X: Any, coefficients: Any) -> None:
+    """Fill the selected harmonics of coefficients (m, 2H + 1) from unknowns X (n,); all others must be zero before."""
+    orders, some = packed.linear.orders, X.reshape(coefficients.shape[0], -1)
+    for j in range(coefficients.shape[0]):
+        coefficients[j, 0] = some[j, 0]
         for i in range(1, orders.shape[0]):
-            rows[j, 2 * orders[i] - 1], rows[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
+            coefficients[j, 2 * orders[i] - 1], coefficients[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
 
 
 @kernel
-def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
+def curvature(packed: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
     """Compute the derivatives of dR/dX along a direction of X and in Omega.
 
     Parameters
     ----------
-    numbers : PackedModel
+    packed : PackedModel
         Arrays of the model.
     X, v : ndarray, shape (n,)
         Unknowns, and the direction of the derivative.
@@ -128,14 +130,19 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
     across : ndarray, shape (n, n)
         Array to be filled with the derivative in Omega.
     """
-    m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
-    workspace = workspace_for(numbers)
-    space, rows, kappa, more = workspace.space, workspace.rows, workspace.space.kappa, workspace.space.more
+    m, n, orders = change.shape[1], X.shape[0] // change.shape[1], packed.linear.orders
+    workspace = workspace_for(packed)
+    space, coefficients, kappa, more = (
+        workspace.space,
+        workspace.coefficients,
+        workspace.space.kappa,
+        workspace.space.more,
+    )
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):
-        spread(numbers, X + sign * h * v, rows)
-        project(numbers, rows, space)
+        spread(packed, X + sign * h * v, coefficients)
+        project(packed, coefficients, space)
         for j in range(m):
             for k in range(kappa.shape[1]):
                 kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
@@ -160,12 +167,12 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
 
 
 @kernel
-def _fill_forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
+def _fill_forces(coefficients: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
     """Set R to kappa d + chi and J to T(kappa + more), adding more to kappa; return the norm of R."""
     kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
-    for j in range(rows.shape[0]):
-        put_waves(rows[j], c)
+    for j in range(coefficients.shape[0]):
+        fill_one_sided(coefficients[j], c)
         for i in range(orders.shape[0]):
             k, at = orders[i], j * n + 2 * i
             f = coefficient(kappa[j], c, k) + chi[j, k]
@@ -182,16 +189,16 @@ def _fill_forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
 
 
 @kernel
-def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+def _add_linear(coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """Add Z d + g to R and Z to J, set dR to dZ d + dg; return the norm of Z d plus the norm of g."""
-    m, n = rows.shape
+    m, n = coefficients.shape
     stiffness_terms = constant_terms = 0.0
     for k in range(matrices.shape[1]):
         a, b = 2 * k - 1, 2 * k
         for i in range(m):
             zd = dzd = 0j
             for j in range(m):
-                d = complex(rows[j, a], -rows[j, b]) if k else complex(rows[j, 0], 0.0)
+                d = complex(coefficients[j, a], -coefficients[j, b]) if k else complex(coefficients[j, 0], 0.0)
                 Z = matrices[0, k, i, j]
                 zd += Z * d
                 dzd += matrices[1, k, i, j] * d
@@ -210,23 +217,26 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
 
 
 @kernel
-def _add_compiled_laws(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
+def _add_compiled_laws(own: Any, packed: Any, coefficients: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add forces and slopes of compiled laws of the user, if any; return the sum of the norms of the forces."""
     if own is None:
         return 0.0
     size = 0.0
     for q in range(own.element.shape[0]):
-        size += _add_samples(own, numbers, rows, q, omega, R, J, dR)
+        size += _add_samples(own, packed, coefficients, q, omega, R, J, dR)
     return size
 
 
 @kernel
-def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
+def _add_samples(own: Any, packed: Any, coefficients: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add forces and slopes of one compiled law, evaluated by AFT; return the norm of the forces."""
-    j, orders, nu = own.element[which], numbers.linear.orders, numbers.linear.nu
+    j, orders, nu = own.element[which], packed.linear.orders, packed.linear.nu
     n, total = 2 * orders.shape[0] - 1, 0.0
-    samples, part = samples_of(own, numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
-    spectrum(samples[:, 0], numbers.basis, part)
+    samples, part = (
+        samples_of(own, packed, coefficients, which, omega),
+        np.empty(coefficients.shape[1], dtype=np.complex128),
+    )
+    spectrum(samples[:, 0], packed.basis, part)
     for i in range(orders.shape[0]):
         k = orders[i]
         a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
@@ -234,31 +244,31 @@ def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R:
         R[j * n + (2 * i - 1 if i else 0)] += a
         if i:
             R[j * n + 2 * i] += b
-    spectrum(samples[:, 1], numbers.basis, part)
+    spectrum(samples[:, 1], packed.basis, part)
     T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
     add_product(part, orders, T)
-    spectrum(samples[:, 2], numbers.basis, part)
+    spectrum(samples[:, 2], packed.basis, part)
     damping = np.zeros((n, n))
     add_product(part, orders, damping[:n, :n])  # a slice has the type of T above, so no further kernel is compiled
-    _add_damped(numbers.corners, numbers, j, samples, part, dR)
+    _add_damped(packed.piecewise, packed, j, samples, part, dR)
     for a in range(n):
         for i in range(1, orders.shape[0]):
             p, q = damping[a, 2 * i - 1] * orders[i], damping[a, 2 * i] * orders[i]
             T[a, 2 * i - 1] -= omega * q
             T[a, 2 * i] += omega * p
-            dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
+            dR[j * n + a] += (p * coefficients[j, 2 * orders[i]] - q * coefficients[j, 2 * orders[i] - 1]) / nu
     return math.sqrt(total)
 
 
 @kernel
-def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
+def _add_damped(piecewise: Any, packed: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
     """Add to dR the damping force of a compiled law on prescribed displacements with breakpoints, over Omega."""
-    if corners is None:
+    if piecewise is None:
         return
-    orders, nu, grid = numbers.linear.orders, numbers.linear.nu, corners.grid
+    orders, nu, grid = packed.linear.orders, packed.linear.nu, piecewise.grid
     n = 2 * orders.shape[0] - 1
     if grid.shape[2]:
-        spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
+        spectrum(samples[:, 2] * grid[1, j], packed.basis, part)
         for i in range(orders.shape[0]):
             k = orders[i]
             a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
@@ -268,13 +278,13 @@ def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR:
 
 
 @inlined
-def residual_and_jacobian(numbers: Any, u: Any, R: Any, J: Any, dR: Any, workspace: Any) -> float:
+def residual_and_jacobian(packed: Any, u: Any, R: Any, J: Any, dR: Any, workspace: Any) -> float:
     """Call `assemble` at u = (X, Omega) for a structure with modes; return the size of the terms of R."""
     n = u.shape[0] - 1
     fill_linear_part(
-        numbers.linear, u[n], workspace.w, workspace.each, workspace.sums, workspace.work,
+        packed.linear, u[n], workspace.w, workspace.each, workspace.sums, workspace.work,
         workspace.matrices, workspace.constants,
     )  # fmt: skip
     return assemble(
-        numbers, u[:n], u[n] / numbers.linear.nu, workspace.matrices, workspace.constants, R, J, dR, workspace
+        packed, u[:n], u[n] / packed.linear.nu, workspace.matrices, workspace.constants, R, J, dR, workspace
     )

@@ -30,7 +30,7 @@ from hbgear.harmonic.equations.assembly_kernels import residual_and_jacobian, wo
 
 @kernel
 def trace_compiled(
-    numbers: Any,
+    packed: Any,
     u: Any,
     t: Any,
     count: int,
@@ -39,13 +39,13 @@ def trace_compiled(
     span: Any,
     control: Any,
     tolerances: Any,
-    rows: Any,
+    points: Any,
 ) -> tuple[int, float, int, float]:
-    """Compute points of a branch until ``rows`` is full, the branch leaves the span, or the smallest step fails.
+    """Compute points of a branch until ``points`` is full, the branch leaves the span, or the smallest step fails.
 
     Parameters
     ----------
-    numbers : PackedModel
+    packed : PackedModel
         Arrays of the model.
     u, t : ndarray, shape (history, n + 1)
         The previous points (X, Omega) and their tangents, the newest first; overwritten.
@@ -61,7 +61,7 @@ def trace_compiled(
         Step size control, see `hbgear.continuation.stepping.kernels.next_step`.
     tolerances : ndarray, shape (3,)
         Tolerance of the residual, tolerance of the last Newton step, maximum number of iterations.
-    rows : ndarray, shape (max_points, 2 (n + 1) + 4)
+    points : ndarray, shape (max_points, 2 (n + 1) + 4)
         Array to be filled with u, tangent, step, orientation, iterations and residual of each new point.
 
     Returns
@@ -76,27 +76,27 @@ def trace_compiled(
         Value for the message of this status.
     """
     n = u.shape[1] - 1
-    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), workspace_for(numbers)
+    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), workspace_for(packed)
     arrays = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
-    return _trace_in_workspace(numbers, arrays, u, t, count, size, step, span, control, tolerances, rows)
+    return _trace_in_workspace(packed, arrays, u, t, count, size, step, span, control, tolerances, points)
 
 
 @inlined
 def _trace_in_workspace(
-    numbers: Any, arrays: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
-    tolerances: Any, rows: Any,
+    packed: Any, arrays: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
+    tolerances: Any, points: Any,
 ) -> tuple[int, float, int, float]:  # fmt: skip
     """Run `trace_compiled` in preallocated arrays."""
-    n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
+    n, m = u.shape[1] - 1, packed.laws.cubic.shape[0]
     work, vectors, statistics, limits = arrays
     scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, ACCEPTED, 0.0
-    while made < rows.shape[0]:
+    while made < points.shape[0]:
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        why = _corrected(numbers, predicted, normal, tolerances, work, found, direction, statistics)
+        why = _corrected(packed, predicted, normal, tolerances, work, found, direction, statistics)
         number, prediction_error = statistics[2], 0.0
         if why == ACCEPTED:
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
@@ -107,7 +107,7 @@ def _trace_in_workspace(
                 break
             step = max(0.5 * step, control[0])
             continue
-        _store(rows[made], found, direction, step, statistics)
+        _store(points[made], found, direction, step, statistics)
         made += 1
         count = min(count + 1, u.shape[0])
         _shift(u, found, count)
@@ -145,19 +145,19 @@ def _shift(past: Any, new: Any, count: int) -> None:
 
 
 @kernel
-def _store(row: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
+def _store(point: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
     """Store a new point, its tangent, step and Newton statistics."""
     n = u.shape[0]
     for i in range(n):
-        row[i], row[n + i] = u[i], t[i]
-    row[2 * n] = step
+        point[i], point[n + i] = u[i], t[i]
+    point[2 * n] = step
     for k in range(3):
-        row[2 * n + 1 + k] = statistics[k]
+        point[2 * n + 1 + k] = statistics[k]
 
 
 @inlined
 def _corrected(
-    numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, statistics: Any
+    packed: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, statistics: Any
 ) -> int:
     """Solve by Newton's method in the plane through the prediction; return the status.
 
@@ -172,7 +172,7 @@ def _corrected(
     for iteration in range(max_iterations + 2):
         if not u[n] > 0.0:
             return NOT_CONVERGED
-        size = residual_and_jacobian(numbers, u, R, A, dR, workspace)  # J in the upper left block of A
+        size = residual_and_jacobian(packed, u, R, A, dR, workspace)  # J in the upper left block of A
         residual = scaled_norm(R) / size
         off = 0.0
         for i in range(n):

@@ -17,36 +17,36 @@ from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 from hbgear.harmonic.forces.projection_kernels import coefficient, cross, project, projection_workspace
 from hbgear.harmonic.structure.receptance_kernels import receptance
-from hbgear.mechanics.series.fourier_kernels import put_waves
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided
 
 
 @kernel
-def extrema(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
+def extrema(packed: Any, X: Any, clearance: Any, regime: Any) -> None:
     """Fill clearances (P, 2 K) of extrema from breakpoints, and regimes (P, m), see `HarmonicBalance.regime`."""
-    laws, m = numbers.laws, regime.shape[1]
-    c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(numbers.basis.shape[1])
+    laws, m = packed.laws, regime.shape[1]
+    c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(packed.basis.shape[1])
     regime[:, :] = 0
     low = high = 0.0
     for p in range(X.shape[0]):
-        rows, last = X[p].reshape(m, -1), -1
+        coefficients, last = X[p].reshape(m, -1), -1
         for i in range(clearance.shape[1] // 2):
             j = laws.owner[i]
             if j != last:
                 last = j
-                sampled_gap(numbers, rows[laws.element[j]], j, c, samples)
-                low = -highest_gap(numbers.corners, j, -1.0, c, samples)[0]
-                high = highest_gap(numbers.corners, j, 1.0, c, samples)[0]
+                sampled_gap(packed, coefficients[laws.element[j]], j, c, samples)
+                low = -highest_gap(packed.piecewise, j, -1.0, c, samples)[0]
+                high = highest_gap(packed.piecewise, j, 1.0, c, samples)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, laws.element[j]] < 2:
                 regime[p, laws.element[j]] += 1
 
 
 @kernel
-def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
+def shortest_intervals(packed: Any, m: int, X: Any, out: Any) -> None:
     """Fill out (P,) with the shortest intervals between two switching times of motions X (P, n); 2 pi without any."""
-    space = projection_workspace(numbers, m, X.shape[1] // (2 * m), 0)
+    space = projection_workspace(packed, m, X.shape[1] // (2 * m), 0)
     for p in range(X.shape[0]):
-        cross(numbers, X[p].reshape(m, -1), np.bool_(False), space)
+        cross(packed, X[p].reshape(m, -1), np.bool_(False), space)
         least, theta, count = 2 * math.pi, space.theta, space.number
         for i in range(count.shape[0]):
             for j in range(count[i]):
@@ -56,39 +56,39 @@ def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
 
 
 @kernel
-def truncated_force_harmonics(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
+def truncated_force_harmonics(packed: Any, X: Any, Omega: Any, f: Any) -> None:
     """Fill f (P, m, L) with the one-sided force harmonics of the truncated orders at Omega (P,).
 
     They are exact for piecewise-linear and cubic laws, and from samples for compiled laws. Of the dampers only
     prescribed displacements with breakpoints contribute, because all other velocities have no truncated harmonics.
     """
-    m, H = f.shape[1], numbers.basis.shape[0] // 2
-    space = projection_workspace(numbers, m, H, 3 * H)
+    m, H = f.shape[1], packed.basis.shape[0] // 2
+    space = projection_workspace(packed, m, H, 3 * H)
     for p in range(X.shape[0]):
-        rows = X[p].reshape(m, -1)
-        _project_truncated(numbers, rows, space, f[p])
-        truncated_sample_harmonics(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
-        _add_damped(numbers.corners, numbers.linear, Omega[p], f[p])
+        coefficients = X[p].reshape(m, -1)
+        _project_truncated(packed, coefficients, space, f[p])
+        truncated_sample_harmonics(packed.own, packed, coefficients, Omega[p] / packed.linear.nu, f[p])
+        _add_damped(packed.piecewise, packed.linear, Omega[p], f[p])
 
 
 @kernel
-def _add_damped(corners: Any, linear: Any, Omega: float, f: Any) -> None:
+def _add_damped(piecewise: Any, linear: Any, Omega: float, f: Any) -> None:
     """Add the truncated forces (m, L) of dampers on displacements with breakpoints."""
-    if corners is None:
+    if piecewise is None:
         return
     for j in range(f.shape[0]):
         for i in range(linear.left.shape[0]):
             rate = linear.springs[1, j] * Omega * linear.left[i] / linear.nu
-            f[j, i] -= 1j * rate * corners.beyond[i, j]
+            f[j, i] -= 1j * rate * piecewise.beyond[i, j]
 
 
 @inlined
-def _project_truncated(numbers: Any, rows: Any, space: Any, f: Any) -> None:
+def _project_truncated(packed: Any, coefficients: Any, space: Any, f: Any) -> None:
     """Fill f (m, L) with the exact force harmonics of the truncated orders."""
-    left, c = numbers.linear.left, space.waves
-    project(numbers, rows, space)
-    for j in range(rows.shape[0]):
-        put_waves(rows[j], c)
+    left, c = packed.linear.left, space.waves
+    project(packed, coefficients, space)
+    for j in range(coefficients.shape[0]):
+        fill_one_sided(coefficients[j], c)
         for i in range(left.shape[0]):
             f[j, i] = 2.0 * (coefficient(space.kappa[j], c, left[i]) + space.chi[j, left[i]])
 
@@ -99,7 +99,7 @@ def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     P, m, L = f.shape
     w, each, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
     for p in range(P):
-        rows = out[p].reshape(m, -1)
+        coefficients = out[p].reshape(m, -1)
         for k in range(L):
             w[k] = Omega[p] * linear.left[k] / linear.nu
         receptance(linear.poles, linear.residues[: m * m], w, each, sums)
@@ -109,4 +109,4 @@ def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
                 d = 0j
                 for j in range(m):
                     d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
-                rows[i, at - 1], rows[i, at] = -d.real, d.imag
+                coefficients[i, at - 1], coefficients[i, at] = -d.real, d.imag

@@ -15,7 +15,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws
-from hbgear.harmonic.forces.breakpoints import corners_of, gap
+from hbgear.harmonic.forces.breakpoints import gap, piecewise_excitation
 from hbgear.harmonic.forces.packed_laws import pack_laws
 from hbgear.harmonic.forces.packed_model import PackedModel, own_of, sliders_of
 from hbgear.harmonic.instants.equations import Equations
@@ -70,7 +70,7 @@ class Evaluator:
         Linear part of the balance.
     laws : tuple of Law
         Laws of the elements.
-    numbers : PackedModel
+    packed : PackedModel
         Arrays for kernels.
     sampled : SampledLaws or None
         Laws that Python evaluates by AFT, because the kernels cannot; None without any.
@@ -104,15 +104,15 @@ class Evaluator:
         laws, left = packing.table, packing.left
         own = own_of(self.laws)
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
-        linear = self.receptance.numbers
-        self.corners = corners = corners_of(
+        linear = self.receptance.packed
+        self.piecewise = piecewise = piecewise_excitation(
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
-        has_corners = bool(len(corners.phases) or packing.levels)
+        has_breakpoints = bool(len(piecewise.phases) or packing.levels)
         sliders = sliders_of(self.laws)
-        self.numbers = PackedModel(laws, linear, transform.basis, corners if has_corners else None, own, sliders)
+        self.packed = PackedModel(laws, linear, transform.basis, piecewise if has_breakpoints else None, own, sliders)
         self.sliders = 0 if sliders is None else len(sliders.element)
-        self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
+        self.sampled = SampledLaws(self.laws, left, transform, nu, piecewise.grid) if left.size else None
         self.breakpoints = laws.level[: packing.public]
         self.displacement = laws.owner[: packing.public]
         self.element = laws.element[self.displacement]
@@ -128,7 +128,7 @@ class Evaluator:
     @property
     def kept(self) -> ComplexArray:
         """Harmonics (H + 1, m) of the prescribed displacements with breakpoints that are unknowns, zero of others."""
-        return self.corners.kept[:, : self.m]
+        return self.piecewise.kept[:, : self.m]
 
     @property
     def is_fully_compiled(self) -> bool:
@@ -169,7 +169,7 @@ class Evaluator:
             return 0
         poles, stiffness = structure.modes.poles, self.receptance.at(1.0).Z[0].real
         above = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
-        sign, log = np.linalg.slogdet(stiffness + np.diag(self.numbers.linear.springs[0]))
+        sign, log = np.linalg.slogdet(stiffness + np.diag(self.packed.linear.springs[0]))
         return int(sign) * (1 - 2 * (int(above) % 2)) if np.isfinite(log) else 0
 
     def parts(self, reach: float = math.inf, lumped: bool = False) -> ModalBlocks:
@@ -228,7 +228,7 @@ class Evaluator:
 
         n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-        size = assemble_allocating(self.numbers, _writable(X), Omega / self.nu, *linear, R, J, dR)
+        size = assemble_allocating(self.packed, _writable(X), Omega / self.nu, *linear, R, J, dR)
         if self.sampled:
             size += self._add_sampled(self.sampled, X, Omega, R, J, dR)
         return R, J, dR, size
@@ -265,11 +265,11 @@ class Evaluator:
             )
         return n
 
-    def numbers_of(self, X: Array) -> PackedModel:
+    def packed_of(self, X: Array) -> PackedModel:
         """Return the arrays for kernels, for motions X with all harmonics up to H, or up to 2H."""
         if X.shape[-1] == self.m * (2 * self.H + 1):
-            return self.numbers
-        return self.numbers._replace(basis=self._transform.wider.basis)
+            return self.packed
+        return self.packed._replace(basis=self._transform.wider.basis)
 
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
@@ -277,7 +277,7 @@ class Evaluator:
 
         n = self._length(X)
         along, across = np.empty((2, n, n))
-        curvature(self.numbers, _writable(X), _writable(v), h, self.linear(Omega).matrices[1], along, across)
+        curvature(self.packed, _writable(X), _writable(v), h, self.linear(Omega).matrices[1], along, across)
         return (self._joined(along), self._joined(across)) if self.structure.constrained else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
@@ -290,14 +290,14 @@ class Evaluator:
         from hbgear.harmonic.forces.projection_kernels import instants
 
         self._length(X)
-        theta, sign, count, _ = instants(self.numbers, self.spread(X).reshape(self.m, -1), False)
+        theta, sign, count, _ = instants(self.packed, self.spread(X).reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[: len(self.breakpoints), None]
         theta, sign = theta[: len(self.breakpoints)], sign[: len(self.breakpoints)]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
         """Return the displacement of element j with coefficients ``row``, or a derivative, at basis phases theta."""
-        displacement, kept = self.system.elements[j].displacement, self.corners.kept[:, j]
+        displacement, kept = self.system.elements[j].displacement, self.piecewise.kept[:, j]
         return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
@@ -305,8 +305,8 @@ class Evaluator:
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
-        sampled_gap(self.numbers, _writable(row), j, c, samples)
-        value, theta = highest_gap(self.numbers.corners, j, side, c, samples)
+        sampled_gap(self.packed, _writable(row), j, c, samples)
+        value, theta = highest_gap(self.packed.piecewise, j, side, c, samples)
         return float(value), float(theta)
 
     def extrema_and_regime(self, X: Array) -> tuple[Array, np.ndarray]:
@@ -315,7 +315,7 @@ class Evaluator:
 
         clearance, regime = np.empty((len(X), 2 * len(self.breakpoints))), np.zeros((len(X), self.m), dtype=np.int8)
         X = self.spread(X)
-        extrema(self.numbers_of(X), X, clearance, regime)
+        extrema(self.packed_of(X), X, clearance, regime)
         return clearance, regime
 
     def shortest_intervals(self, X: Array) -> Array:
@@ -326,7 +326,7 @@ class Evaluator:
         from hbgear.harmonic.equations.diagnostic_kernels import shortest_intervals
 
         out, X = np.empty(len(X)), self.spread(X)
-        shortest_intervals(self.numbers_of(X), self.m, X, out)
+        shortest_intervals(self.packed_of(X), self.m, X, out)
         return out
 
     def with_driven_harmonics(self, X: Array, Omega: Array) -> Array:
@@ -335,9 +335,9 @@ class Evaluator:
 
         self._length(X)
         X, Omega = self.spread(X), _writable(Omega)
-        left = self.numbers.linear.left
+        left = self.packed.linear.left
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
-        truncated_force_harmonics(self.numbers, X, Omega, f)
+        truncated_force_harmonics(self.packed, X, Omega, f)
         if self.sampled:
             self.sampled.add_truncated(X, Omega, left, f)
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
@@ -346,7 +346,7 @@ class Evaluator:
         if self.unstated.size:
             rows[..., places(left)] = _response_to_forces(self, Omega, f, _stiffness_beyond_reference(self, X))
         elif self.structure.modal:
-            driven_response(self.numbers.linear, Omega, f, out)
+            driven_response(self.packed.linear, Omega, f, out)
         else:
             rows[..., places(left)] = _response_to_forces(self, Omega, f)
         return out
@@ -358,19 +358,19 @@ class Evaluator:
 
     def truncation_error(self, extended: Array) -> Array:
         """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
-        beyond = extended.reshape(len(extended), self.m, -1)[..., places(self.numbers.linear.left)]
+        beyond = extended.reshape(len(extended), self.m, -1)[..., places(self.packed.linear.left)]
         rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms
 
 
 def _stiffness_beyond_reference(evaluator: Evaluator, X: Array) -> Array:
     """Return the mean stiffness (P, m) along motions X (P, n) minus the reference springs."""
-    basis, out = evaluator.numbers.basis, np.zeros((len(X), evaluator.m))
+    basis, out = evaluator.packed.basis, np.zeros((len(X), evaluator.m))
     N = basis.shape[1]
     tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
     still = np.zeros(len(tau))
     d = X.reshape(len(X), evaluator.m, -1) @ basis
-    grid = evaluator.corners.grid
+    grid = evaluator.piecewise.grid
     d[..., : grid.shape[2]] += grid[0]
     for j in evaluator.unstated.tolist():
         slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
@@ -383,7 +383,7 @@ def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, bey
 
     beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
     """
-    ratio = evaluator.numbers.linear.left / evaluator.nu
+    ratio = evaluator.packed.linear.left / evaluator.nu
     G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
     modes = evaluator.structure.modes if evaluator.structure.modal else None
     for i, w in enumerate(Omega.tolist()):

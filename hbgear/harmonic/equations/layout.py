@@ -130,9 +130,6 @@ MEASURES: dict[str, Measure] = {
 BUILT_IN_MEASURES = tuple(MEASURES)
 """Names of the measures of hbgear."""
 
-MEASURE_TEXTS: dict[str, str] = {name: entry.text for name, entry in MEASURES.items()}
-"""Descriptions of the registered measures by name."""
-
 _HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -219,7 +216,6 @@ def register_measure(
         _check_name(own, function)
         _check_function(own, function)
         MEASURES[own] = Measure(own, function, text or own, dimension, unit, peaks, default)
-        MEASURE_TEXTS[own] = MEASURES[own].text
         return function
 
     return register if function is None else register(function)

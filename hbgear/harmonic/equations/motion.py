@@ -65,14 +65,14 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
     """Return the regime codes (m,) of each law, see `REGIMES`."""
     regimes = evaluator.extrema_and_regime(X[None])[1]
-    _put_friction_regimes(evaluator, slip_margins(evaluator, X[None]), regimes)
+    _fill_friction_regimes(evaluator, slip_margins(evaluator, X[None]), regimes)
     codes: np.ndarray = regimes[0]
     return codes
 
 
-def _put_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
+def _fill_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements with friction by those of their slider margins (P, Q)."""
-    sliders = evaluator.numbers.sliders
+    sliders = evaluator.packed.sliders
     if sliders is None:
         return
     for j in sorted(set(sliders.element.tolist())):
@@ -86,19 +86,19 @@ def slip_margins(evaluator: Evaluator, X: Array) -> Array:
     if evaluator.sliders:
         from hbgear.harmonic.forces.slider_kernels import slider_states
 
-        slider_states(evaluator.numbers, evaluator.spread(X), evaluator.m, out)
+        slider_states(evaluator.packed, evaluator.spread(X), evaluator.m, out)
     return out
 
 
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
     """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
-    out, sliders = np.empty(evaluator.sliders), evaluator.numbers.sliders
+    out, sliders = np.empty(evaluator.sliders), evaluator.packed.sliders
     if sliders is None:
         return out
     from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
 
     rows = _rows(evaluator, X)
-    motion = slider_motion(evaluator.numbers, rows)
+    motion = slider_motion(evaluator.packed, rows)
     for i, j in enumerate(sliders.element.tolist()):
         begin = motion.begin[i, : motion.number[i]]
         p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
@@ -178,7 +178,7 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
     observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in each]
     if evaluator.sliders:
         margins = slip_margins(evaluator, X)
-        _put_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
+        _fill_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
         for one, margin in zip(observed, margins, strict=True):
             one["slip"] = margin
     return observed, extended

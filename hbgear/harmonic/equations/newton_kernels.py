@@ -37,13 +37,13 @@ _MAX_HALVINGS = 12
 
 @kernel
 def locate(
-    numbers: Any, which: int, u: Any, plain: int, tolerance: float, most: int, R: Any, A: Any
+    packed: Any, which: int, u: Any, plain: int, tolerance: float, most: int, R: Any, A: Any
 ) -> tuple[int, float]:
     """Solve {R, g} = 0 by Newton's method, starting at u.
 
     Parameters
     ----------
-    numbers : PackedModel
+    packed : PackedModel
         Arrays of the model.
     which : int
         Index of the clearance that vanishes, see `HarmonicBalance.clearance`; or `FOLD`, or `HELD` for a fixed Omega.
@@ -68,20 +68,20 @@ def locate(
     size : float
         Size of the terms of R.
     """
-    n, workspace = u.shape[0] - 1, workspace_for(numbers)
+    n, workspace = u.shape[0] - 1, workspace_for(packed)
     rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
     borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
     count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
     while True:  # one call only: each further call of an inlined function adds its compile time
-        new = residual_and_jacobian(numbers, trial, rest, J, dR, workspace)
+        new = residual_and_jacobian(packed, trial, rest, J, dR, workspace)
         if count < 0:
             weight = new / (_fill_borders(J, borders) if which == FOLD else 1.0 + scaled_norm(u[:n]))
         if which == HELD:
             g = _fixed_parameter(B[n])
         elif which == FOLD:
-            g = _determinant(numbers, trial[:n], J, workspace.matrices[1], borders, B[n])
+            g = _determinant(packed, trial[:n], J, workspace.matrices[1], borders, B[n])
         else:
-            g = _clearance(numbers, which, workspace, B[n])
+            g = _clearance(packed, which, workspace, B[n])
         _fill(rest, J, dR, g, weight, after, B)
         if count < 0 or plain:
             good = True
@@ -210,7 +210,7 @@ def _solve_bordered(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> N
 
 
 @inlined
-def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
+def _determinant(packed: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """Return the bordered determinant g of J; fill row (n + 1,) with its gradient. change : dZ/dOmega."""
     n = X.shape[0]
     x, w = np.empty(n + 1), np.empty(n + 1)
@@ -218,7 +218,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     _solve_bordered(J, borders[1], borders[0], np.bool_(True), w)
     v, g = x[:n], float(x[n])
     along, across = np.empty((n, n)), np.empty((n, n))
-    curvature(numbers, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), change, along, across)
+    curvature(packed, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), change, along, across)
     moved = 0.0
     for j in range(n):
         row[j] = 0.0
@@ -240,17 +240,17 @@ def _fixed_parameter(row: Any) -> float:
 
 
 @kernel
-def _clearance(numbers: Any, which: int, workspace: Any, row: Any) -> float:
-    """Return a clearance of the motion in ``workspace.rows``, see `spread`; fill row (n + 1,) with its gradient."""
-    orders, c, samples = numbers.linear.orders, workspace.space.waves, workspace.space.samples
+def _clearance(packed: Any, which: int, workspace: Any, row: Any) -> float:
+    """Return a clearance of the motion in ``workspace.coefficients``, see `spread`; fill row (n + 1,): gradient."""
+    orders, c, samples = packed.linear.orders, workspace.space.waves, workspace.space.samples
     breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
-    j = numbers.laws.owner[breakpoint_]
-    sampled_gap(numbers, workspace.rows[numbers.laws.element[j]], j, c, samples)
-    value, theta = highest_gap(numbers.corners, j, side, c, samples)
+    j = packed.laws.owner[breakpoint_]
+    sampled_gap(packed, workspace.coefficients[packed.laws.element[j]], j, c, samples)
+    value, theta = highest_gap(packed.piecewise, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0
-    at = numbers.laws.element[j] * (2 * orders.shape[0] - 1)
+    at = packed.laws.element[j] * (2 * orders.shape[0] - 1)
     row[at] = 1.0
     for i in range(1, orders.shape[0]):
         row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
-    return float(side * value - numbers.laws.level[breakpoint_])
+    return float(side * value - packed.laws.level[breakpoint_])

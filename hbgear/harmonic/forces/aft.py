@@ -45,14 +45,14 @@ class SampledLaws:
         self.rated = any(law.rated for law in self.laws)
         self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
 
-    def forces(self, rows: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
+    def forces(self, coefficients: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Return force harmonics (s, 2H + 1) of the s laws and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
 
-        rows (m, 2H + 1) are the coefficients of all elements. The derivative in d' is None if no law depends on it. The
+        coefficients (m, 2H + 1) are those of all elements. The derivative in d' is None if no law depends on it. The
         fourth value is the harmonics (s, 2H + 1) of the damping times the velocity of prescribed displacements with
         breakpoints, 0 without any.
         """
-        c = to_complex(rows[self.elements])
+        c = to_complex(coefficients[self.elements])
         waves = [c, Omega / self.nu * derive(c)] if self.rated else [c]
         samples = self._transform.samples(np.concatenate(waves)).reshape(len(waves), len(c), -1)
         samples[0] += self._grid[0]
@@ -66,16 +66,16 @@ class SampledLaws:
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
         force, *slopes = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
         T = [product_matrices(one) for one in slopes]
-        H = rows.shape[1] // 2
+        H = coefficients.shape[1] // 2
         imposed: Array | float = 0.0
         if damped and self._grid.any():
             imposed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
         return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, imposed
 
-    def add_to(self, rows: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
+    def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
-        m, n = rows.shape
-        f, stiffness, damping, imposed = self.forces(rows, Omega)
+        m, n = coefficients.shape
+        f, stiffness, damping, imposed = self.forces(coefficients, Omega)
         R.reshape(m, n)[self.elements] += f
         dR.reshape(m, n)[self.elements] += imposed / self.nu
         blocks = J.reshape(m, n, m, n)
@@ -83,7 +83,7 @@ class SampledLaws:
             blocks[j, :, j] += stiffness[i]
             if damping is not None:
                 blocks[j, :, j] += after_derivative(damping[i]) * (Omega / self.nu)
-                dR.reshape(m, n)[j] += damping[i] @ derivative(rows[j]) / self.nu
+                dR.reshape(m, n)[j] += damping[i] @ derivative(coefficients[j]) / self.nu
         return float(np.linalg.norm(f))
 
     def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:

@@ -16,31 +16,31 @@ from hbgear.mechanics.series.fourier_kernels import sampled
 
 
 @kernel
-def samples_of(own: Any, numbers: Any, rows: Any, which: int, omega: float) -> Any:
+def samples_of(own: Any, packed: Any, coefficients: Any, which: int, omega: float) -> Any:
     """Return samples (N, 3) of p, dp/dd, dp/dv of compiled law ``which`` for coefficients (m, 2H + 1) at omega."""
-    j, N = own.element[which], numbers.basis.shape[1]
-    row = rows[j]
-    speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
-    for k in range(1, row.shape[0] // 2 + 1):
-        speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
-    sampled(row, numbers.basis, d)
-    sampled(speed, numbers.basis, v)
-    _add_grid(numbers.corners, j, omega, d, v)
+    j, N = own.element[which], packed.basis.shape[1]
+    own_coefficients = coefficients[j]
+    speed, d, v, tau = np.zeros(own_coefficients.shape[0]), np.empty(N), np.empty(N), np.empty(N)
+    for k in range(1, own_coefficients.shape[0] // 2 + 1):
+        speed[2 * k - 1], speed[2 * k] = omega * k * own_coefficients[2 * k], -omega * k * own_coefficients[2 * k - 1]
+    sampled(own_coefficients, packed.basis, d)
+    sampled(speed, packed.basis, v)
+    _add_grid(packed.piecewise, j, omega, d, v)
     for n in range(N):
-        tau[n] = 2 * math.pi * ((numbers.linear.nu * n) % N) / N
+        tau[n] = 2 * math.pi * ((packed.linear.nu * n) % N) / N
     out = np.empty((N, 3))
     called(own.address[which], d, v, tau, own.given[which], out)
     return out
 
 
 @kernel
-def _add_grid(corners: Any, j: int, omega: float, d: Any, v: Any) -> None:
+def _add_grid(piecewise: Any, j: int, omega: float, d: Any, v: Any) -> None:
     """Add prescribed displacements with breakpoints to samples of the displacement and velocity of element j."""
-    if corners is None:
+    if piecewise is None:
         return
-    for n in range(corners.grid.shape[2]):
-        d[n] += corners.grid[0, j, n]
-        v[n] += omega * corners.grid[1, j, n]
+    for n in range(piecewise.grid.shape[2]):
+        d[n] += piecewise.grid[0, j, n]
+        v[n] += omega * piecewise.grid[1, j, n]
 
 
 @kernel
@@ -56,14 +56,14 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
 
 
 @kernel
-def truncated_sample_harmonics(own: Any, numbers: Any, rows: Any, omega: float, f: Any) -> None:
+def truncated_sample_harmonics(own: Any, packed: Any, coefficients: Any, omega: float, f: Any) -> None:
     """Fill f (m, L) with the one-sided truncated force harmonics of the compiled laws, if any."""
     if own is None:
         return
-    H, N, left = numbers.basis.shape[0] // 2, numbers.basis.shape[1], numbers.linear.left
+    H, N, left = packed.basis.shape[0] // 2, packed.basis.shape[1], packed.linear.left
     part = np.empty(2 * H + 1, dtype=np.complex128)
     for q in range(own.element.shape[0]):
-        spectrum(samples_of(own, numbers, rows, q, omega)[:, 0], numbers.basis, part)
+        spectrum(samples_of(own, packed, coefficients, q, omega)[:, 0], packed.basis, part)
         for i in range(left.shape[0]):
             if left[i] < N // 2:
                 f[own.element[q], i] = 2.0 * part[left[i]]

@@ -25,7 +25,7 @@ from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretc
 from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
 
 
-class Corners(NamedTuple):
+class PiecewiseExcitation(NamedTuple):
     """Piecewise polynomials over the basis period [0, 2 pi); all arrays are empty for a model without breakpoints.
 
     Attributes
@@ -35,7 +35,7 @@ class Corners(NamedTuple):
     moves : ndarray, shape (Q + 1,)
         Index of the first segment of w of each displacement j, and the number of all segments. There are no segments
         if e_j has no breakpoints and the level does not move.
-    at, rows : ndarray, shapes (T,) and (T, 4)
+    at, coefficients : ndarray, shapes (T,) and (T, 4)
         Beginning [rad] and coefficients of each segment of w.
     broken : ndarray, shape (T,)
         Whether w of a moving level jumps at the beginning of a segment.
@@ -65,7 +65,7 @@ class Corners(NamedTuple):
     phases: Array
     moves: np.ndarray
     at: Array
-    rows: Array
+    coefficients: Array
     broken: np.ndarray
     idle: np.ndarray
     bounds: Array
@@ -80,9 +80,9 @@ class Corners(NamedTuple):
     grid: Array
 
 
-def corners_of(
+def piecewise_excitation(
     elements: Sequence[Element], packing: Packing, H: int, nu: int, N: int, orders: np.ndarray, left: np.ndarray
-) -> Corners:
+) -> PiecewiseExcitation:
     """Return the piecewise polynomials of the elements of a model and of the springs of their laws.
 
     Parameters
@@ -96,7 +96,7 @@ def corners_of(
     nu : int
         Subharmonic order.
     N : int
-        Number of samples of `Corners.grid`; 0 if no law is sampled.
+        Number of samples of `PiecewiseExcitation.grid`; 0 if no law is sampled.
     orders : ndarray
         Basis harmonics up to H that are unknowns.
     left : ndarray
@@ -114,9 +114,9 @@ def corners_of(
         return _without_breakpoints(m, S, H, len(left))
     e = [element.displacement for element in elements]
     moved = [_segments_of(one, nu).scaled(-1.0) if one.corners else None for one in e]
-    with_corners = [j for j in range(m) if e[j].corners]
+    with_breakpoints = [j for j in range(m) if e[j].corners]
     kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((len(left), m), dtype=complex)
-    for j in with_corners:
+    for j in with_breakpoints:
         c = np.zeros(2 * H + 1, dtype=complex)
         known = to_complex(stretch(e[j].row(2 * H // nu), nu))
         c[: len(known)] = known
@@ -144,11 +144,11 @@ def corners_of(
     ]
     pieces = [one.at for one in moved if one] + [one.at for one, *_ in tables]
     fixed = np.zeros(sum(len(one.at) for one in moved if one), dtype=bool)
-    return Corners(
+    return PiecewiseExcitation(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
         moves=_first_indices([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
         at=np.concatenate([np.empty(0), *pieces]),
-        rows=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
+        coefficients=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
         broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
         idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
         bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
@@ -190,7 +190,7 @@ variational equation does not begin a new segment: the multipliers of tables wit
 def _level_table(
     displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
 ) -> tuple[Pieced, np.ndarray, np.ndarray]:
-    """Return w of a moving level, and `Corners.broken` and `Corners.idle` of its segments."""
+    """Return w of a moving level, and `PiecewiseExcitation.broken` and `PiecewiseExcitation.idle` of its segments."""
     w = (level.repeated(nu) if isinstance(level, Pieced) else _level_segments(level, nu)).scaled(-1.0)
     if displacement.corners:
         w = w.plus(_segments_of(displacement, nu).scaled(-1.0))
@@ -224,10 +224,10 @@ def _level_segments(level: Phased, nu: int) -> Pieced:
 
 
 @lru_cache(maxsize=64)
-def _without_breakpoints(m: int, S: int, H: int, left: int) -> Corners:
+def _without_breakpoints(m: int, S: int, H: int, left: int) -> PiecewiseExcitation:
     """Return the empty arrays of m elements and S springs without breakpoints."""
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
-    return Corners(
+    return PiecewiseExcitation(
         none, _first_indices([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
         np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
         np.zeros((left, m), dtype=complex), _first_indices([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
@@ -276,7 +276,7 @@ def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N
 
 
 def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
-    """Return `Corners.grid`."""
+    """Return `PiecewiseExcitation.grid`."""
     some = [j for j, one in enumerate(e) if one.corners]
     out = np.zeros((2, len(e), N if some else 0))
     theta = TURN * np.arange(out.shape[2]) / max(N, 1)
@@ -286,7 +286,7 @@ def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
 
 
 def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
-    """Return `Corners.powers`."""
+    """Return `PiecewiseExcitation.powers`."""
     some = [j for j, one in enumerate(moved) if one and cubic[j].any()]
     out = np.zeros((len(moved), 3, length if some else 0), dtype=complex)
     for j in some:

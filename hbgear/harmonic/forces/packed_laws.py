@@ -31,7 +31,7 @@ class PackedLaws(NamedTuple):
     element (Q,) : the element of each displacement.
     of (S,), over (S,), base (S, 2), series (S, L) : element, displacement, s0 and g0 of each spring, and the two-sided
         coefficients of its stiffness at the basis harmonics shifts (L,), the first of which is 0. The series of a
-        stiffness with breakpoints is 1, see `Corners`.
+        stiffness with breakpoints is 1, see `PiecewiseExcitation`.
     at, part (R,), change (R,) : breakpoint, spring and D of each change of slope.
     cubic (m, 2) : k1 and k3.
     """
@@ -80,7 +80,7 @@ class Packing(NamedTuple):
 
 
 def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
-    """Return the table of laws, with everything that the table of corners needs of them."""
+    """Return the table of laws, with everything that the table of breakpoints needs of them."""
     m = len(laws)
     known = [None if sampled else moving_springs_of(law) for law in laws]
     levels, owner, level = _public_breakpoints(laws, known)
@@ -106,9 +106,9 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
         own[:] = [row[k] if k < len(row) else 0.0 for k in shifts]
     base, ramps = np.zeros((len(springs), 2)), []
     for s, (_, q, spring) in enumerate(springs):
-        g0, changes, corners = spring.ramps
+        g0, changes, breakpoints = spring.ramps
         base[s] = spring.slopes[0], g0
-        ramps += [(place[q, float(x)], s, float(D)) for x, D in zip(corners, changes, strict=True)]
+        ramps += [(place[q, float(x)], s, float(D)) for x, D in zip(breakpoints, changes, strict=True)]
     at, part, change = (np.array(column) for column in zip(*ramps, strict=True)) if ramps else ([], [], [])
     at = np.asarray(at, dtype=np.int64)
     ramped = np.zeros(len(level), dtype=bool)
@@ -147,7 +147,7 @@ def _public_breakpoints(laws: Sequence[Law], known: Sequence[Any]) -> tuple[list
 
 
 def _series_of(stiffness: Phased) -> Array:
-    """Return the row of a Fourier series; 1 for a function with breakpoints, which is stored in `Corners`."""
+    """Return the coefficients of a Fourier series; 1 for a function with breakpoints (see `PiecewiseExcitation`)."""
     return stiffness.row() if isinstance(stiffness, Series) else np.ones(1)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.forces.breakpoints import Corners
+from hbgear.harmonic.forces.breakpoints import PiecewiseExcitation
 from hbgear.harmonic.forces.packed_laws import PackedLaws
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Law
@@ -78,7 +78,7 @@ class PackedModel(NamedTuple):
     laws: PackedLaws
     linear: PackedLinearPart
     basis: Array
-    corners: Corners | None
+    piecewise: PiecewiseExcitation | None
     own: Own | None
     sliders: Sliders | None
 
@@ -88,8 +88,8 @@ def sliders_of(laws: Sequence[Law]) -> Sliders | None:
     found = [(j, slider) for j, law in enumerate(laws) for slider in law.sliders]
     if not found:
         return None
-    numbers = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).T.copy()
-    return Sliders(np.array([j for j, _ in found], dtype=np.int64), *numbers)
+    packed = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).T.copy()
+    return Sliders(np.array([j for j, _ in found], dtype=np.int64), *packed)
 
 
 def own_of(laws: Sequence[Law]) -> Own | None:

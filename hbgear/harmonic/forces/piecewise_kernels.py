@@ -1,11 +1,13 @@
 """Kernels: crossings, extrema and integrals of the sum of a trigonometric and a piecewise polynomial.
 
-    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,    w = sum_q rows[i, q] (theta - at[i])^q on segment i
+    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level
+    w(theta) = sum_q coefficients[i, q] (theta - at[i])^q on segment i
 
 Each segment is divided into cells no longer than the sampling step of the model. x is smooth in each cell, so that its
 crossings and extrema are computed as in `hbgear.harmonic.forces.switching_times`. The arrays of segments are described
-in `hbgear.harmonic.forces.breakpoints.Corners`, the integrals in `hbgear.mechanics.series.periodic.moments`. For a
-model without breakpoints in the phase, ``corners`` is None, and the code for segments is not compiled.
+in `hbgear.harmonic.forces.breakpoints.PiecewiseExcitation`, the integrals in
+`hbgear.mechanics.series.periodic.moments`. For a model without breakpoints in the phase, ``piecewise`` is None, and
+the code for segments is not compiled.
 """
 
 from __future__ import annotations
@@ -17,77 +19,81 @@ import numpy as np
 
 from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings
-from hbgear.mechanics.series.fourier_kernels import highest, put_waves, sampled, value_of
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, value_of
 from hbgear.mechanics.series.periodic import MIN_PHASE_BY_PARTS, rule
 
 _NODES, _WEIGHTS = rule()
 
 
 @kernel
-def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
-    """Store the one-sided coefficients of displacement j in the first entries of c; row (2H + 1,) is the motion.
+def fill_gap(piecewise: Any, coefficients: Any, j: int, c: Any) -> None:
+    """Store the one-sided coefficients of displacement j in the first entries of c; the motion has (2H + 1,) real ones.
 
-    If the prescribed displacement has breakpoints, its harmonics `Corners.kept` are added. The rest of the gap is the
-    piecewise polynomial w.
+    If the prescribed displacement has breakpoints, its harmonics `PiecewiseExcitation.kept` are added. The rest of
+    the gap is the piecewise polynomial w.
     """
-    put_waves(row, c)
-    if corners is None:
+    fill_one_sided(coefficients, c)
+    if piecewise is None:
         return
-    if corners.moves[j] < corners.moves[j + 1]:
-        for k in range(min(row.shape[0] // 2 + 1, corners.kept.shape[0])):
-            c[k] += corners.kept[k, j]
+    if piecewise.moves[j] < piecewise.moves[j + 1]:
+        for k in range(min(coefficients.shape[0] // 2 + 1, piecewise.kept.shape[0])):
+            c[k] += piecewise.kept[k, j]
 
 
 @kernel
-def in_pieces(corners: Any, j: int) -> bool:
+def has_segments(piecewise: Any, j: int) -> bool:
     """Return whether the gap of displacement j has segments."""
-    if corners is None:
+    if piecewise is None:
         return False
-    return bool(corners.moves[j] < corners.moves[j + 1])
+    return bool(piecewise.moves[j] < piecewise.moves[j + 1])
 
 
 @kernel
-def sizes_of(corners: Any) -> tuple[int, int, int]:
+def sizes_of(piecewise: Any) -> tuple[int, int, int]:
     """Return the numbers of breakpoints in a period, of segments of a gap at most, and of coefficients."""
-    if corners is None:
+    if piecewise is None:
         return 0, 0, 0
-    max_segments = corners.moves[1] - corners.moves[0]
-    for j in range(corners.moves.shape[0] - 1):
-        max_segments = max(max_segments, corners.moves[j + 1] - corners.moves[j])
-    return corners.phases.shape[0], max_segments, corners.pulled.shape[1]
+    max_segments = piecewise.moves[1] - piecewise.moves[0]
+    for j in range(piecewise.moves.shape[0] - 1):
+        max_segments = max(max_segments, piecewise.moves[j + 1] - piecewise.moves[j])
+    return piecewise.phases.shape[0], max_segments, piecewise.pulled.shape[1]
 
 
 @kernel
-def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
-    """Call `put_gap`, and store the samples (N,) of the gap if it has no segments."""
-    put_gap(numbers.corners, row, j, c)
-    if not in_pieces(numbers.corners, j):
-        sampled(row, numbers.basis, samples)
+def sampled_gap(packed: Any, coefficients: Any, j: int, c: Any, samples: Any) -> None:
+    """Call `fill_gap`, and store the samples (N,) of the gap if it has no segments."""
+    fill_gap(packed.piecewise, coefficients, j, c)
+    if not has_segments(packed.piecewise, j):
+        sampled(coefficients, packed.basis, samples)
 
 
 @kernel
-def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
+def highest_gap(piecewise: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
     """Return the largest value of side times the gap of displacement j, side +1 or -1, and its phase.
 
     c, samples : results of `sampled_gap`.
     """
-    if corners is not None:
-        first, last = corners.moves[j], corners.moves[j + 1]
+    if piecewise is not None:
+        first, last = piecewise.moves[j], piecewise.moves[j + 1]
         if first < last:
-            return highest_on(c, corners.at, corners.rows, corners.broken, first, last, samples.shape[0], side)
+            return highest_on(
+                c, piecewise.at, piecewise.coefficients, piecewise.broken, first, last, samples.shape[0], side
+            )
     return highest(c, samples, side)
 
 
 @kernel
-def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
+def crossings_of(piecewise: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
     """Compute the `crossings` of a level by the gap of displacement j.
 
     Return their number, and whether the gap is above the level at phase 0. c, samples : results of `sampled_gap`.
     """
-    if corners is not None:
-        first, last = corners.moves[j], corners.moves[j + 1]
+    if piecewise is not None:
+        first, last = piecewise.moves[j], piecewise.moves[j + 1]
         if first < last:
-            return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
+            return crossings_on(
+                c, level, piecewise.at, piecewise.coefficients, first, last, samples.shape[0], theta, sign
+            )
     return crossings(c, level, samples, theta, sign), samples[0] > level
 
 
@@ -104,7 +110,7 @@ def fill_motion(c: Any, motion: Any) -> float:
 
 @kernel
 def crossings_of_moving(
-    corners: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
+    piecewise: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
 ) -> tuple[int, bool]:
     """Compute the crossings of a moving level: the zeros of x, a displacement minus its level.
 
@@ -113,12 +119,12 @@ def crossings_of_moving(
 
     Parameters
     ----------
-    corners : Corners or None
+    piecewise : PiecewiseExcitation or None
         Segments of the displacements.
     j : int
         Index of the displacement.
     c : ndarray, shape (H + 1,)
-        One-sided coefficients of the motion, see `put_gap`.
+        One-sided coefficients of the motion, see `fill_gap`.
     bound : float
         Result of `fill_motion`.
     motion : ndarray, shape (2, N)
@@ -135,27 +141,33 @@ def crossings_of_moving(
     above : bool
         Whether x is positive at phase 0.
     """
-    if corners is None:
+    if piecewise is None:
         return 0, False
     mean = c[0].real
-    if mean - bound + corners.bounds[j, 0] > 0.0:
+    if mean - bound + piecewise.bounds[j, 0] > 0.0:
         return 0, True
-    if mean + bound + corners.bounds[j, 1] < 0.0:
+    if mean + bound + piecewise.bounds[j, 1] < 0.0:
         return 0, False
-    first, last, at, rows, N = corners.moves[j], corners.moves[j + 1], corners.at, corners.rows, motion.shape[1]
+    first, last, at, coefficients, N = (
+        piecewise.moves[j],
+        piecewise.moves[j + 1],
+        piecewise.at,
+        piecewise.coefficients,
+        motion.shape[1],
+    )
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
-    before, slope, _ = value_on(c, 0.0, rows[first], at[first], 0.0)
+    before, slope, _ = value_on(c, 0.0, coefficients[first], at[first], 0.0)
     above = before > 0.0
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
         if i > first:
-            value, slope, _ = value_on(c, 0.0, rows[i], at[i], at[i])
-            if corners.broken[i]:
+            value, slope, _ = value_on(c, 0.0, coefficients[i], at[i], at[i])
+            if piecewise.broken[i]:
                 count = _add_jump(before, value, at[i], theta, sign, count)
                 before = value
-        if corners.idle[i]:
-            value = value_on(c, 0.0, rows[i], at[i], end)[0]
+        if piecewise.idle[i]:
+            value = value_on(c, 0.0, coefficients[i], at[i], end)[0]
             count = _add_jump(before, value, at[i], theta, sign, count)
             before = value
             continue
@@ -164,13 +176,19 @@ def crossings_of_moving(
             b = step * n
             if b < end - 1e-9 * step and n < N:
                 y = b - at[i]
-                after = motion[0, n] + rows[i, 0] + y * (rows[i, 1] + y * (rows[i, 2] + y * rows[i, 3]))
-                slope_after = motion[1, n] + rows[i, 1] + y * (2.0 * rows[i, 2] + 3.0 * y * rows[i, 3])
+                after = (
+                    motion[0, n]
+                    + coefficients[i, 0]
+                    + y * (coefficients[i, 1] + y * (coefficients[i, 2] + y * coefficients[i, 3]))
+                )
+                slope_after = (
+                    motion[1, n] + coefficients[i, 1] + y * (2.0 * coefficients[i, 2] + 3.0 * y * coefficients[i, 3])
+                )
             else:
                 b = end
-                after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], end)
+                after, slope_after, _ = value_on(c, 0.0, coefficients[i], at[i], end)
             count = _add_crossings_in_cell(
-                c, 0.0, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+                c, 0.0, coefficients[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
             )
             a, before, slope = b, after, slope_after
             n += 1
@@ -187,7 +205,7 @@ def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, cou
 
 
 @kernel
-def piece_of(at: Any, first: int, last: int, theta: float) -> int:
+def segment_of(at: Any, first: int, last: int, theta: float) -> int:
     """Return the index of the segment, from first to last - 1, that contains a phase in [0, 2 pi]."""
     low, high = first, last
     while high - low > 1:
@@ -200,40 +218,40 @@ def piece_of(at: Any, first: int, last: int, theta: float) -> int:
 
 
 @kernel
-def polynomial(row: Any, x: float) -> float:
-    """Return sum_q row[q] x^q."""
+def polynomial(coefficients: Any, x: float) -> float:
+    """Return sum_q coefficients[q] x^q."""
     total: float = 0.0
-    for q in range(row.shape[0] - 1, -1, -1):
-        total = total * x + row[q]
+    for q in range(coefficients.shape[0] - 1, -1, -1):
+        total = total * x + coefficients[q]
     return total
 
 
 @kernel
-def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
-    """Return x, x' and x'' at theta; the segment has the polynomial ``row`` and begins at ``start``."""
+def value_on(c: Any, level: float, coefficients: Any, start: float, theta: float) -> tuple[float, float, float]:
+    """Return x, x' and x'' at theta; the segment has the polynomial ``coefficients`` and begins at ``start``."""
     value, slope, curve = value_of(c, level, theta)
     y = theta - start
-    value += row[0] + y * (row[1] + y * (row[2] + y * row[3]))
-    slope += row[1] + y * (2.0 * row[2] + 3.0 * y * row[3])
-    curve += 2.0 * row[2] + 6.0 * y * row[3]
+    value += coefficients[0] + y * (coefficients[1] + y * (coefficients[2] + y * coefficients[3]))
+    slope += coefficients[1] + y * (2.0 * coefficients[2] + 3.0 * y * coefficients[3])
+    curve += 2.0 * coefficients[2] + 6.0 * y * coefficients[3]
     return value, slope, curve
 
 
 @kernel
 def crossings_on(
-    c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
+    c: Any, level: float, at: Any, coefficients: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
     """Compute the crossings of a level by a gap with segments.
 
     Parameters
     ----------
     c : ndarray, shape (H + 1,)
-        One-sided coefficients of the gap, see `put_gap`.
+        One-sided coefficients of the gap, see `fill_gap`.
     level : float
         Level to be crossed.
     at : ndarray, shape (T,)
         Beginnings of all segments.
-    rows : ndarray, shape (T, 4)
+    coefficients : ndarray, shape (T, 4)
         Coefficients of all segments.
     first, last : int
         Segments of the gap: first, ..., last - 1.
@@ -252,18 +270,18 @@ def crossings_on(
         Whether the gap is above the level at phase 0.
     """
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
+    before = start = value_on(c, level, coefficients[first], at[first], 0.0)[0]
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
-        a, slope = at[i], value_on(c, level, rows[i], at[i], at[i])[1]
+        a, slope = at[i], value_on(c, level, coefficients[i], at[i], at[i])[1]
         for n in range(1, cells + 1):
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
-            after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
+            after, slope_after, _ = value_on(c, level, coefficients[i], at[i], b)
             if n == cells and i + 1 == last:
                 after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(
-                c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+                c, level, coefficients[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
             )
             a, before, slope = b, after, slope_after
     return count, start > 0.0
@@ -271,8 +289,8 @@ def crossings_on(
 
 @kernel
 def _add_crossings_in_cell(
-    c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
-    slope_after: float, theta: Any, sign: Any, count: int,
+    c: Any, level: float, coefficients: Any, start: float, a: float, before: float, slope: float, b: float,
+    after: float, slope_after: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
     """Append the crossings in a cell from a to b, and return the updated count; see `crossings`.
 
@@ -281,28 +299,28 @@ def _add_crossings_in_cell(
     if (before > 0.0) != (after > 0.0):
         mean = (after - before) / (b - a)
         if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
-            return _add_crossing(c, level, row, start, a, before, b, after, theta, sign, count)
+            return _add_crossing(c, level, coefficients, start, a, before, b, after, theta, sign, count)
         x, value = a, before
         for k in range(1, CELL_PARTS + 1):
             y = a + (b - a) * k / CELL_PARTS
-            other = after if k == CELL_PARTS else value_on(c, level, row, start, y)[0]
+            other = after if k == CELL_PARTS else value_on(c, level, coefficients, start, y)[0]
             if (value > 0.0) != (other > 0.0):
-                count = _add_crossing(c, level, row, start, x, value, y, other, theta, sign, count)
+                count = _add_crossing(c, level, coefficients, start, x, value, y, other, theta, sign, count)
             x, value = y, other
         return count
     side = 1.0 if before > 0.0 else -1.0
     if side * slope < 0.0 and side * slope_after > 0.0:
-        top = _extremum(c, level, row, start, a, b, -side)
-        value = value_on(c, level, row, start, top)[0]
+        top = _extremum(c, level, coefficients, start, a, b, -side)
+        value = value_on(c, level, coefficients, start, top)[0]
         if side * value < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level)):
-            count = _add_crossing(c, level, row, start, a, before, top, value, theta, sign, count)
-            count = _add_crossing(c, level, row, start, top, value, b, after, theta, sign, count)
+            count = _add_crossing(c, level, coefficients, start, a, before, top, value, theta, sign, count)
+            count = _add_crossing(c, level, coefficients, start, top, value, b, after, theta, sign, count)
     return count
 
 
 @kernel
 def _add_crossing(
-    c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
+    c: Any, level: float, coefficients: Any, start: float, low: float, value_low: float, high: float, value_high: float,
     theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
     """Append the crossing between low and high, where the values differ in sign, and return the updated count.
@@ -314,7 +332,7 @@ def _add_crossing(
     rising = value_high > value_low
     at = low + (high - low) * value_low / (value_low - value_high)
     for _ in range(80):
-        value, slope, curve = value_on(c, level, row, start, at)
+        value, slope, curve = value_on(c, level, coefficients, start, at)
         if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
             break
         if (value < 0.0) == rising:
@@ -334,11 +352,11 @@ def _add_crossing(
 
 
 @kernel
-def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
+def _extremum(c: Any, level: float, coefficients: Any, start: float, low: float, high: float, side: float) -> float:
     """Return the phase of the maximum of side x between low, where side x rises, and high, where it falls."""
     at = 0.5 * (low + high)
     for _ in range(60):
-        _, slope, curve = value_on(c, level, row, start, at)
+        _, slope, curve = value_on(c, level, coefficients, start, at)
         if side * slope > 0.0:
             low = at
         else:
@@ -352,7 +370,7 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
 
 @kernel
 def highest_on(
-    c: Any, at: Any, rows: Any, broken: Any, first: int, last: int, N: int, side: float
+    c: Any, at: Any, coefficients: Any, broken: Any, first: int, last: int, N: int, side: float
 ) -> tuple[float, float]:
     """Return the largest value of side x, side +1 or -1, and its phase.
 
@@ -364,15 +382,15 @@ def highest_on(
         end = at[i + 1] if i + 1 < last else 2 * math.pi
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
         a = at[i]
-        value, slope, _ = value_on(c, 0.0, rows[i], at[i], a)
+        value, slope, _ = value_on(c, 0.0, coefficients[i], at[i], a)
         for n in range(1, cells + 1):
             if side * value > largest:
                 largest, phase = side * value, a
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
-            after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], b)
+            after, slope_after, _ = value_on(c, 0.0, coefficients[i], at[i], b)
             if side * slope > 0.0 and side * slope_after < 0.0:
-                top = _extremum(c, 0.0, rows[i], at[i], a, b, side)
-                height = side * value_on(c, 0.0, rows[i], at[i], top)[0]
+                top = _extremum(c, 0.0, coefficients[i], at[i], a, b, side)
+                height = side * value_on(c, 0.0, coefficients[i], at[i], top)[0]
                 if height > largest:
                     largest, phase = height, top
             a, value, slope = b, after, slope_after
@@ -382,7 +400,9 @@ def highest_on(
 
 
 @kernel
-def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> bool:
+def spans(
+    piecewise: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any
+) -> bool:
     """Compute the Fourier coefficients of k s and k w s, where s is 1 above a breakpoint of the law and 0 below.
 
     For f = k or k w and G_n(theta) = int_0^theta f exp(-i n x) dx, the coefficients of f s are
@@ -391,7 +411,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
     Parameters
     ----------
-    corners : Corners or None
+    piecewise : PiecewiseExcitation or None
         Segments of the springs.
     spring : int
         Index of the spring.
@@ -413,24 +433,24 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
     bool
         False if the spring has no segments; A and B are then unchanged.
     """
-    if corners is None:
+    if piecewise is None:
         return False
-    first, last = corners.parts[spring], corners.parts[spring + 1]
+    first, last = piecewise.parts[spring], piecewise.parts[spring + 1]
     if first == last:
         return False
-    sums, known = corners.sums, min(A.shape[0], corners.sums.shape[2])
+    sums, known = piecewise.sums, min(A.shape[0], piecewise.sums.shape[2])
     for n in range(A.shape[0]):
         A[n] = B[n] = 0j
     if above:
         for n in range(known):
             A[n], B[n] = sums[last + spring, 0, n], sums[last + spring, 1, n]
     for j in range(count):
-        i = piece_of(corners.begin, first, last, theta[j])
+        i = segment_of(piecewise.begin, first, last, theta[j])
         for n in range(known):
             A[n] -= sign[j] * sums[i + spring, 0, n]
             B[n] -= sign[j] * sums[i + spring, 1, n]
-        _add_moments(corners.weight[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], A, ends)
-        _add_moments(corners.pulled[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], B, ends)
+        _add_moments(piecewise.weight[i], piecewise.begin[i], theta[j] - piecewise.begin[i], -sign[j], A, ends)
+        _add_moments(piecewise.pulled[i], piecewise.begin[i], theta[j] - piecewise.begin[i], -sign[j], B, ends)
     for n in range(A.shape[0]):
         A[n] /= 2 * math.pi
         B[n] /= 2 * math.pi
@@ -438,90 +458,90 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
 
 
 @kernel
-def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
+def add_segments(piecewise: Any, j: int, phases: Any, T: int, gap: Any) -> None:
     """Add w of displacement j at the first T phases to ``gap``, if it has segments."""
-    if corners is None:
+    if piecewise is None:
         return
-    first, end = corners.moves[j], corners.moves[j + 1]
+    first, end = piecewise.moves[j], piecewise.moves[j + 1]
     for n in range(T if first < end else 0):
         theta = phases[n] % (2 * math.pi)
-        i = piece_of(corners.at, first, end, theta)
-        gap[n] += polynomial(corners.rows[i], theta - corners.at[i])
+        i = segment_of(piecewise.at, first, end, theta)
+        gap[n] += polynomial(piecewise.coefficients[i], theta - piecewise.at[i])
 
 
 @kernel
-def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
+def multiply_stiffness(piecewise: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
     """Multiply slopes at the first T phases by the stiffness of a spring, if it has segments."""
-    if corners is None:
+    if piecewise is None:
         return
-    first, end = corners.parts[spring], corners.parts[spring + 1]
+    first, end = piecewise.parts[spring], piecewise.parts[spring + 1]
     for n in range(T if first < end else 0):
         theta = phases[n] % (2 * math.pi)
-        i = piece_of(corners.begin, first, end, theta)
-        slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
+        i = segment_of(piecewise.begin, first, end, theta)
+        slope[n] *= polynomial(piecewise.weight[i], theta - piecewise.begin[i])
 
 
 @kernel
-def add_contact(corners: Any, laws: Any, spring: int, motion: Any, phases: Any, T: int, out: Any) -> None:
+def add_contact(piecewise: Any, laws: Any, spring: int, motion: Any, phases: Any, T: int, out: Any) -> None:
     """Add dp/dd of a contact with a moving level at the first T phases to ``out``.
 
     The phases ascend over at most two periods. motion (T,) : values of the motion at these phases.
     """
-    if corners is None:
+    if piecewise is None:
         return
-    first, last = corners.parts[spring], corners.parts[spring + 1]
+    first, last = piecewise.parts[spring], piecewise.parts[spring + 1]
     j = laws.over[spring]
-    begin, end = corners.moves[j], corners.moves[j + 1]
+    begin, end = piecewise.moves[j], piecewise.moves[j + 1]
     i, q, before, factor = first, begin, 0.0, laws.series[spring, 0].real
     for n in range(T):
         theta = phases[n] % (2 * math.pi)
         if theta < before:
             i, q = first, begin
         before = theta
-        while i + 1 < last and corners.begin[i + 1] <= theta:
+        while i + 1 < last and piecewise.begin[i + 1] <= theta:
             i += 1
-        k = factor * polynomial(corners.weight[i], theta - corners.begin[i])
+        k = factor * polynomial(piecewise.weight[i], theta - piecewise.begin[i])
         if k == 0.0:
             continue
-        while q + 1 < end and corners.at[q + 1] <= theta:
+        while q + 1 < end and piecewise.at[q + 1] <= theta:
             q += 1
-        x = motion[n] + polynomial(corners.rows[q], theta - corners.at[q])
+        x = motion[n] + polynomial(piecewise.coefficients[q], theta - piecewise.at[q])
         out[n] += k * (laws.base[spring, 0] if x <= 0.0 else 1.0 - laws.base[spring, 0])
 
 
 @kernel
-def put_phases(corners: Any, out: Any) -> int:
+def fill_phases(piecewise: Any, out: Any) -> int:
     """Store the phases of all breakpoints of the excitation in ``out``, and return their number."""
-    if corners is None:
+    if piecewise is None:
         return 0
-    for i in range(corners.phases.shape[0]):
-        out[i] = corners.phases[i]
-    return int(corners.phases.shape[0])
+    for i in range(piecewise.phases.shape[0]):
+        out[i] = piecewise.phases[i]
+    return int(piecewise.phases.shape[0])
 
 
 @kernel
-def integrals(at: Any, rows: Any, out: Any) -> None:
+def integrals(at: Any, coefficients: Any, out: Any) -> None:
     """Store int_0^theta f exp(-i n x) dx at the beginning of each segment and at 2 pi in ``out`` (T + 1, L).
 
-    f is the piecewise polynomial with the beginnings at (T,) and the coefficients rows (T, Q) of its segments.
+    f is the piecewise polynomial with the beginnings at (T,) and the coefficients (T, Q) of its segments.
     """
-    ends = np.empty((2, rows.shape[1]))
+    ends = np.empty((2, coefficients.shape[1]))
     out[0] = 0j
     for i in range(at.shape[0]):
         width = (at[i + 1] if i + 1 < at.shape[0] else 2 * math.pi) - at[i]
         out[i + 1] = out[i]
-        _add_moments(rows[i], at[i], width, 1.0, out[i + 1], ends)
+        _add_moments(coefficients[i], at[i], width, 1.0, out[i + 1], ends)
 
 
 @kernel
-def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
+def _add_moments(coefficients: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
     """Add factor times int_0^width p(x) exp(-i n (start + x)) dx to out[n]; the method is that of `moments`.
 
     Low orders n are integrated by Gauss quadrature, the others by parts. ``ends`` is overwritten.
     """
     degree = -1
-    for q in range(row.shape[0]):
-        if row[q] != 0.0:
+    for q in range(coefficients.shape[0]):
+        if coefficients[q] != 0.0:
             degree = q
     if degree < 0 or width <= 0.0:
         return
@@ -531,7 +551,7 @@ def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, 
     )
     for g in range(_NODES.shape[0]):
         x = width * _NODES[g]
-        term = complex(factor * width * _WEIGHTS[g] * polynomial(row, x), 0.0)
+        term = complex(factor * width * _WEIGHTS[g] * polynomial(coefficients, x), 0.0)
         z = complex(math.cos(start + x), -math.sin(start + x))
         for n in range(gauss_count):
             out[n] += term
@@ -545,9 +565,9 @@ def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, 
             falling_factorial = 1.0
             for i in range(q):
                 falling_factorial *= k - i
-            derivatives_end[q] = derivatives_end[q] * width + falling_factorial * row[k]
+            derivatives_end[q] = derivatives_end[q] * width + falling_factorial * coefficients[k]
             if k == q:
-                derivatives_start[q] = falling_factorial * row[k]
+                derivatives_start[q] = falling_factorial * coefficients[k]
     for n in range(gauss_count, out.shape[0]):
         power, begin, end = complex(0.0, -1.0 / n), 0j, 0j
         turn = power

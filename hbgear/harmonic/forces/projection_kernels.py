@@ -38,9 +38,9 @@ from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.forces.piecewise_kernels import (
     crossings_of,
     crossings_of_moving,
+    fill_gap,
     fill_motion,
-    in_pieces,
-    put_gap,
+    has_segments,
     sampled_gap,
     sizes_of,
     spans,
@@ -98,110 +98,110 @@ class ProjectionWorkspace(NamedTuple):
 
 
 @kernel
-def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
+def projection_workspace(packed: Any, m: int, H: int, order: Any) -> Any:
     """Return a `ProjectionWorkspace` for motions of m elements with H harmonics, and kappa up to ``order``."""
-    laws, (_, pieces, degrees) = numbers.laws, sizes_of(numbers.corners)
+    laws, (_, pieces, degrees) = packed.laws, sizes_of(packed.piecewise)
     K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * pieces, laws.of.shape[0]
     length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
     part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
     return ProjectionWorkspace(
         np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
-        coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]),
-        np.empty((2, numbers.basis.shape[1])), waves, square,
+        coefficients[0], coefficients[1], coefficients[2], np.empty(packed.basis.shape[1]),
+        np.empty((2, packed.basis.shape[1])), waves, square,
         part[0], part[1], both, np.empty((2, degrees)),
-        slider_workspace(numbers.sliders, H, numbers.basis.shape[1], order + 1),
+        slider_workspace(packed.sliders, H, packed.basis.shape[1], order + 1),
     )  # fmt: skip
 
 
 @kernel
-def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
+def instants(packed: Any, coefficients: Any, ramped: Any) -> Any:
     """Call `cross` from Python; return theta, sign, number and above of the workspace."""
-    space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, np.int64(0))
-    cross(numbers, rows, ramped, space)
+    space = projection_workspace(packed, coefficients.shape[0], coefficients.shape[1] // 2, np.int64(0))
+    cross(packed, coefficients, ramped, space)
     return space.theta, space.sign, space.number, space.above
 
 
 @kernel
-def projected(numbers: Any, rows: Any, order: int) -> Any:
+def projected(packed: Any, coefficients: Any, order: int) -> Any:
     """Call `project` from Python; return kappa, chi and more of the workspace."""
-    space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, order)
-    project(numbers, rows, space)
+    space = projection_workspace(packed, coefficients.shape[0], coefficients.shape[1] // 2, order)
+    project(packed, coefficients, space)
     return space.kappa, space.chi, space.more
 
 
 @kernel
-def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
+def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
     """Compute the crossings of all breakpoints by a motion.
 
     Parameters
     ----------
-    numbers : PackedModel
+    packed : PackedModel
         Arrays of the model.
-    rows : ndarray, shape (m, 2H + 1)
+    coefficients : ndarray, shape (m, 2H + 1)
         Real Fourier coefficients of each element.
     ramped : bool
         Whether only breakpoints with a change of slope are evaluated, see `PackedLaws.ramped`.
     space : ProjectionWorkspace
         Workspace; theta, sign, number and above are filled.
     """
-    laws, samples, c = numbers.laws, space.samples, space.waves
+    laws, samples, c = packed.laws, space.samples, space.waves
     last = element = -1
     bound = 0.0
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
         j = laws.owner[i]
-        moving = j >= rows.shape[0]
+        moving = j >= coefficients.shape[0]
         if not laws.ramped[i] and (ramped or moving):  # a moving level of this kind is used for clearances only
             continue
         if moving:
             if laws.element[j] != element:
                 element, last = laws.element[j], -1
-                put_gap(numbers.corners, rows[element], j, c)
+                fill_gap(packed.piecewise, coefficients[element], j, c)
                 bound = fill_motion(c, space.motion)
             space.number[i], space.above[i] = crossings_of_moving(
-                numbers.corners, j, c, bound, space.motion, space.theta[i], space.sign[i]
+                packed.piecewise, j, c, bound, space.motion, space.theta[i], space.sign[i]
             )
             continue
         if j != last:
             last, element = j, -1
-            sampled_gap(numbers, rows[j], j, c, samples)
+            sampled_gap(packed, coefficients[j], j, c, samples)
         space.number[i], space.above[i] = crossings_of(
-            numbers.corners, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
+            packed.piecewise, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
         )
 
 
 @kernel
-def project(numbers: Any, rows: Any, space: Any) -> None:
+def project(packed: Any, coefficients: Any, space: Any) -> None:
     """Fill kappa, chi and more of the workspace with two-sided coefficients 0, 1, ...; dP/dd = Toeplitz(kappa + more).
 
-    rows (m, 2H + 1) : real Fourier coefficients of each element.
+    coefficients (m, 2H + 1) : real Fourier coefficients of each element.
     """
-    laws, corners, c = numbers.laws, numbers.corners, space.waves
+    laws, piecewise, c = packed.laws, packed.piecewise, space.waves
     kappa, chi, more = space.kappa, space.chi, space.more
     kappa[:, :] = 0j
     chi[:, :] = 0j
     more[:, :] = 0j
     if laws.of.shape[0]:
-        cross(numbers, rows, np.bool_(True), space)  # a literal would compile `cross` a second time
-        _add_springs(laws, corners, space)
-    add_sliders(numbers.sliders, numbers.basis, rows, space.slides, kappa, chi)
-    for j in range(rows.shape[0]):
+        cross(packed, coefficients, np.bool_(True), space)  # a literal would compile `cross` a second time
+        _add_springs(laws, piecewise, space)
+    add_sliders(packed.sliders, packed.basis, coefficients, space.slides, kappa, chi)
+    for j in range(coefficients.shape[0]):
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
-            put_gap(corners, rows[j], j, c)
+            fill_gap(piecewise, coefficients[j], j, c)
             _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
-            _add_moved_cubic(corners, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
-        _add_kept(corners, j, kappa[j], chi[j])
+            _add_moved_cubic(piecewise, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+        _add_kept(piecewise, j, kappa[j], chi[j])
 
 
 @kernel
-def _add_springs(laws: Any, corners: Any, space: Any) -> None:
+def _add_springs(laws: Any, piecewise: Any, space: Any) -> None:
     """Add the springs of the table to kappa and chi, computed from the crossings of their breakpoints."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above
     s, pull, both, last = space.indicator, space.pull, space.both, -1
     both[:, :, :] = 0j
     for p in range(laws.of.shape[0]):
-        if not spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
+        if not spans(piecewise, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
             both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
             continue
         for n in range(s.shape[0]):
@@ -209,7 +209,7 @@ def _add_springs(laws: Any, corners: Any, space: Any) -> None:
             both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
     for r in range(laws.at.shape[0]):
         i, p, D = laws.at[r], laws.part[r], laws.change[r]
-        if spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
+        if spans(piecewise, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
             last = -1
             for n in range(s.shape[0]):
                 both[0, p, n] += D * s[n]
@@ -241,16 +241,16 @@ def coefficient(kappa: Any, c: Any, k: int) -> complex:
 
 
 @kernel
-def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
-    """Add the product of kappa and the harmonics `Corners.kept` of a displacement to chi, if it has breakpoints.
+def _add_kept(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
+    """Add the product of kappa and the harmonics `PiecewiseExcitation.kept` of a displacement to chi.
 
     The product is added up to the highest order for which all of its terms are known.
     """
-    if corners is None:
+    if piecewise is None:
         return
-    if not in_pieces(corners, j):
+    if not has_segments(piecewise, j):
         return
-    kept = corners.kept[:, j]
+    kept = piecewise.kept[:, j]
     H = kept.shape[0] - 1
     for k in range(chi.shape[0] - H):
         chi[k] += coefficient(kappa, kept, k)
@@ -258,17 +258,17 @@ def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
 
 @kernel
 def _add_moved_cubic(
-    corners: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
+    piecewise: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
 ) -> None:  # fmt: skip
     """Add the terms of a cubic spring that depend on w, if w has breakpoints.
 
     The terms of kappa are 3 k3 (t w + w^2), those of chi k1 w + k3 w^3, and those of ``more`` 3 k3 t w.
     """
-    if corners is None:
+    if piecewise is None:
         return
-    if not in_pieces(corners, j):
+    if not has_segments(piecewise, j):
         return
-    w = corners.powers[j]  # (3, L) coefficients of w, w^2, w^3
+    w = piecewise.powers[j]  # (3, L) coefficients of w, w^2, w^3
     H = c.shape[0] - 1
     for k in range(min(kappa.shape[0], w.shape[1] - H)):
         both = coefficient(w[0], c, k)

@@ -31,7 +31,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.forces.switching_times import PHASE_TOLERANCE, VALUE_ROUNDING, crossings
-from hbgear.mechanics.series.fourier_kernels import put_waves, sampled, value_of
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided, sampled, value_of
 
 STICK = 0
 """Kind of an interval in which a slider sticks; +1 and -1 are slips in the direction of the displacement."""
@@ -126,9 +126,9 @@ def _turning_points(basis: Any, row: Any, space: Any) -> int:
     for k in range(1, row.shape[0]):  # rounding of crossings is absolute
         velocity[k] /= most
     sampled(velocity, basis, space.samples)
-    put_waves(velocity, waves)
+    fill_one_sided(velocity, waves)
     count = crossings(waves, 0.0, space.samples, space.turn, space.side)
-    put_waves(row, waves)
+    fill_one_sided(row, waves)
     for i in range(count):
         space.level[i] = value_of(waves, 0.0, space.turn[i])[0]
     return int(count)
@@ -265,7 +265,7 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
 
 
 @kernel
-def put_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int) -> int:
+def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int) -> int:
     """Insert the phases in [0, 2 pi) at which sliders stick or slip into n ascending phases; return their number."""
     if sliders is None:
         return n
@@ -294,18 +294,18 @@ def sticks_at(space: Any, i: int, theta: float) -> bool:
 
 
 @kernel
-def slider_states(numbers: Any, X: Any, m: int, span: Any) -> None:
+def slider_states(packed: Any, X: Any, m: int, span: Any) -> None:
     """Fill span (P, Q) of motions X (P, n) with the range of the displacement minus that in which sliders stick."""
-    space = slider_workspace(numbers.sliders, X.shape[1] // (2 * m), numbers.basis.shape[1], np.int64(1))
+    space = slider_workspace(packed.sliders, X.shape[1] // (2 * m), packed.basis.shape[1], np.int64(1))
     for p in range(X.shape[0]):
-        march(numbers.sliders, numbers.basis, X[p].reshape(m, -1), space)
+        march(packed.sliders, packed.basis, X[p].reshape(m, -1), space)
         for i in range(span.shape[1]):
             span[p, i] = space.span[i]
 
 
 @kernel
-def slider_motion(numbers: Any, rows: Any) -> Any:
+def slider_motion(packed: Any, rows: Any) -> Any:
     """Return the `SliderWorkspace` of one motion with rows (m, 2H + 1), for Python."""
-    space = slider_workspace(numbers.sliders, rows.shape[1] // 2, numbers.basis.shape[1], np.int64(1))
-    march(numbers.sliders, numbers.basis, rows, space)
+    space = slider_workspace(packed.sliders, rows.shape[1] // 2, packed.basis.shape[1], np.int64(1))
+    march(packed.sliders, packed.basis, rows, space)
     return space

@@ -214,7 +214,7 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     from hbgear.harmonic.multipliers import monodromy_kernels
 
     stiffness = np.zeros((len(X), compiled.m, STIFFNESS_SAMPLES * compiled.nu))
-    monodromy_kernels.slopes(compiled.numbers_of(X), X, stiffness)
+    monodromy_kernels.slopes(compiled.packed_of(X), X, stiffness)
     largest = np.abs(stiffness).max(axis=2)
     size = np.abs(np.fft.rfft(stiffness)).max(axis=1)
     matters = size > SIGNIFICANT_STIFFNESS_RATIO * size.max(axis=1, keepdims=True)
@@ -318,7 +318,7 @@ def monodromies(
     schemes = ((*gauss_nodes(short), width or short / 5.0), (*gauss_nodes(10), width or usual), long)
     if not compiled.aft_laws:
         count = monodromy_kernels.monodromies(
-            compiled.numbers_of(X),
+            compiled.packed_of(X),
             part.modes,
             X,
             Omega,
@@ -351,30 +351,30 @@ def _monodromy_with_python_laws(
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
     from hbgear.harmonic.multipliers import monodromy_kernels
 
-    numbers, nu, ports = compiled.numbers_of(X), compiled.nu, part.modes.ports
+    packed, nu, ports = compiled.packed_of(X), compiled.nu, part.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     space, coarse = (
-        projection_workspace(numbers, compiled.m, rows.shape[1] // 2, 0),
+        projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0),
         monodromy_kernels.circle(monodromy_kernels.MODULATION_SAMPLES * nu),
     )
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
-    known = monodromy_kernels.steps_per_segment(numbers, rows, mobility, coarse, space.waves, *buffers)
+    known = monodromy_kernels.steps_per_segment(packed, rows, mobility, coarse, space.waves, *buffers)
     which, longest = monodromy_kernels.step_of(
         max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD
     )
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, part.modes.poles)
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
-    theta, segments = monodromy_kernels.segment_arrays(numbers, space)
-    count, steps = monodromy_kernels.partition_period(numbers, rows, longest, space, theta, segments)
+    theta, segments = monodromy_kernels.segment_arrays(packed, space)
+    count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
     work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
-    monodromy_kernels.fill_stiffness_modulation(numbers, rows, ports, segments, count, x, space, work)
+    monodromy_kernels.fill_stiffness_modulation(packed, rows, ports, segments, count, x, space, work)
     points = work.phases[0, : steps * len(x)]
     dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
-    monodromy_kernels.monodromy(numbers.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
+    monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
 
 
 def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:

@@ -70,9 +70,9 @@ def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
     from hbgear.harmonic.forces.projection_kernels import projected
 
     X = compiled.spread(X)
-    kappa, _, more = projected(compiled.numbers_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
+    kappa, _, more = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
     out: ComplexArray = kappa + more
-    out[:, 0] -= compiled.numbers.linear.springs[0]
+    out[:, 0] -= compiled.packed.linear.springs[0]
     return out
 
 

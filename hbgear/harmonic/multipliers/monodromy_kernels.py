@@ -22,9 +22,16 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
-from hbgear.harmonic.forces.piecewise_kernels import add_contact, add_pieces, put_gap, put_phases, sizes_of, weigh
+from hbgear.harmonic.forces.piecewise_kernels import (
+    add_contact,
+    add_segments,
+    fill_gap,
+    fill_phases,
+    multiply_stiffness,
+    sizes_of,
+)
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
-from hbgear.harmonic.forces.slider_kernels import put_events, sticks_at
+from hbgear.harmonic.forces.slider_kernels import insert_events, sticks_at
 from hbgear.harmonic.multipliers.phi_functions import moments
 
 MODULATION_SAMPLES = 32
@@ -100,9 +107,9 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int, 
 
 
 @kernel
-def segment_arrays(numbers: Any, space: Any) -> Any:
+def segment_arrays(packed: Any, space: Any) -> Any:
     """Return empty arrays of breakpoint phases (C,) and of the segments (C + 1, 3); see `partition_period`."""
-    C = sizes_of(numbers.corners)[0] + space.theta.size + _event_count(space.slides)
+    C = sizes_of(packed.piecewise)[0] + space.theta.size + _event_count(space.slides)
     return np.empty(C), np.empty((C + 1, 3))
 
 
@@ -123,24 +130,26 @@ def slider_count(sliders: Any) -> int:
 
 
 @kernel
-def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, segments: Any) -> tuple[int, int]:
+def partition_period(
+    packed: Any, coefficients: Any, longest: float, space: Any, theta: Any, segments: Any
+) -> tuple[int, int]:
     """Fill ``segments`` with the smooth segments of a period between the breakpoints of a motion.
 
     theta : overwritten with the phases of `_fill_breakpoints`. Return the result of `_fill_segments`.
     """
-    return _fill_segments(theta, _fill_breakpoints(numbers, rows, space, theta), longest, segments)
+    return _fill_segments(theta, _fill_breakpoints(packed, coefficients, space, theta), longest, segments)
 
 
 @kernel
-def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
+def _fill_breakpoints(packed: Any, coefficients: Any, space: Any, out: Any) -> int:
     """Fill ``out`` with the ascending phases in [0, 2 pi) of all breakpoints, and return their number.
 
     At such a phase an element crosses a breakpoint of its law, a slider slips or sticks, or the excitation has a
     breakpoint.
     """
-    cross(numbers, rows, np.bool_(False), space)
+    cross(packed, coefficients, np.bool_(False), space)
     theta, count = space.theta, space.number
-    n = put_phases(numbers.corners, out)
+    n = fill_phases(packed.piecewise, out)
     for i in range(count.shape[0]):
         for j in range(count[i]):
             at, k = theta[i, j] % (2 * math.pi), n
@@ -149,7 +158,7 @@ def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
                 k -= 1
             out[k] = at
             n += 1
-    return put_events(numbers.sliders, numbers.basis, rows, space.slides, out, n)
+    return insert_events(packed.sliders, packed.basis, coefficients, space.slides, out, n)
 
 
 @kernel
@@ -189,26 +198,26 @@ def circle(count: int) -> Any:
 
 
 @kernel
-def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
-    """Add dp/dd of element j at the first T phases (3, ...) of `circle` to ``out``; c as in `put_gap`.
+def add_stiffness(packed: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
+    """Add dp/dd of element j at the first T phases (3, ...) of `circle` to ``out``; c as in `fill_gap`.
 
     work (6, ...) is overwritten.
     """
-    laws = numbers.laws
+    laws = packed.laws
     gap, slope, factor, motion = work[2], work[3], work[4], work[5]
     _sum_series(c, phases, T, work, gap)
     motion[:T] = gap[:T]
-    add_pieces(numbers.corners, j, phases[0], T, gap)
+    add_segments(packed.piecewise, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
     for s in range(laws.of.shape[0]):
         if laws.of[s] != j:
             continue
         if laws.over[s] != j:
-            add_contact(numbers.corners, laws, s, motion, phases[0], T, out)
+            add_contact(packed.piecewise, laws, s, motion, phases[0], T, out)
             continue
         _slope(laws, s, gap, T, slope)
-        weigh(numbers.corners, s, phases[0], T, slope)
+        multiply_stiffness(packed.piecewise, s, phases[0], T, slope)
         _modulation(laws.shifts, laws.series[s], phases, T, work, factor)
         for n in range(T):
             out[n] += slope[n] * factor[n]
@@ -262,19 +271,19 @@ def _horner_step(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
 
 
 @kernel
-def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
+def steps_per_segment(packed: Any, coefficients: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """Return an estimate of the largest natural frequency due to the modulations [rad per unit of time]; 0 if none.
 
     Its square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
     at the phases ``coarse``. c (H + 1,), work (6, T) and k (T,) are overwritten.
     """
     most, T = 0.0, coarse.shape[1]
-    for j in range(rows.shape[0]):
+    for j in range(coefficients.shape[0]):
         for i in range(T):
             k[i] = 0.0
-        put_gap(numbers.corners, rows[j], j, c)
-        add_stiffness(numbers, c, j, coarse, T, work, k)
-        largest = numbers.linear.springs[0, j]
+        fill_gap(packed.piecewise, coefficients[j], j, c)
+        add_stiffness(packed, c, j, coarse, T, work, k)
+        largest = packed.linear.springs[0, j]
         for i in range(T):
             largest = max(largest, abs(k[i]))
         most = max(most, mobility[j] * largest)
@@ -282,20 +291,20 @@ def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: An
 
 
 @kernel
-def slopes(numbers: Any, X: Any, out: Any) -> None:
+def slopes(packed: Any, X: Any, out: Any) -> None:
     """Add dp/dd (P, m, T) of motions X (P, n) at T equally spaced phases of the period to ``out``, initially zero."""
     m, T = out.shape[1], out.shape[2]
     phases, work, c = circle(T), np.empty((6, T)), np.empty(X.shape[1] // (2 * m) + 1, np.complex128)
     for p in range(X.shape[0]):
-        rows = X[p].reshape(m, -1)
+        coefficients = X[p].reshape(m, -1)
         for j in range(m):
-            put_gap(numbers.corners, rows[j], j, c)
-            add_stiffness(numbers, c, j, phases, T, work, out[p, j])
+            fill_gap(packed.piecewise, coefficients[j], j, c)
+            add_stiffness(packed, c, j, phases, T, work, out[p, j])
 
 
 @kernel
 def fill_stiffness_modulation(
-    numbers: Any, rows: Any, ports: Any, segments: Any, count: int, x: Any, space: Any, workspace: Any
+    packed: Any, coefficients: Any, ports: Any, segments: Any, count: int, x: Any, space: Any, workspace: Any
 ) -> None:
     """Fill D = dp/dd - kr of the ports at the Gauss points x of all steps; ``space`` as of `partition_period`."""
     s, phases, k, c = x.shape[0], workspace.phases, workspace.stiffness, space.waves
@@ -313,10 +322,10 @@ def fill_stiffness_modulation(
                 at += 1
     for p in range(ports.shape[0]):
         for i in range(at):
-            k[i] = -numbers.linear.springs[0, ports[p]]
-        put_gap(numbers.corners, rows[ports[p]], ports[p], c)
-        add_stiffness(numbers, c, ports[p], phases, at, workspace.work, k)
-        _add_stuck(numbers.sliders, space.slides, ports[p], segments, count, s, k)
+            k[i] = -packed.linear.springs[0, ports[p]]
+        fill_gap(packed.piecewise, coefficients[ports[p]], ports[p], c)
+        add_stiffness(packed, c, ports[p], phases, at, workspace.work, k)
+        _add_stuck(packed.sliders, space.slides, ports[p], segments, count, s, k)
         for i in range(at):
             workspace.D[0, i // s, i % s, p] = k[i]
 
@@ -614,32 +623,32 @@ def _rescale(state: Any, limit: float) -> float:
 
 @kernel
 def monodromies(
-    numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
+    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
 ) -> float:
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width) of a motion with a short period, the same of one with a long period, and the angle
     [rad] that separates them. Return 0, or the number of steps of a period if it exceeds ``most``.
     """
-    nu, m, size = numbers.linear.nu, mobility.shape[0], out.shape[1]
+    nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
     space, samples = (
-        projection_workspace(numbers, m, X.shape[1] // (2 * m), np.int64(0)),
+        projection_workspace(packed, m, X.shape[1] // (2 * m), np.int64(0)),
         circle(MODULATION_SAMPLES * nu),
     )
     work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
-    theta, segments = segment_arrays(numbers, space)
-    number = slider_count(numbers.sliders)
+    theta, segments = segment_arrays(packed, space)
+    number = slider_count(packed.sliders)
     short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     for p in range(X.shape[0]):
-        rows, omega = X[p].reshape(m, -1), Omega[p] / nu
-        rate = steps_per_segment(numbers, rows, mobility, samples, space.waves, work, stiffness)
+        coefficients, omega = X[p].reshape(m, -1), Omega[p] / nu
+        rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
         which, longest = step_of(rate, omega, nu, schemes, share)
         longest = limit_step_by_growth(longest, omega, modes.poles)
         count: float = 2 * math.pi / longest
         if count > most:
             return count
-        segment_count, steps = partition_period(numbers, rows, longest, space, theta, segments)
+        segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)
         if which == 0 and steps > short.D.shape[1]:
             short = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1, number)
         if which == 1 and steps > long.D.shape[1]:
@@ -647,6 +656,6 @@ def monodromies(
         workspace, x, L = short, schemes[0][0], schemes[0][1]
         if which == 1:
             workspace, x, L = long, schemes[1][0], schemes[1][1]
-        fill_stiffness_modulation(numbers, rows, modes.ports, segments, segment_count, x, space, workspace)
-        monodromy(numbers.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
+        fill_stiffness_modulation(packed, coefficients, modes.ports, segments, segment_count, x, space, workspace)
+        monodromy(packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
     return 0.0

@@ -548,7 +548,7 @@ class Receptance:
             for order, amplitudes in load.complex(system.n).items():
                 if order * nu in index:
                     self._loads.append(_LoadPart(load.power, index[order * nu], amplitudes))
-        self.numbers = self._pack()
+        self.packed = self._pack()
 
     def _pack(self) -> PackedLinearPart:
         """Return the arrays for kernels."""
@@ -581,7 +581,7 @@ class Receptance:
         if self.structure.modal:
             from hbgear.harmonic.structure.receptance_kernels import linear_part
 
-            linear_part(self.numbers, float(Omega), *out)
+            linear_part(self.packed, float(Omega), *out)
             if not np.isfinite(out.matrices).all():
                 raise ValueError(
                     f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "

@@ -16,11 +16,8 @@ from hbgear.analysis.summary import describe_changes
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import name_of_regime
-from hbgear.harmonic.equations.layout import MEASURE_TEXTS, Layout, default_measures, layout_of
+from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, model_of, speeds_at
-
-MEASURED = MEASURE_TEXTS
-"""Descriptions of the registered measures of amplitude by name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,8 +103,9 @@ def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Pl
 
 
 def _in_one_line(message: str) -> str:
-    """Return a message without line breaks, which names in a file may contain."""
-    return " ".join(message.split()) if "\n" in message else message
+    """Return a message without line breaks and with shortened words, which names in a file may contain."""
+    text = " ".join(message.split()) if "\n" in message else message
+    return re.sub(r"'[^']{80,}'|\S{80,}", lambda found: shortened(found[0]), text)
 
 
 def lines_of(text: str) -> dict[Place, int]:

@@ -13,7 +13,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import known_unit
 from hbgear.gears.mesh.mesh_cycle import MeshTable
-from hbgear.io.tables.table_reader import Kind, named, read_data_table, split
+from hbgear.io.tables.table_reader import DataTable, Kind, named, read_data_table, split
 from hbgear.io.tables.table_units import ANGLE, factor_of, plain_unit
 
 PERIODICITY_TOLERANCE = 1e-3
@@ -24,9 +24,15 @@ _PHASE = Kind(
     lambda unit: unit == "" or unit in ANGLE, "cycle, deg, rad, -",
 )  # fmt: skip
 
+_STIFFNESS = ("stiffness", "mesh stiffness", "gear mesh stiffness", "time varying mesh stiffness", "tvms", "k", "k(t)",
+              "k m", "km", "k mesh", "c gamma", "torsional stiffness")  # fmt: skip
+_ERROR = ("error", "transmission error", "static transmission error", "loaded transmission error",
+          "unloaded transmission error", "static error", "te", "ste", "lte", "e", "e(t)", "displacement",
+          "deviation")  # fmt: skip
+
 
 @checked_arguments()
-def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m") -> MeshTable:
+def read_mesh_table(path: str | os.PathLike[str], column: int | str = 1, unit: str = "N/m") -> MeshTable:
     """Read a function over a mesh cycle from a table of phases and values.
 
     The header names the columns with their units: ``phase [deg]; stiffness [N/um]``. The first column contains the
@@ -38,8 +44,9 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
     ----------
     path : str or path-like
         Path of the file.
-    column : int, optional
-        Column of the values; default 1, the second one.
+    column : int or str, optional
+        Column of the values; default 1, the second one, which must be called a stiffness or an error. A column of
+        another name is given by its name as written, without unit: ``column="stiffness of pair 1"``.
     unit : str, optional
         Unit to which the values are converted; default "N/m".
 
@@ -51,7 +58,8 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
     Raises
     ------
     ValueError
-        If the file is not such a table, a unit is missing or unsuitable, or the values are not periodic.
+        If the file is not such a table, a name is unknown, a unit is missing or unsuitable, or the values are not
+        periodic.
 
     Examples
     --------
@@ -62,10 +70,12 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
     """
     if not known_unit(unit):
         raise ValueError(f"read_table: unit = {quoted(unit)} is not known; need one such as 'N/m' or 'm'")
-    values = Kind("value", {}, lambda own: factor_of(own, [unit]) is not None, f"{unit} and units that convert to it")
+    values = Kind(
+        "value", dict.fromkeys(_names_for(unit), None), lambda own: factor_of(own, [unit]) is not None,
+        f"{unit} and units that convert to it",
+    )  # fmt: skip
     table = read_data_table(path, "a table of a mesh cycle", [_PHASE, values])
-    if not 0 < column < len(table.headings):
-        raise ValueError(f"{path}: it has {len(table.headings)} columns, and no column {column} (from 0)")
+    column = _position(path, table, column, values)
     if named(table.headings[0], _PHASE) is None:
         raise ValueError(f"{path}: the first column is {quoted(split(table.headings[0])[0])}; need the phase, as in "
                          "'phase [cycle]' (shaft angles are not phases of the mesh)")  # fmt: skip
@@ -75,6 +85,29 @@ def read_mesh_table(path: str | os.PathLike[str], column: int = 1, unit: str = "
     phase = phases.numbers() * ANGLE[phases.unit or "cycle"] / (2 * pi)
     factor, _ = factor_of(plain_unit(found.unit), [unit]) or (1.0, unit)
     return MeshTable(*_closed(path, phases.lines, phase, found.numbers() * factor))
+
+
+def _names_for(unit: str) -> tuple[str, ...]:
+    """Return the names of columns that can have a unit."""
+    if factor_of(unit, ["N/m", "N m/rad"]) is not None:
+        return _STIFFNESS
+    return _ERROR if factor_of(unit, ["m", "rad"]) is not None else _STIFFNESS + _ERROR
+
+
+def _position(path: object, table: DataTable, column: int | str, values: Kind) -> int:
+    """Return the number of the column of the values; refuse a column of an unknown name that is not given by it."""
+    written = [split(heading)[0] for heading in table.headings]
+    if isinstance(column, str):
+        if written[1:].count(column.strip()) != 1:
+            raise ValueError(f"{path}: it has no column {quoted(column)}; it has {', '.join(map(quoted, written))}")
+        return written.index(column.strip(), 1)
+    if not 0 < column < len(written):
+        raise ValueError(f"{path}: it has {len(written)} columns, and no column {column} (from 0)")
+    if named(table.headings[column], values) is None:
+        own = quoted(written[column])
+        raise ValueError(f"{path}: the column {own} is unknown; accepted are {', '.join(values.names)}; a column of "
+                         f"another name is given by it: column={own}")  # fmt: skip
+    return column
 
 
 def _closed(path: object, lines: Sequence[int], phase: Array, value: Array) -> tuple[Array, Array]:

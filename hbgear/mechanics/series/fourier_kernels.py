@@ -14,7 +14,7 @@ from hbgear.common.process.compiling import kernel
 
 
 @kernel
-def put_waves(row: Any, c: Any) -> None:
+def fill_one_sided(row: Any, c: Any) -> None:
     """Store the one-sided coefficients of a real row (2H + 1,) in the first entries of c."""
     c[0] = row[0]
     for k in range(1, row.shape[0] // 2 + 1):

@@ -125,7 +125,7 @@ class Receptances:  # numpydoc ignore=PR02
             raise ValueError(f"Receptances: omega = {w} must be four or more frequencies from 0 on that ascend")
         try:
             H = np.array(self.values, dtype=complex)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"Receptances: values = {quoted(self.values)} must be complex numbers (F, p, p)") from None
         if H.ndim != 3 or H.shape[1] != H.shape[2] or not H.shape[1] or len(H) != len(w):
             raise ValueError(f"Receptances: values of shape {H.shape} for {len(w)} frequencies; need (F, p, p)")

@@ -13,10 +13,10 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.design.uncertainty.uncertainty_band import ResponseBand, ellipse_contact
-from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.equations.layout import axis_text, layout_of
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import name_axes
-from hbgear.plot.style import COLOURS, LINES, MEASURES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
+from hbgear.plot.style import COLOURS, LINES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +77,7 @@ def band(
             layout = layout_of(found.branch)
             if found.length and layout:
                 element = layout.elements[layout.index(found.element)]
-                ax.set_ylabel(f"{MEASURES.get(found.measure, found.measure)} of {element} [{found.length}]")
+                ax.set_ylabel(axis_text(found.measure, f"{element} [{found.length}]"))
             dress(ax)
         if legend:
             add_legend(ax)
