@@ -209,7 +209,7 @@ def _deduplicated(located: list[tuple[int, LocatedEvent]]) -> list[tuple[int, Lo
         same = next((i for i, (_, other) in enumerate(out) if _are_same(point, other)), None)
         if same is None:
             out.append((number, point))
-        elif _refinement_shift(point) < _refinement_shift(out[same][1]):
+        elif _rank(point) < _rank(out[same][1]):
             out[same] = number, point
     return out
 
@@ -250,9 +250,9 @@ def _are_same(one: LocatedEvent, other: LocatedEvent) -> bool:
     if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == BranchPointEvent.kind:
         return False
     u, v = ((event.sharp or event).point.u for event in (one, other))
-    return one.located and other.located and are_equal(u, v)
+    return are_equal(u, v)
 
 
-def _refinement_shift(event: LocatedEvent) -> float:
-    """Return the parameter change of a special point by its refinement."""
-    return abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0
+def _rank(event: LocatedEvent) -> tuple[bool, float]:
+    """Return the order of coinciding special points: located ones first, then by the shift of their refinement."""
+    return not event.located, abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0
