@@ -7,8 +7,9 @@
 Between two contact instants the motion is a matrix exponential of the state (q, q', 1, cos, sin); the instants are
 bracketed roots. Newton on the state after a period gives the periodic motion at the same Omega, and the product of the
 transition matrices its multipliers. It starts from the state of the harmonic balance with `FINER` times the harmonics:
-next to a fold two motions lie close together, and from a coarse state Newton finds either of them. A point whose balance
-has no solution with more harmonics, a motion that Newton finds elsewhere, or one without contact, is not compared.
+next to a fold two motions lie close together, and from a coarse state Newton finds either of them. Not compared are a
+point whose balance has no solution with more harmonics on the same side of the fold (sign of det(dR/dX)), a motion that
+Newton finds elsewhere, and one without contact.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import NoConvergence, linearise, solve
 
 FINER = 8
 """Factor of the harmonics from whose state shooting starts."""
@@ -126,6 +127,8 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
             row = solve(finer, finer.resized(curve.X[i]), {"Omega": Omega}).X
         except NoConvergence:
             continue
+        if determinant_sign(finer, row, Omega) != determinant_sign(curve.problem, curve.X[i], Omega):
+            continue
         start = np.array([row[0] + row[1::2].sum(), Omega * (k * row[2::2]).sum()])
         found = stop.shoot(float(start[0]), float(start[1]), Omega)
         if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(row[1:]) * max(1.0, Omega):
@@ -134,6 +137,11 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
         verdict = "stable" if right <= 1 + STABILITY_TOLERANCE else "unstable"
         out.append(Shot(i, curve.stability[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
     return out
+
+
+def determinant_sign(problem: hb.HarmonicBalance, X: Array, Omega: float) -> int:
+    """Sign of det(dR/dX) of a motion, which differs on both sides of a fold."""
+    return int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", {"Omega": Omega}).dR_dX))[0])
 
 
 def main() -> None:

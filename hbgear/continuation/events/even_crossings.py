@@ -187,7 +187,7 @@ def _points_on_both_sides(
 
 
 def _circle_distance(point: CurvePoint, unknown: float) -> float:
-    """Return the distance of the nearest multiplier of a point from the unit circle; ``unknown`` without multipliers."""
+    """Return the distance of the nearest multiplier from the unit circle; ``unknown`` without multipliers."""
     multipliers = point.observed.get("multipliers")
     if multipliers is None or np.isnan(multipliers).any():
         return unknown
