@@ -55,7 +55,7 @@ The next larger one is used where a multiplier is too close to the unit circle t
 """
 
 SIDE_POINT_MARGIN = 3.0
-"""Distance of multipliers from the unit circle at a point beside a special point, over that at the special point.
+"""Distance of multipliers from the unit circle at a point next to a special point, over that at the special point.
 
 At the special point it is the error of the multipliers, which are less accurate than the equations of the point.
 """

@@ -221,7 +221,7 @@ def _coincide(one: CurvePoint, other: CurvePoint) -> bool:
 
 
 def _coincides_with_last(point: CurvePoint, points: list[CurvePoint], marks: list[SpecialPointMark]) -> bool:
-    """Return whether a special point coincides with the last point, which is neither the first one nor special."""
+    """Return whether a special point coincides with the last point, if this is a regular point after the first one."""
     last = len(points) - 1
     return last > 0 and not (marks and marks[-1].index == last) and _coincide(point, points[last])
 
