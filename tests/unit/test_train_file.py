@@ -88,7 +88,7 @@ def test_a_file_is_the_train(file):
 def test_a_train_on_the_command_line(file, tmp_path):
     out = tmp_path / "curve.npz"
     arguments = ["trace", str(file), "--from", "1.2", "--to", "1.1", "--harmonics", "6", "-o", str(out)]
-    result = CliRunner().invoke(app, [*arguments, "--set", "eps_scale=0.5"])
+    result = CliRunner().invoke(app, [*arguments, "--set", "torque_scale=0.5"])
     assert result.exit_code == 0, result.output
     assert hb.load(out).layout.elements == ("in-middle", "middle-out")
 
@@ -247,9 +247,14 @@ def test_bad_rotors(rotor, old, new, said):
         ('first = "middle"\nsecond = "out"', 'first = "middel"\nsecond = "out"', "no wheel 'middel'"),
         ('x = "82.5 mm"', 'x = "60 mm"', "collide"),
         ('"100 N m"\ngear', '"100 N"\ngear', "line 5: torque = '100 N' must be a quantity in N m"),
-        ("teeth = 30", "teeth = 6", "line 11: 6 teeth .* undercut"),
+        (
+            "teeth = 30",
+            'teeth = 10, tip_diameter = "28.3 mm"',
+            "line 11: 10 teeth .* undercut, which leaves no involute",
+        ),
         ('inertia = "0.01 kg m^2"', "", "line 13: wheel 'flange' needs its inertia"),
         ('k_mean = "4e8 N/m"', "", "a mesh needs its k_mean"),
+        ('k_mean = "4e8 N/m"', 'k_mean = "4e8 N/m"\nmesh_model = "tangent"', "computed from pair and torque"),
         ('torque = "100 N m"\ndamping', "damping", "needs the torque on the first wheel"),
         ('[[shaft]]\nfirst = "middle"', '[[shaft]]\nfirst = "flange"', "name two wheels"),
         ("eps = [0.2]", "eps = [2.0]", "eps|stiffness"),
