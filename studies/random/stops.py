@@ -5,9 +5,11 @@
     q'' + c q' + q + k max(q - gap, 0) = F cos(Omega t)
 
 Between two contact instants the motion is a matrix exponential of the state (q, q', 1, cos, sin); the instants are
-bracketed roots. Newton on the state after a period, from the state of the harmonic balance, gives the periodic motion
-at the same Omega, and the product of the transition matrices its multipliers. A motion that Newton finds elsewhere, or
-one without contact, is not compared.
+bracketed roots. Newton on the state after a period gives the periodic motion at the same Omega, and the product of the
+transition matrices its multipliers. It starts from the state of the harmonic balance with `FINER` times the harmonics:
+next to a fold two motions lie close together, and from a coarse state Newton finds either of them. Not compared are a
+point whose balance has no solution with more harmonics on the same side of the fold (sign of det(dR/dX)), a motion that
+Newton finds elsewhere, and one without contact.
 """
 
 from __future__ import annotations
@@ -24,9 +26,16 @@ import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.continuation.solvers.newton import NoConvergence, linearise, solve
 
-SAME = 0.05
-"""Distance of states at phase 0, relative to the size of the motion, up to which two motions are the same."""
+FINER = 8
+"""Factor of the harmonics from whose state shooting starts."""
+
+SAME = 2e-3
+"""Distance of states at phase 0, relative to the size of the motion, up to which two motions are the same.
+
+The motions on both sides of a fold are farther apart as soon as their multipliers differ from +1 by some per cent.
+"""
 
 
 @dataclass(frozen=True)
@@ -110,9 +119,16 @@ class Stop:
 def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
     """Compare points with contact, except special points, with the exact motion."""
     special, out = {point.index for point in curve.special}, []
-    k = np.arange(1, curve.layout.harmonics + 1)  # type: ignore[union-attr]
+    H = curve.layout.harmonics  # type: ignore[union-attr]
+    finer, k = curve.problem.with_order(1, FINER * H), np.arange(1, FINER * H + 1)
     for i in [i for i in np.flatnonzero(curve.regime[:, 0] > 0).tolist() if i not in special][::every]:
-        row, Omega = curve.X[i], float(curve.values[i])
+        Omega = float(curve.values[i])
+        try:
+            row = solve(finer, finer.resized(curve.X[i]), {"Omega": Omega}).X
+        except NoConvergence:
+            continue
+        if determinant_sign(finer, row, Omega) != determinant_sign(curve.problem, curve.X[i], Omega):
+            continue
         start = np.array([row[0] + row[1::2].sum(), Omega * (k * row[2::2]).sum()])
         found = stop.shoot(float(start[0]), float(start[1]), Omega)
         if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(row[1:]) * max(1.0, Omega):
@@ -121,6 +137,11 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
         verdict = "stable" if right <= 1 + STABILITY_TOLERANCE else "unstable"
         out.append(Shot(i, curve.stability[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
     return out
+
+
+def determinant_sign(problem: hb.HarmonicBalance, X: Array, Omega: float) -> int:
+    """Sign of det(dR/dX) of a motion, which differs on both sides of a fold."""
+    return int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", {"Omega": Omega}).dR_dX))[0])
 
 
 def main() -> None:

@@ -147,7 +147,6 @@ def test_an_error_is_told_where_the_first_step_with_more_harmonics_ends_where_it
     assert point.error < 1e-6
 
 
-@pytest.mark.xfail(reason="PD3 and PD4 are reported as well: whether they are motions is to be decided by shooting")
 def test_a_point_at_which_newton_ends_from_several_rows_is_one_point(stopped):
     assert [point.label for point in stopped.special if point.kind == "PD"] == ["PD1", "PD2"]
     assert stopped["PD1"].parameters["Omega"] < 0.55 < stopped["PD2"].parameters["Omega"]

@@ -9,6 +9,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.results.stability import stability_codes
+from hbgear.continuation.solvers.newton import linearise, solve
 from hbgear.harmonic.multipliers.multiplier_error import (
     count_beyond,
     difference_of,
@@ -37,6 +38,22 @@ def test_a_hard_stop_is_decided_right_or_not_at_all():
     curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (2.2, 0.9), special=False)
     found = compared(stop, curve, 1)
     assert found and all(one.verdict in (one.right, "undecided") for one in found)
+
+
+def test_an_exact_motion_on_the_other_side_of_a_fold_is_not_used():
+    """8e-6 before the fold Newton in the contact instants ends at the unstable motion, with the multiplier 1.599."""
+    stop, Omega = Stop(0.04, 42.81332398719393, 0.0, 0.1), 0.5633671818937167
+    problem = hb.HarmonicBalance(stop.system, 32)
+    curve = hb.trace(problem, "Omega", (0.64, Omega), cover=False, special=False, accuracy=None)
+    X = curve.X[-1]
+    sign = int(np.linalg.slogdet(linearise(problem, X, "", {"Omega": Omega}).dR_dX)[0])
+    observed = {"multipliers": curve.multipliers[-1], "error": curve.error[-1], "regime": curve.regime[-1],
+                "determinant": sign, "contradicts": True}  # fmt: skip
+    problem.verify_stability(X[None], "Omega", np.array([Omega]), [observed], {})
+    finer = problem.with_order(1, 256)
+    multipliers = finer.multipliers(solve(finer, finer.resized(X), {"Omega": Omega}).X, Omega=Omega)
+    assert abs(multipliers[0].imag) > 0.5
+    assert np.sort_complex(observed["multipliers"]) == pytest.approx(np.sort_complex(multipliers), abs=3e-3)
 
 
 @pytest.mark.parametrize("apart", [0.1, 1e-2, 1e-4])

@@ -142,17 +142,8 @@ def test_what_hangs_is_interrupted(campaign, monkeypatch):
     assert campaign.followed(slow).status == "interrupted"
 
 
-BEYOND_A_FOLD = pytest.mark.xfail(reason="points located with more harmonics lie beyond a fold", strict=False)
-
-
 @pytest.mark.parametrize(
-    "kind, number, harmonics",
-    [
-        pytest.param("bearings", 8, 10, marks=BEYOND_A_FOLD),  # with the kernels of Haswell
-        pytest.param("bearings", 8, 12, marks=BEYOND_A_FOLD),
-        ("helical", 47, 12),
-        ("two", 22, 12),
-    ],
+    "kind, number, harmonics", [("bearings", 8, 10), ("bearings", 8, 12), ("helical", 47, 12), ("two", 22, 12)]
 )
 def test_the_parameter_turns_at_folds_only(on_path, kind, number, harmonics):
     """Every other turn would be a fold that was missed, or special points in the wrong order along the curve."""
@@ -211,10 +202,7 @@ def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
         assert abs(point.parameters["Omega"] - place) < 3 * point.error < 3e-5
 
 
-MISSED_PAIR = pytest.mark.xfail(reason="one of five pairs is missed with the kernels of Haswell", strict=False)
-
-
-@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=MISSED_PAIR), 3])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
     """Two pairs leave within 6e-5 of Omega, one of which came back a step before: whichever rows fall beside them."""
     from studies.random.machines import machine

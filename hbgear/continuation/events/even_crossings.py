@@ -9,6 +9,7 @@ close to zero, or `MAX_POINTS_PER_EVENT` points were added. Known special points
 from __future__ import annotations
 
 import bisect
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, Points, Segment
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import Event, LocatedEvent
-from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABILITY_TOLERANCE
 
 Position: TypeAlias = tuple[int, float]
 """Number of a segment and fraction on it."""
@@ -47,8 +48,17 @@ COINCIDENT_POINT_FRACTION = 1e-6
 """Fraction of a segment next to an end within which a point is the end itself."""
 
 
-SIDE_POINT_FRACTION = 0.05
-"""Distance of a point added next to a special point, relative to the distance to the next point of the curve."""
+SIDE_POINT_FRACTIONS = 0.05, 0.15, 0.45
+"""Distances of a point added next to a special point, relative to the distance to the next point of the curve.
+
+The next larger one is used where a multiplier is too close to the unit circle to show on which side it is.
+"""
+
+SIDE_POINT_MARGIN = 3.0
+"""Distance of multipliers from the unit circle at a point next to a special point, over that at the special point.
+
+At the special point it is the error of the multipliers, which are less accurate than the equations of the point.
+"""
 
 
 @dataclass(frozen=True)
@@ -90,7 +100,7 @@ class SampledCurve:
         for before, position, after in zip(order, order[1:], order[2:], strict=False):
             if position in points:
                 point, event = points[position].point, points[position].event
-                sides = _points_on_both_sides(before, position, after, between) if event.needs_two_sides else {}
+                sides = _points_on_both_sides(before, position, after, between, point) if event.needs_two_sides else {}
                 every.update(sides or {position: (point, event.kind)})
                 if sides:
                     held[min(sides)] = event.kind
@@ -158,17 +168,37 @@ class SampledCurve:
 
 
 def _points_on_both_sides(
-    before: Position, position: Position, after: Position, between: Callable[[int, float], CurvePoint | None]
+    before: Position,
+    position: Position,
+    after: Position,
+    between: Callable[[int, float], CurvePoint | None],
+    special: CurvePoint,
 ) -> dict[Position, tuple[CurvePoint, str]]:
     """Return a point on either side of a special point, by position; an empty dict if one of them fails."""
     segment_number, s = position
-    ends = before[1], after[1] if after[0] == segment_number else 1.0
-    sides = {
-        s + SIDE_POINT_FRACTION * (end - s): between(segment_number, s + SIDE_POINT_FRACTION * (end - s))
-        for end in ends
-    }
-    curve_points = {(segment_number, at): (point, "") for at, point in sides.items() if point is not None}
-    return curve_points if len(curve_points) == len(ends) else {}
+    nearest = max(SIDE_POINT_MARGIN * _circle_distance(special, 0.0), STABILITY_TOLERANCE)
+    points: dict[Position, tuple[CurvePoint, str]] = {}
+    for end in (before[1], after[1] if after[0] == segment_number else 1.0):
+        found: dict[Position, tuple[CurvePoint, str]] = {}
+        for fraction in SIDE_POINT_FRACTIONS:
+            point = between(segment_number, s + fraction * (end - s))
+            if point is None:
+                break
+            found = {(segment_number, s + fraction * (end - s)): (point, "")}
+            if _circle_distance(point, math.inf) > nearest:
+                break
+        if not found:
+            return {}
+        points.update(found)
+    return points
+
+
+def _circle_distance(point: CurvePoint, unknown: float) -> float:
+    """Return the distance of the nearest multiplier from the unit circle; ``unknown`` without multipliers."""
+    multipliers = point.observed.get("multipliers")
+    if multipliers is None or np.isnan(multipliers).any():
+        return unknown
+    return float(np.abs(np.abs(multipliers) - 1.0).min(initial=math.inf))
 
 
 def find_even_crossings(

@@ -22,6 +22,7 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import LocatedEvent
+from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
 from hbgear.continuation.tracing.even_crossing_search import EvenCrossingSearch
 from hbgear.continuation.tracing.monitoring import SPURIOUS_POINT_ERROR, Monitor, UnderResolvedError
@@ -192,14 +193,37 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
                 points.append(one)
                 continue
             if one.located:
+                if _coincides_with_last(one.point, points, marks):
+                    points.pop()
                 points.append(one.point)
             interval = (state.points[i - 1].value, point.value)
             marks.append(SpecialPointMark(len(points) - 1, one, interval))
+        is_special = bool(marks) and marks[-1].index == len(points) - 1 and marks[-1].found.located
+        if is_special and i < len(state.points) - 1 and _coincide(points[-1], point):
+            continue
         points.append(point)
     if state.terminal is not None and state.points[-1].u is state.terminal.point.u:
         interval = (state.points[-2].value, state.points[-1].value)
         marks.append(SpecialPointMark(len(points) - 1, state.terminal, interval))
     return points, marks
+
+
+COINCIDENT_POINT_DISTANCE = 1e-9
+"""Distance of a special point from a point of the curve, relative to its norm, below which only the former is kept.
+
+It is the accuracy of the corrector. Two points so close determine no direction of the curve between them.
+"""
+
+
+def _coincide(one: CurvePoint, other: CurvePoint) -> bool:
+    """Return whether two points are equal up to the accuracy of the corrector."""
+    return len(one.u) == len(other.u) and norm(one.u - other.u) <= COINCIDENT_POINT_DISTANCE * norm(one.u)
+
+
+def _coincides_with_last(point: CurvePoint, points: list[CurvePoint], marks: list[SpecialPointMark]) -> bool:
+    """Return whether a special point coincides with the last point, if this is a regular point after the first one."""
+    last = len(points) - 1
+    return last > 0 and not (marks and marks[-1].index == last) and _coincide(point, points[last])
 
 
 def _deduplicated(located: list[tuple[int, LocatedEvent]]) -> list[tuple[int, LocatedEvent]]:
@@ -209,7 +233,7 @@ def _deduplicated(located: list[tuple[int, LocatedEvent]]) -> list[tuple[int, Lo
         same = next((i for i, (_, other) in enumerate(out) if _are_same(point, other)), None)
         if same is None:
             out.append((number, point))
-        elif _refinement_shift(point) < _refinement_shift(out[same][1]):
+        elif _rank(point) < _rank(out[same][1]):
             out[same] = number, point
     return out
 
@@ -250,9 +274,9 @@ def _are_same(one: LocatedEvent, other: LocatedEvent) -> bool:
     if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == BranchPointEvent.kind:
         return False
     u, v = ((event.sharp or event).point.u for event in (one, other))
-    return one.located and other.located and are_equal(u, v)
+    return are_equal(u, v)
 
 
-def _refinement_shift(event: LocatedEvent) -> float:
-    """Return the parameter change of a special point by its refinement."""
-    return abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0
+def _rank(event: LocatedEvent) -> tuple[bool, float]:
+    """Return the order of coinciding special points: located ones first, then by the shift of their refinement."""
+    return not event.located, abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0

@@ -225,7 +225,9 @@ def _refine_stability(
     if constant:
         exact = _exact_stability(problem, X, name, here, stability, expected)
         if exact is not None:
-            return exact
+            if exact.consistent:
+                return exact
+            return _exact_from_finer(problem, X, name, here, stability, expected, work) or exact
     if more:  # many harmonics gain little where Newton's method in the contact instants fails
         stability = _with_more_harmonics(
             problem, X, name, here, stability, expected, 1 if constant else MAX_REFINEMENTS, work
@@ -266,7 +268,9 @@ def _exact_stability(
 ) -> _Stability | None:
     """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
 
-    Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold.
+    Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold. A
+    motion on the other side is not consistent: its parity differs from ``expected``, and it is near the fold, or the
+    multipliers of the balance have the expected parity.
     """
     try:
         try:
@@ -282,9 +286,43 @@ def _exact_stability(
     mu = np.zeros(len(stability.multipliers), dtype=complex)
     count = min(len(mu), len(exact.multipliers))
     mu[:count] = exact.multipliers[:count]
-    other_side = bool(expected) and expected != 1 - 2 * (count_beyond(mu)[0] % 2)
+    other_side = bool(expected) and expected != _parity_beyond_one(mu)
     near_fold = exact.Omega != here["Omega"] or np.abs(mu - 1.0).min(initial=1.0) < FOLD_DISTANCE
-    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not (other_side and near_fold))
+    doubtful = near_fold or expected == _parity_beyond_one(stability.multipliers)
+    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not (other_side and doubtful))
+
+
+def _parity_beyond_one(mu: ComplexArray) -> int:
+    """Return +1 for an even number of real multipliers (r,) above +1, and -1 for an odd one."""
+    return int(1 - 2 * (count_beyond(mu)[0] % 2))
+
+
+def _exact_from_finer(
+    problem: Any,
+    X: Array,
+    name: str,
+    here: Mapping[str, float],
+    stability: _Stability,
+    expected: int,
+    work: Work,
+) -> _Stability | None:
+    """Return the stability of the exact motion on the same side of a fold, from a solution with more harmonics.
+
+    Next to a fold, Newton's method in the contact instants may converge to the motion on the other side. None if no
+    number of harmonics gives a motion of the expected parity.
+    """
+    for _ in range(MAX_REFINEMENTS):
+        finer = problem.refined_problem
+        if finer is None or not work.allows(finer.size):
+            return None
+        try:
+            X, problem = solve(finer, finer.resized(X), dict(here)).X, finer
+        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+            return None
+        exact = _exact_stability(problem, X, name, here, stability, expected)
+        if exact is not None and exact.consistent:
+            return exact
+    return None
 
 
 FOLD_DISTANCE = 0.3
