@@ -202,7 +202,7 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
     for _ in range(200):
         contact, _ = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
         k = np.where(c.present, 1 / (c.teeth + contact), 0.0)
-        new_delta = _spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
+        new_delta = spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
         load = np.where(c.present, k * np.maximum(new_delta[:, None] - c.gap, 0.0), 0.0)
         change = np.abs(new_delta - delta)
         converged = bool(np.all(change <= DISPLACEMENT_TOLERANCE * np.abs(new_delta).max()))
@@ -214,7 +214,7 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
     return delta, np.sum(stiffness, axis=1), load
 
 
-def _spring_displacement(k: Array, gap: Array, force: float) -> Array:
+def spring_displacement(k: Array, gap: Array, force: float) -> Array:
     """Return delta (N,) that solves sum_i k_i max(delta - g_i, 0) = F, found by closing the gaps in ascending order."""
     order = np.argsort(gap, axis=1)
     g = np.take_along_axis(gap, order, axis=1)
