@@ -46,9 +46,10 @@ class Cell:
 
 
 def run(quick: bool = False) -> list[Cell]:
-    """All cells; the quick form has the neighbours of the reading that was found."""
-    angles, torques = ((-10.0, 0.0), (600.0, 700.0)) if quick else (ANGLES, TORQUES)
-    return [cell(helix, phi, torque) for helix, phi, torque in product(HELICES, angles, torques)]
+    """All cells; the quick form has the reading that was found and three neighbours."""
+    if quick:
+        return [cell("base", phi, torque) for phi, torque in product((-10.0, 0.0), (700.0, 900.0))]
+    return [cell(helix, phi, torque) for helix, phi, torque in product(HELICES, ANGLES, TORQUES)]
 
 
 def cell(helix: Literal["pitch", "base"], phi: float, torque: float) -> Cell:
@@ -74,7 +75,8 @@ def plot(cells: Sequence[Cell]) -> Figure:
             if one.helix == helix:
                 count[angles.index(one.phi), torques.index(one.torque)] = sum(one.held)
         image = ax.imshow(count, origin="lower", aspect="auto", cmap="Blues", vmin=0, vmax=total)
-        for (i, j), value in np.ndenumerate(count):
+        for i, j in np.argwhere(np.isfinite(count)).tolist():
+            value = count[i, j]
             ax.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=7,
                     color="white" if value > total / 2 else "black",
                     weight="bold" if value == total else "normal")  # fmt: skip

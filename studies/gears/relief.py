@@ -50,9 +50,9 @@ class Case:
     jumps: tuple[tuple[float, int], ...]
     """Speed [r/min] and direction of each jump, ascending."""
     factor: float
-    """Largest dynamic factor of stable motions."""
+    """Largest dynamic factor of stable motions; infinite if a stable branch tends to infinity."""
     speed: float
-    """Where it is [r/min]."""
+    """Where it is [r/min]; nan if it is infinite."""
     pair_factor: float
     """Largest force of a pair of teeth over its largest static one, in that motion; nan for a mean mesh."""
 
@@ -75,13 +75,15 @@ def case(relief: float, torque: float, mesh: str = "teeth", addendum: float = 1.
     rpm = model.scales.pinion_speed
     curves = (curve, *curve.others)
     jumps = tuple(sorted((float(rpm(jump.value)), jump.direction) for one in curves for jump in one.jumps()))
+    ripple = gears.mesh(torque).peak_to_peak * 1e6
+    if any(one.status == hb.Status.UNBOUNDED and one.stable[-1] for one in curves):
+        return Case(relief, torque, mesh, ripple, curve, model, jumps, np.inf, np.nan, np.inf)
     points = [one[int(i)] for one in curves for i in np.argsort(one.amplitude("max") * one.stable)[-CANDIDATES:]]
     factor, top = max(((hb.analysis.dynamic_factor(model, point), point) for point in points), key=lambda x: x[0])
-    loads = hb.analysis.tooth_loads(top, hb.gears.tooth_mesh(gears, torque)) if mesh == "teeth" else None
-    return Case(
-        relief, torque, mesh, gears.mesh(torque).peak_to_peak * 1e6, curve, model, jumps, factor,
-        float(rpm(top.parameters["Omega"])), loads.force_factor if loads else np.nan,
-    )  # fmt: skip
+    speed, of_pair = float(rpm(top.parameters["Omega"])), np.nan
+    if mesh == "teeth":
+        of_pair = hb.analysis.tooth_loads(top, hb.gears.tooth_mesh(gears, torque)).force_factor
+    return Case(relief, torque, mesh, ripple, curve, model, jumps, factor, speed, of_pair)
 
 
 def run(quick: bool = False) -> tuple[Case, ...]:
@@ -104,7 +106,7 @@ def plot(results: Sequence[Case]) -> Figure:
         name = rf"relief {c.relief:g} $\mu$m"
         response(top, c.curve, "pp2", scales.pinion_speed, scales.length * 1e6, color, name)
     top.set(xlabel="speed of the pinion [r/min]", ylabel=r"half peak-to-peak of $x$ [$\mu$m]", xlim=(4000, 22000))
-    top.set_ylim(bottom=0)
+    top.set(yscale="log", ylim=(0.5, 1e3))
     top.legend(loc="upper right")
     for torque, color, marker in zip(TORQUES, (study.BLUE, study.ORANGE), "os", strict=True):
         here = [c for c in results if c.torque == torque]
@@ -117,6 +119,7 @@ def plot(results: Sequence[Case]) -> Figure:
             for rpm, direction in c.jumps:
                 axes[1, 1].plot(c.relief, rpm, "^" if direction > 0 else "v", ms=5, color=color, mfc="white")
     axes[1, 0].set(xlabel=r"tip relief [$\mu$m]", ylabel="largest / static force [-]", ylim=(0, None))
+    axes[1, 0].set_title("where no stable motion tends to infinity", loc="left")
     axes[1, 0].axhline(1, color=draw.GREY, lw=0.8)
     axes[1, 0].legend()
     axes[1, 1].set(xlabel=r"tip relief [$\mu$m]", ylabel="jumps at [r/min]", xlim=axes[1, 0].get_xlim())
@@ -135,7 +138,8 @@ def report(results: Sequence[Case]) -> str:
     """Every case in a table, in Markdown."""
     lines = [
         "Jumps while the speed rises (+) or falls (-). The dynamic factor is the largest over the static mesh force; "
-        "that of a pair of teeth is its largest over its largest static force.",
+        "that of a pair of teeth is its largest over its largest static force. It is infinite where a branch of stable "
+        "motions tends to infinity: there the parametric excitation exceeds the damping.",
         "",
     ]
     for torque in TORQUES:
@@ -149,7 +153,8 @@ def report(results: Sequence[Case]) -> str:
     ]
     for c in results:
         jumps = ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in c.jumps) or "none"
-        lines.append(f"| {c.torque:g} | {c.relief:g} | {c.ripple:.2f} | {jumps} | {c.factor:.2f} | {c.speed:.0f} "
+        lines.append(f"| {c.torque:g} | {c.relief:g} | {c.ripple:.2f} | {jumps} | {c.factor:.2f} | "
+                     f"{'-' if np.isnan(c.speed) else f'{c.speed:.0f}'} "
                      f"| {c.pair_factor:.2f} |")  # fmt: skip
     return "\n".join([*lines, ""])
 
