@@ -15,6 +15,9 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.multistart import BranchSearch, trace_all
     from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
     from hbgear.analysis.run_ups import RunUp, run_up
+    from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
+    from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
+    from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [
@@ -22,6 +25,7 @@ __all__ = [
     "Campbell",
     "CriticalParameter",
     "CriticalSpeed",
+    "HopfPoint",
     "JumpMap",
     "LoadSharing",
     "MachineQuantities",
@@ -29,10 +33,14 @@ __all__ = [
     "RunUp",
     "Sensitivity",
     "ToothLoads",
+    "backbone",
+    "backbone_energy",
     "campbell",
     "critical_parameter",
     "dynamic_factor",
+    "hopf_points",
     "jump_map",
+    "limit_cycles",
     "load_sharing",
     "machine_quantities",
     "peaks",

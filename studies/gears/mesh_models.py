@@ -125,7 +125,7 @@ def report(results: Sequence[Row]) -> str:
             away = np.array([one.deviation(mesh) for one in some])
             span = f"{np.nanmin(away):+.1%} to {np.nanmax(away):+.1%}"
             lines += [f"{mesh.capitalize()}: right in {len(right)} of {len(some)} cases: {found}. No jump in {missed} "
-                      f"cases in which the pairs of teeth jump, jumps in {false} in which they do not; the highest jump "
+                      f"cases in which the pairs of teeth jump, jumps in {false} in which they do not; the highest one "
                       f"with rising speed is off by {span}.", ""]  # fmt: skip
     head = ("relief [um]", "torque [N m]", "contact ratio", "mesh", "jumps at [r/min]", "dynamic factor", "right")
     lines += ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]

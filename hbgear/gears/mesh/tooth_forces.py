@@ -19,14 +19,11 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.gears.mesh.loaded_mesh import spring_displacement
 from hbgear.gears.mesh.tooth_contacts import Flank
+from hbgear.gears.mesh.tooth_mesh import ONE_SIDED
 
 STEPS_PER_MESH = 1024
 """Positions per mesh period at which forces are evaluated. The largest force of a smooth maximum has a relative error
 of 1e-5; where a pair enters or leaves contact, the error is one step of its path."""
-
-ONE_SIDED = 1e-8
-"""Distance [mesh periods] from the entry and the exit of a pair at which the static displacement before and after the
-jump is computed."""
 
 
 @dataclass(frozen=True, eq=False)

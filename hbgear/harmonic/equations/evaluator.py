@@ -200,7 +200,11 @@ class Evaluator:
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
         """Return R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
-        R, J, dR, size = self._balance(X, Omega, self.linear(Omega))
+        return self.linearise_with(X, Omega, self.linear(Omega))
+
+    def linearise_with(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
+        """Return `linearise` with a given linear part and its derivative."""
+        R, J, dR, size = self._balance(X, Omega, linear)
         if not self.structure.constrained:
             return R, J, dR, size
         ties = self.structure.ties
