@@ -2,8 +2,8 @@
 
     python -m studies.dong_2022.search [--quick] [-o DIR]
 
-The paper states neither the angle phi of the line of centres, nor how the torque is divided, nor the circle of the
-helix angle. All three are varied together; each cell of the figure is one response curve, and its number counts the
+The paper does not state the angle phi of the line of centres, the division of the torque, and the circle of the helix
+angle. All three are varied together; each cell of the figure is one response curve, and its number counts the
 statements of `readings` that hold. A reading that is found in this way has been selected by its agreement with these
 six statements. It is no evidence that the authors used it: the claims of other figures have to decide.
 """

@@ -160,20 +160,20 @@ def test_forces_of_single_pairs(name, which, pair, slice_, back, open_):
     """Largest forces of a pair, a slice and a back flank, and the time without contact, of the same integration."""
     inputs, motion = CASES[name]["inputs"], CASES[name]["motions"][which]
     M = motion["meshes"]
-    H = 48 * M if M <= 2 else 24 * M
-    problem = problem_of(name, H, M // inputs.get("period_meshes", 1))
+    H, base = 48 * M, inputs.get("period_meshes", 1)
+    problem = problem_of(name, H, M // base)
     X, known = np.zeros(2 * H + 1), len(motion["cosine"])
     X[0], X[1 : 2 * known : 2], X[2 : 2 * known + 1 : 2] = motion["mean"], motion["cosine"], motion["sine"]
-    X = solve(problem, X, {"Omega": motion["Omega"] / inputs.get("period_meshes", 1)}).X
+    X = solve(problem, X, {"Omega": motion["Omega"] / base}).X
     found = pair_forces(flanks_of(inputs), lambda t: evaluate(X, TURN * t / M), M)
     assert found.force.max() == pytest.approx(pair, rel=2e-4)
     assert found.drive.max() == pytest.approx(slice_, rel=2e-4)
     assert found.back.max(initial=0.0) == pytest.approx(back, abs=2e-5)
     assert np.mean(found.total[:, :1024] <= 0) == pytest.approx(open_, abs=1.5e-3)
-    tau = TURN * (np.arange(4) + 0.3) / 4
-    x = evaluate(X, tau)
-    drive = MeshContacts(tuple(c for c in law(inputs).contacts if c.side > 0)).force(x, np.zeros(4), tau)[0]
-    t = tau / TURN * M
+    t = M * (np.arange(4) + 0.3) / 4
+    x = evaluate(X, TURN * t / M)
+    driving = MeshContacts(tuple(c for c in law(inputs).contacts if c.side > 0))
+    drive = driving.force(x, np.zeros(4), TURN * t / base % TURN)[0]
     sums = [np.interp(s - int(s), found.position[:1024], found.total[int(s), :1024]) for s in t]
     np.testing.assert_allclose(sums, drive, atol=2e-4)
 
