@@ -139,8 +139,10 @@ def static_displacement(flanks: Sequence[Flank], force: float, half_backlash: fl
 
     Returns
     -------
-    phase, displacement : ndarray
-        Fractions of the mesh period and the displacement.
+    phase : ndarray, shape (P,)
+        Fractions of the mesh period.
+    displacement : ndarray, shape (P,)
+        Displacement at these phases.
     """
     driving = [flank for flank in flanks if flank.side > 0]
     ends = np.array([(node + flank.lag) % 1.0 for flank in driving for node in flank.stiffness.nodes[[0, -1]]])
