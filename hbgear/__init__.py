@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.pairs.spur import SpurPair
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
     from hbgear.io.branches.npz import load, save
+    from hbgear.mechanics.laws.friction import Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
     from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
@@ -52,6 +53,7 @@ __all__ = [
     "Event",
     "GearPair",
     "HarmonicBalance",
+    "Jenkins",
     "Jump",
     "Load",
     "NewtonSettings",

@@ -140,7 +140,9 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     model = point.problem.model.at(point.parameters)
     law = model.system().elements[index].law
     b = mesh.pair.half_backlash
-    if not isinstance(law, MeshContacts) or law != mesh.contacts(b).widened(getattr(model, "b", 1.0)):
+    if not isinstance(law, MeshContacts) or law != mesh.contacts(1.0).scaled(1.0, 1 / b).widened(
+        getattr(model, "b", 1.0)
+    ):
         raise ValueError(
             f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
             'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
