@@ -85,8 +85,9 @@ class HarmonicBalance(PeriodicMotions):
         the estimated error of the multipliers. Curves change only for more than 1500 coordinates; see `restricted_to`.
         True by default.
     orders : "meshes" or sequence of int, optional
-        Orders of Omega that are unknowns in addition to the mean; by default all up to H. "meshes" selects them for
-        meshes of several tooth frequencies: ``harmonics`` then counts the harmonics of every mesh, and combinations
+        Orders of Omega that are unknowns in addition to the mean; by default all up to H, or "meshes" if the excitation
+        of an element or load begins above the order H or 60. "meshes" selects them for meshes of several tooth
+        frequencies and shaft orders: ``harmonics`` then counts the harmonics of the fastest, and combinations
         |k_1 p_1 + k_2 p_2| of their orders p_1, p_2 are kept while (1 + |k_1|) (1 + |k_2|) <= 1 + harmonics. The
         highest number of a list is H, and ``harmonics`` is ignored. The truncation error covers the other orders.
 
@@ -123,7 +124,8 @@ class HarmonicBalance(PeriodicMotions):
         checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto, self.tolerance = harmonics == "auto", float(tolerance)
         system = model.system()
-        selection, H = select_harmonics(orders, system), None if self.auto else int(harmonics)
+        H = None if self.auto else int(harmonics)
+        selection = select_harmonics(orders, system, None if H is None else H // int(nu))
         highest = isinstance(orders, HarmonicSelection)
         grid = discretize(len(system.elements), H, samples, int(nu), bool(sampled), selection, highest)
         super().__init__(ModelCache(model, system, grid, bool(reduce)))

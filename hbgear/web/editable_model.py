@@ -224,6 +224,7 @@ class EditableMachine(EditableModel):
         lines.append(f"pair = {_call('hb.GearPair', pair, pinion='pinion', wheel='wheel')}")
         options = f", form={machine.form!r}" if machine.form != "torsion" else ""
         options += f", mesh={machine.mesh_model!r}" if machine.mesh_model else ""
+        options += f", torque_orders={machine.torque_orders!r}" if machine.torque_orders else ""
         if machine.supports:
             supports = ", ".join(_call("hb.gears.Support", support) for support in machine.supports)
             options += f", supports=({supports})"

@@ -25,7 +25,7 @@ def rattle(zeta, load, law):
     ],
 )  # fmt: skip
 def test_hunt_crossley(Omega, load, state, rms, multiplier):
-    model = rattle(0.005, load, hb.mechanics.HuntCrossley(k=1.0, damping=0.4, gap=1.0, sides=2))
+    model = rattle(0.005, load, hb.mechanics.HuntCrossley(k=1.0, contact_damping=0.4, gap=1.0, sides=2))
     orbit = hb.time.shoot(model, Omega, np.add(state, 1e-3))
     np.testing.assert_allclose(orbit.state, state, rtol=0, atol=1e-9)
     assert np.abs(orbit.multipliers - multiplier).min() < 1e-8
@@ -37,8 +37,8 @@ def test_hunt_crossley(Omega, load, state, rms, multiplier):
 
 
 def test_restitution():
-    """A mass that hits a Hertzian stop at v rebounds at about v (1 - 2/3 damping v)."""
-    law = hb.mechanics.HuntCrossley(k=1e4, damping=0.01, exponent=1.5)
+    """A mass that hits a Hertzian stop at v rebounds at about v (1 - 2/3 contact_damping v)."""
+    law = hb.mechanics.HuntCrossley(k=1e4, contact_damping=0.01, exponent=1.5)
     mass = hb.System([[1.0]], [[0.0]], [[0.0]], [hb.Element([1.0], law)], hb.Load())
     motion = hb.time.integrate(mass, [-0.05, 1.0], 1, 2 * np.pi / 0.4)
     assert -motion.end[1] == pytest.approx(1 - 2 / 3 * 0.01, abs=2e-4)

@@ -191,3 +191,18 @@ def test_static_transmission_error(name, force, low, high):
     delta = static_displacement(flanks_of(CASES[name]["inputs"]), force)[1]
     assert delta.min() == pytest.approx(low, abs=2e-7)
     assert delta.max() == pytest.approx(high, abs=2e-7)
+
+
+def test_a_fluctuating_torque_is_a_field_of_a_pair():
+    """The pair with one mesh period of contacts, of order 10, has the equations of the case over ten meshes."""
+    inputs = CASES["R1"]["inputs"]
+    pair = hb.SpurPair(
+        inputs["zeta"], inputs["F0"], e=(), contacts=law({**inputs, "period_meshes": 1, "backlash": 0.0}),
+        mesh_order=10, fluctuation=hb.mechanics.Series(cosine=(inputs["F1"],)),
+    )  # fmt: skip
+    motion = CASES["R1"]["motions"][0]
+    X, Omega, known = np.zeros(81), motion["Omega"] / 10, len(motion["cosine"])
+    X[0], X[1 : 2 * known : 2], X[2 : 2 * known + 1 : 2] = motion["mean"], motion["cosine"], motion["sine"]
+    ten = problem_of("R1", 40).evaluate(X, Omega=Omega)[0]
+    X[0] += 1.0  # displacements of the pair are zero in the middle of the backlash
+    np.testing.assert_allclose(hb.HarmonicBalance(pair, 40).evaluate(X, Omega=Omega)[0], ten, rtol=0, atol=1e-12)

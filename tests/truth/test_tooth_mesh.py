@@ -1,5 +1,7 @@
 """Tooth-resolved mesh of a drawing: static equilibrium, flanks, and jump speeds against pair-by-pair sweeps."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,19 @@ def test_back_flanks_of_equal_gears_follow_half_a_pitch_later():
     assert (drive.side, back.side) == (1, -1)
     assert back.stiffness.nodes[0] == pytest.approx(0.5, abs=1e-9)
     assert back.stiffness.nodes[-1] == pytest.approx(0.5 + drive.stiffness.length, abs=1e-9)
+
+
+def test_misaligned_flanks():
+    """A slice has the gap f (1/2 + z) on the driving flank and that of its mirror image on the back flank; slices that
+    are not joined with their mirror images have the same stiffness."""
+    aligned = drawing()
+    p = dataclasses.replace(aligned, misalignment="8 um")
+    flanks = tooth_mesh(p, 200.0, slices=6).flanks
+    driving, back = ([flank.gap.rows[0, 0] for flank in flanks if flank.side == side] for side in (1, -1))
+    np.testing.assert_allclose(driving, 8e-6 * (np.arange(6) + 0.5) / 6, rtol=1e-9)
+    np.testing.assert_allclose(back, driving[::-1], rtol=1e-9)
+    apart = tooth_mesh(dataclasses.replace(aligned, misalignment=1e-14), 200.0, slices=6)
+    assert apart.stiffness == pytest.approx(tooth_mesh(aligned, 200.0, slices=6).stiffness, rel=1e-6)
 
 
 def jumps(curve: hb.Branch) -> list[hb.Jump]:
@@ -190,6 +205,14 @@ def test_without_relief_the_mean_mesh_is_the_same():
         assert nearest < 2e-3
 
 
+def test_the_law_is_the_sum_of_its_contacts():
+    law = drawing(12.0, 15.0).model("200 N m", 0.04).system().elements[0].law
+    tau, d = np.random.default_rng(1).uniform(-9.0, 9.0, (2, 500))
+    parts = [contact.force(d / 3, 0 * d, tau) for contact in law.contacts]
+    for found, wanted in zip(law.force(d / 3, 0 * d, tau), np.sum(parts, axis=0), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
 @pytest.mark.parametrize("clearance", ["0 um", "20 um"])
 def test_contacts_with_bearings(clearance):
     """Exact forces of a mesh of contacts between bearings with clearance, against samples of the same laws.
@@ -213,6 +236,19 @@ def test_rigid_bearings_leave_the_torsion():
     np.testing.assert_allclose(points[1].coefficients(0), points[0].coefficients(0), rtol=0, atol=1e-3)
     leading = [np.abs(point.multipliers).max() for point in points]
     assert leading[1] == pytest.approx(leading[0], abs=1e-3)
+
+
+def test_a_jump_has_its_sensitivities():
+    """The largest parameters of a jump of contacts; the stiffness amplitude is no parameter of them."""
+    model = drawing(12.0).model("200 N m", 0.04)
+    assert "eps_scale" not in model.parameters and "zeta" in model.parameters
+    with pytest.raises(ValueError, match=r"eps_scale = 0.5 has no meaning for contacts"):
+        model.replace(eps_scale=0.5)
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.2, 0.62))
+    found = hb.analysis.sensitivity(curve["LP1"], ["zeta"]).of()["zeta"]
+    moved = hb.trace(hb.HarmonicBalance(model.replace(zeta=model.zeta + 1e-4), 8), "Omega", (1.2, 0.62))["LP1"]
+    change = moved.parameters["Omega"] - curve["LP1"].parameters["Omega"]
+    assert found == pytest.approx(1e4 * change, rel=0.02)
 
 
 def test_a_saved_curve_has_its_contacts(tmp_path):

@@ -1,5 +1,7 @@
 """Geometry of gears and pairs against formulas written another way, and what cannot be made."""
 
+import dataclasses
+import re
 from math import acos, atan, cos, degrees, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -149,10 +151,12 @@ def test_mass_and_inertia_of_the_cylinder():
 
 
 @pytest.mark.parametrize("fields", [{}, {"profile_shift": 0.4}, {"helix_angle": "20 deg"}, {"fillet_radius": 0.2},
-                                    {"profile_shift": -0.2, "dedendum": 1.3}])  # fmt: skip
+                                    {"profile_shift": -0.2, "dedendum": 1.3}, {"teeth": 8},
+                                    {"teeth": 10, "helix_angle": "12 deg", "fillet_radius": 0.1}])  # fmt: skip
+@pytest.mark.filterwarnings("ignore:.*undercut")
 def test_outline_is_what_the_rack_leaves(fields):
-    """Half the space at a radius is as far as any position of the rolling rack cuts it."""
-    g = gear(23, **fields)
+    """Half the space at a radius is as far as any position of the rolling rack cuts it, of undercut teeth too."""
+    g = gear(**{"z": 23, **{("z" if name == "teeth" else name): value for name, value in fields.items()}})
     tooth = Tooth(g)
     m, alpha, r, rho = g.module, g.pressure_angle, tooth.pitch, g.rack_fillet * g.module
 
@@ -166,18 +170,121 @@ def test_outline_is_what_the_rack_leaves(fields):
             rounded = corner + np.sqrt(rho**2 - below**2)
         return np.where(below < rho * sin(alpha), straight, rounded)
 
-    psi = np.linspace(-0.5, 0.5, 400_001)
+    psi = np.linspace(-1.0, 1.0, 800_001)
     for i in (5, 60, 120, 148, 160, 250, 400):
         R = tooth.radius[i]
         cut = psi - (R * np.sin(psi) - half_width(r - R * np.cos(psi))) / r
         assert pi / tooth.teeth - np.nanmax(cut) == pytest.approx(tooth.half_angle[i], abs=1e-7)
 
 
+def test_undercut_is_a_warning_and_shortens_the_path():
+    """The path ends at the involute that is left; the stiffness is that of more slender teeth."""
+    with pytest.warns(
+        hb.mechanics.ImplausibleInputWarning, match="12 teeth .* undercut: the involute begins at .* 33.908"
+    ):
+        p = pair(12, 40)
+    start = sqrt(p.pinion.form_diameter**2 - p.pinion.base_diameter**2) / 2
+    assert p.path[0] == start > p.engagement.tip_contact
+    assert p.mesh(50.0).stiffness.mean < 0.95 * pair(17, 40).mesh(50.0).stiffness.mean
+
+
+def test_published_tips_of_shifted_gears():
+    """Example of a gear maker: z 12/24, x 0.6/0.36, m 3: d_a 44.840/79.400, d_f 32.100/66.660, contact ratio 1.202."""
+    p = pair(12, 24, 0.6, 0.36)
+    assert [g.tip_diameter_used * 1e3 for g in (p.pinion, p.wheel)] == pytest.approx([44.840, 79.400], abs=1e-3)
+    assert [g.root_diameter * 1e3 for g in (p.pinion, p.wheel)] == pytest.approx([32.100, 66.660], abs=1e-3)
+    assert p.contact_ratio == pytest.approx(1.202, abs=5e-4)
+    assert p.pinion.tip_diameter is None and p.pinion.inertia_used < gear(12, profile_shift=0.6).inertia_used
+
+
+@pytest.mark.parametrize(("z", "x", "beta"), [((40, 45), (-0.3, -0.3), 0), ((19, 33), (0.3, 0.15), 14)])
+def test_default_tips_keep_the_clearance_of_the_rack(z, x, beta):
+    p = pair(*z, *x, beta)
+    for one, other in ((p.pinion, p.wheel), (p.wheel, p.pinion)):
+        clearance = p.working_center_distance - one.tip_diameter_used / 2 - other.root_diameter / 2
+        assert clearance == pytest.approx(0.25 * 3e-3, rel=1e-9)
+    assert pair(20, 30, 0.2, -0.2).pinion == gear(20, profile_shift=0.2)  # without a sum of shifts nothing changes
+    assert dataclasses.replace(p, pitch_error=1e-6).pinion == p.pinion
+    given = hb.GearPair(gear(20, profile_shift=0.3, tip_alteration=-0.05), gear(30, profile_shift=0.3))
+    assert given.pinion.tip_diameter_used == pytest.approx(60e-3 + 6e-3 * 1.25, rel=1e-12)
+
+
+def test_published_internal_pair():
+    """Example of a gear maker: z 16/24, m 3, x 0/0.5 counted outwards: alpha_w 31.0937 deg, a 13.1683 mm."""
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning):
+        p = hb.GearPair(gear(16), gear(24, internal=True, profile_shift=-0.5))
+    assert degrees(p.working_pressure_angle) == pytest.approx(31.0937, abs=1e-4)
+    assert p.working_center_distance * 1e3 == pytest.approx(13.1683, abs=5e-5)
+
+
+def overlap_with_the_ring(pinion, ring, a):
+    """Largest depth of points on the flanks of a ring within the teeth of the pinion, over one pitch."""
+    fillet, angle = pinion.fillet(300)
+    involute_part = np.linspace(fillet[-1], pinion.tip_diameter_used / 2, 300)[1:]
+    radius = np.concatenate([fillet, involute_part])
+    half = np.concatenate([angle, [pinion.tooth_thickness(2 * r) / (2 * r) for r in involute_part]])
+    at = np.linspace(ring.tip_diameter_used / 2, a + pinion.tip_diameter_used / 2, 200)
+    flank = np.array([ring.tooth_thickness(2 * r) / (2 * r) for r in at])
+    teeth, pitch, deepest = (np.arange(ring.teeth)[:, None] + 0.5) * 2 * pi / ring.teeth, 2 * pi / pinion.teeth, -1.0
+    for turn in pitch * np.arange(48) / 48:
+        for side in (-1, 1):
+            points = at * np.exp(1j * (turn * pinion.teeth / ring.teeth + teeth + side * flank)) - a
+            off = np.abs((np.angle(points) - turn + pitch / 2) % pitch - pitch / 2)
+            r = np.abs(points)
+            deepest = max(deepest, np.max((r * (np.interp(r, radius, half) - off))[r < radius[-1]]))
+    return deepest
+
+
+@pytest.mark.filterwarnings("ignore:.*undercut")
+@pytest.mark.parametrize(("z_1", "z_2", "deep"), [
+    (12, 30, 0), (17, 25, 0), (17, 40, 0), (25, 32, 0), (40, 90, 0), (17, 23, 7.4e-5), (29, 36, 4.1e-6), (20, 23, 1e-3),
+    (20, 21, 2e-3),
+])  # fmt: skip
+def test_default_rings_mesh_or_are_refused_for_a_true_reason(z_1, z_2, deep):
+    """Outlines of all teeth, turned through a pitch, overlap if the pair is refused, and not with the advised tips."""
+    pinion, ring = gear(z_1), gear(z_2, internal=True)
+    a = 1.5e-3 * (z_2 - z_1)
+    if not deep:
+        p = hb.GearPair(pinion, ring)
+        assert overlap_with_the_ring(p.pinion, p.wheel, a) < 1e-7
+        return
+    with pytest.raises(ValueError, match="strike the tips of the ring") as refusal:
+        hb.GearPair(pinion, ring)
+    shown = float(re.search(r"ring of \d+ \(diameter ([\d.]+) mm", str(refusal.value))[1])
+    struck = dataclasses.replace(ring, tip_diameter=shown * 1e-3)
+    assert overlap_with_the_ring(pinion, struck, a) > deep
+    for name, advised in re.findall(r"the (ring|pinion) a tip_diameter of at \w+ ([\d.]+) mm", str(refusal.value)):
+        cut = {"pinion": pinion, "ring": ring}
+        cut[name] = dataclasses.replace(cut[name], tip_diameter=f"{advised} mm")
+        p = hb.GearPair(cut["pinion"], cut["ring"])
+        assert overlap_with_the_ring(p.pinion, p.wheel, a) < 1e-7 and p.contact_ratio >= 1
+
+
+def test_all_default_rings():
+    """Of z_1 from 17 and differences from 1: refused below 4 teeth, with advised tips up to 7, else accepted."""
+    for z_1 in range(17, 61, 6):
+        for difference in (1, 3, 4, 6, 8, 12, 30, 80):
+            pinion, ring = gear(z_1), gear(z_1 + difference, internal=True)
+            if difference >= 8:
+                assert hb.GearPair(pinion, ring).contact_ratio > 1.3
+                continue
+            with pytest.raises(ValueError, match="a tip_diameter of at" if difference > 3 else "no tip diameter"):
+                hb.GearPair(pinion, ring)
+
+
+@pytest.mark.filterwarnings("ignore:.*undercut")
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: gear(14), "undercut: give profile_shift of at least 0.181"),
-        (lambda: gear(14, profile_shift=0.15), "undercut"),
+        (lambda: gear(10, tip_diameter="28.3 mm"), "undercut, which leaves no involute .* of at least 0.415"),
+        (lambda: gear(30, tip_diameter="96 mm", tip_alteration=-0.1), "keep one"),
+        (lambda: pair(8, 40), "contact ratio is 0.913; .* less undercut of the pinion"),
+        (lambda: hb.GearPair(gear(25, tip_alteration=0.4), gear(40)),
+         r"tip_alteration = 0.4 reach 0.450 mm into the roots .* tip_diameter below 82.5 mm"),
+        (lambda: gear(40, rim_thickness="9 mm"), "rim_thickness and web_thickness must both be given"),
+        (lambda: hb.GearPair(gear(16), gear(24, internal=True, profile_shift=0.5)),
+         "teeth of a ring thicker; .* give the opposite sign, profile_shift = -0.5"),
+        (lambda: gear(24, internal=True, tip_diameter="66 mm"), "many catalogues count the shift of rings outwards"),
         (lambda: gear(25, profile_shift=1.9), "pointed"),
         (lambda: gear(25.5), "whole number"),
         (lambda: gear(25, module=3), "beyond any machine.*'3 mm'"),
@@ -186,7 +293,7 @@ def test_outline_is_what_the_rack_leaves(fields):
         (lambda: gear(25, tip_diameter="60 mm"), "above the root diameter"),
         (lambda: gear(25, body_diameter="70 mm"), "it is the bore"),
         (lambda: gear(25, internal="yes"), "True or False"),
-        (lambda: gear(20, internal=True), "above its base diameter"),
+        (lambda: gear(20, internal=True, tip_diameter="56 mm"), "above its base diameter"),
         (lambda: pair(backlash="80 mm"), "as large as a tooth.*'80 um'"),
         (lambda: pair(backlash=-1e-5), "not be negative"),
         (lambda: pair(backlash="80 um", backlash_measure="axial"), "circumferential, normal, action"),
@@ -203,7 +310,12 @@ def test_outline_is_what_the_rack_leaves(fields):
         (lambda: pair(center_distance="80 mm"), "base circles touch"),
         (lambda: hb.GearPair(gear(25), gear(40, tip_diameter="128 mm")), "into the roots"),
         (lambda: hb.GearPair(gear(18), gear(200, addendum=1.2)), "interference: .* touch the pinion"),
-        (lambda: hb.GearPair(gear(20), gear(24, internal=True, addendum=0.6)), "strike the tips of the ring"),
+        (lambda: hb.GearPair(gear(20), gear(23, internal=True)), "strike the tips of the ring .* no tip diameter"),
+        (lambda: hb.GearPair(gear(20), gear(21, internal=True)), "strike the tips of the ring"),
+        (lambda: hb.GearPair(gear(20), gear(26, internal=True)),
+         r"ring a tip_diameter of at least 74.\d+ mm or the pinion a tip_diameter of at most 64.\d+ mm"),
+        (lambda: hb.GearPair(gear(20), gear(60, internal=True, tip_alteration=0.0)),
+         r"touch the pinion .* a tip_diameter of at least 174.\d+ mm"),
         (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no space"),
         (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
         (lambda: pair().mesh("200 N"), "quantity in N m"),

@@ -38,7 +38,7 @@ EXAMPLES = {
     "coulomb": (hb.mechanics.Coulomb(0.05, 10.0), "limit = 0.05\nk = 10.0"),
     "hunt-crossley": (
         hb.mechanics.HuntCrossley(2.0, 0.5, 0.1, sides=2),
-        "k = 2.0\ndamping = 0.5\ngap = 0.1\nsides = 2",
+        "k = 2.0\ncontact_damping = 0.5\ngap = 0.1\nsides = 2",
     ),
     "iwan": (hb.mechanics.Iwan((0.5, 0.5), (0.02, 0.1)), "k = [0.5, 0.5]\nlimit = [0.02, 0.1]"),
     "parallel": (hb.mechanics.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), "its field laws is"),

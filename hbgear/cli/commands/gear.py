@@ -52,10 +52,14 @@ SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
 
 ACCURACY_GRADE = 6
-"""Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
+"""Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
+
+
+DAMPING_RANGE = "effect of the damping ratio of the mesh, whose measured values lie between 0.02 and 0.1"
+"""Title of the table of damping ratios, which is printed before all results that depend on them."""
 
 
 def register(app: typer.Typer) -> None:
@@ -69,7 +73,9 @@ def gear(
     z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
     module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
     width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
-    torque: Annotated[str, typer.Option(help="Torque on the pinion, such as 200Nm.")],
+    torque: Annotated[
+        str, typer.Option(help="Mean torque on the pinion, such as 200Nm; negative if the wheel drives.")
+    ],
     backlash: Annotated[str, typer.Option(help="Circumferential backlash on the working pitch circle, such as 80um.")],
     damping: Annotated[
         str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(DEFAULT_DAMPING))
@@ -87,6 +93,10 @@ def gear(
             help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
             show_default="teeth",
         ),
+    ] = None,
+    torque_orders: Annotated[
+        str | None,
+        typer.Option(help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg".'),
     ] = None,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
@@ -107,6 +117,7 @@ def gear(
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
+        torque_orders,
     )  # fmt: skip
     with drawing_process() as by:
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by)
@@ -225,9 +236,8 @@ def show_speeds(model: hb.mechanics.Model, curve: hb.Branch, machine: Machine | 
             row = [jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors]
             if machine is not None:
                 speed = float(model.scales.pinion_speed(jump.value))
-                row.append(
-                    f"{float(hb.gears.iso_dynamic_factor(machine.pair, machine.torque, speed, ACCURACY_GRADE)):.2f}"
-                )
+                factor = hb.gears.iso_dynamic_factor(machine.pair, machine.mesh_torque, speed, ACCURACY_GRADE)
+                row.append(f"{float(factor):.2f}")
             rows.append(row)
     if not rows:
         print("no jumps")
@@ -269,12 +279,18 @@ def _trace_and_report(
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
         return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
 
-    others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
-    with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
+    works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
+    works += [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
+        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
+        computed = [row for one in rows for row in one.result()]
+        damping = [row for row in computed if row[0].startswith("damping")]
+        first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
+        print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
         show_speeds(model, curve, machine)
         if getattr(model, "contacts", None) is not None:
             print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
@@ -282,20 +298,21 @@ def _trace_and_report(
         if found:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
-        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
-        first = ["as computed", *_factor_and_jumps(model, curve)]
-        print_table(headers, [first, *(row for one in rows for row in one.result())])
+        first[0] = "as computed"
+        print_table(headers, [first, *(row for row in computed if row not in damping)])
     return curve
 
 
 def _machine(
     teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
+    torque_orders: str | None,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
     from hbgear.gears.pairs.pair_models import DAMPING
+    from hbgear.gears.torque_orders import parse_torque_orders
     from hbgear.io.machines.machine_file import Machine
 
     beta = to_si("--helix", "angle", helix, "rad")
@@ -308,7 +325,10 @@ def _machine(
     zeta = DAMPING.read("--damping", _plain(damping))
     if mesh is not None and mesh not in MESHES:
         raise ValueError(f"--mesh {mesh}: must be one of {', '.join(MESHES)}")
-    return Machine(pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh))
+    orders = parse_torque_orders("--torque-orders", torque_orders) if torque_orders else ()
+    return Machine(
+        pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh), torque_orders=orders
+    )
 
 
 def _plain(text: str) -> Any:
@@ -317,6 +337,11 @@ def _plain(text: str) -> Any:
         return float(text)
     except ValueError:
         return text
+
+
+def _orders_text(machine: Machine) -> str:
+    """Return the amplitudes of the torque orders of the pinion."""
+    return "".join(f", order {order:g} of the torque {size:g} N m" for order, size, _ in machine.torque_orders)
 
 
 def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
@@ -346,11 +371,11 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
     yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
     sizes = ", ".join(f"{pair.backlash_as(how) * 1e6:.1f} {how}" for how in ("circumferential", "normal"))
     yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
-    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N"]
+    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N" + _orders_text(machine)]
     k = cycle.stiffness
     yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
            f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
-    k_0 = tooth_mesh(pair, machine.torque).stiffness
+    k_0 = tooth_mesh(pair, machine.mesh_torque).stiffness
     yield ["stiffness, all gaps closed", f"{k_0:.4g} N/m mean, to which the damping ratio refers"]
     yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
            f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
@@ -446,6 +471,7 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
+    from hbgear.gears.mesh.iso_dynamics import deviations
     from hbgear.gears.mesh.mesh_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
@@ -460,7 +486,9 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
             yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    yield "no pitch error: 5 um", paired(pitch_error=5e-6)
+    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
+    if not pair.pitch_error:
+        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
     if not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
         yield "no tip relief: 10 um", paired(**relieved)

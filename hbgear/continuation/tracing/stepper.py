@@ -138,7 +138,7 @@ class Stepper:
         return StepResult(self._points(found, recent[0], scale), step, reason)
 
     def _corner(self, before: CurvePoint, scale: Array, step: float) -> tuple[Array, float]:
-        """Return the point beyond a corner as a table of one row, empty if there is none, and the next step size."""
+        """Return the point beyond a corner as a table of one row, empty without a corner, and the next step size."""
         smallest, turn = self.steps.min_step, self.steps.max_turn_deg
         found = step_over_corner(
             self.problem, before.u, before.tangent, before.orientation, scale, smallest, turn, self.name, self.fixed,

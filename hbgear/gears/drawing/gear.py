@@ -1,10 +1,13 @@
 """Involute gears: geometry, mass and manufacturing limits of a spur or helical, external or internal gear.
 
     d = m_n z / cos(beta),   d_b = d cos(alpha_t),   tan(alpha_t) = tan(alpha_n) / cos(beta)
-    d_a = d + 2 m_n (h_a + x),   d_f = d - 2 m_n (h_f - x)      (internal gears: - and + exchanged)
+    d_a = d + 2 m_n (h_a + x + k),   d_f = d - 2 m_n (h_f - x)      (internal gears: - and + exchanged)
 
 Lengths are in metres and angles in radians. Every field also accepts a text with another unit, such as ``"3 mm"`` or
 ``"20 deg"``.
+
+The profile shift x of an internal gear has the sign of ISO 21771: a positive value makes the teeth thicker and moves
+the tips inwards. Many catalogues count it outwards; their sign is the opposite.
 
 References
 ----------
@@ -13,15 +16,25 @@ ISO 21771:2007, Gears: cylindrical involute gears and gear pairs; concepts and g
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import acos, ceil, cos, degrees, pi, radians, sin, sqrt, tan
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import acos, ceil, cos, degrees, isnan, pi, radians, sin, sqrt, tan
 
+import numpy as np
+
+from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.units import OptionalQuantityField, QuantityField
+from hbgear.gears.drawing.fillet import RackTip, rack_tip
 from hbgear.gears.drawing.geometry import base_helix_angle, involute, transverse_pressure_angle
+from hbgear.mechanics.plausibility import warn
 
 TOLERATED_UNDERCUT = 0.02
-"""Accepted undercut [module]. The used part of the involute remains; 17 teeth at 20 degrees are accepted."""
+"""Undercut [module] without a warning. The used part of the involute remains; 17 teeth at 20 degrees have less."""
+
+FILLET_STEPS = 100
+"""Points of the fillet at which the thickness of undercut teeth is checked; it has one minimum."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +54,25 @@ class Gear:  # numpydoc ignore=PR02
     helix_angle : float or str, default 0.0
         Helix angle beta at the reference circle [rad]; positive for a right-hand gear, negative for a left-hand one.
     profile_shift : float or str, default 0.0
-        Profile shift coefficient x [module]; a positive value makes the teeth thicker, of an internal gear too.
+        Profile shift coefficient x [module]; a positive value makes the teeth thicker, of an internal gear too (the
+        sign of ISO 21771).
     internal : bool, default False
         True for a ring gear with internal teeth.
     addendum, dedendum : float or str, optional
         Addendum h_a (default 1) and dedendum h_f (default 1.25) of the basic rack [module].
     fillet_radius : float or str, default 0.38
         Tip radius of the generating rack [module].
+    tip_alteration : float or str, optional
+        Tip alteration k [module], negative for shorter teeth. By default 0 for a gear by itself; in a `GearPair` the
+        alteration that its contact requires.
     tip_diameter : float or str, optional
-        Tip diameter d_a [m]. By default it follows from addendum and profile shift.
+        Tip diameter d_a [m]. By default it follows from addendum, profile shift and tip alteration.
     body_diameter : float or str, default 0.0
         Bore of an external gear or outside diameter of a ring gear [m]. Default 0: a solid gear, or a ring whose
         outside diameter is the root diameter plus 6 modules.
+    rim_thickness, web_thickness : float or str, optional
+        Thickness s_R of the rim, below the roots, and b_s of the web [m]. By default the gear is a solid disc. They
+        reduce the stiffness of the teeth by the factor C_R of ISO 6336-1, not the mass.
     tip_relief : float or str, default 0.0
         Material removed at the tip, along the normal in the transverse plane [m].
     tip_relief_length : float or str, optional
@@ -70,8 +90,13 @@ class Gear:  # numpydoc ignore=PR02
     Raises
     ------
     ValueError
-        If a quantity has another unit or is out of range, the teeth are undercut or pointed, or the diameters
+        If a quantity has another unit or is out of range, the teeth are pointed or have no involute, or the diameters
         contradict each other.
+
+    Warns
+    -----
+    ImplausibleInputWarning
+        If the teeth are undercut. The root is the trochoid that the rack cuts, and the involute begins above it.
 
     Examples
     --------
@@ -91,25 +116,35 @@ class Gear:  # numpydoc ignore=PR02
     addendum: QuantityField = QuantityField("", POSITIVE, Range(0.2, 2), 1.0)
     dedendum: QuantityField = QuantityField("", POSITIVE, Range(0.3, 2.5), 1.25)
     fillet_radius: QuantityField = QuantityField("", NOT_NEGATIVE, Range(0, 0.6), 0.38)
+    tip_alteration: OptionalQuantityField = OptionalQuantityField("", Range(), Range(-1.5, 1.5))
     tip_diameter: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-4, 50))
     body_diameter: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 50), 0.0)
     tip_relief: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 2e-3), 0.0)
     tip_relief_length: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-6, 1))
+    rim_thickness: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-5, 10))
+    web_thickness: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-5, 10))
     crowning: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 2e-3), 0.0)
     mass: OptionalQuantityField = OptionalQuantityField("kg", POSITIVE, Range(1e-7, 1e7))
     inertia: OptionalQuantityField = OptionalQuantityField("kg m^2", POSITIVE, Range(1e-14, 1e8))
     E: QuantityField = QuantityField("Pa", POSITIVE, Range(1e8, 1.2e12), 206e9)
     poisson: QuantityField = QuantityField("", Range(above=-1, below=0.5), Range(0, 0.499), 0.3)
     density: QuantityField = QuantityField("kg/m^3", POSITIVE, Range(100, 25_000), 7850.0)
+    default_alteration: float = field(init=False, default=0.0, repr=False)
+    """Tip alteration k [module] without a given one, nonzero for gears of a `GearPair` only."""
 
     def __post_init__(self) -> None:
         counted("Gear: teeth", self.teeth, 10_000, least=5)
         if not isinstance(self.internal, bool):
             raise ValueError(f"Gear: internal = {self.internal!r} must be True or False")
-        self._check_diameters()
+        if self.tip_diameter is not None and self.tip_alteration is not None:
+            raise ValueError("Gear: tip_diameter and tip_alteration are both given; keep one")
+        if (self.rim_thickness is None) != (self.web_thickness is None):
+            raise ValueError("Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
+                             "web of a rim that is as wide as its teeth is the face width")  # fmt: skip
+        _check_diameters(self)
         if not self.internal:
-            self._check_undercut()
-            self._check_tip()
+            _check_undercut(self)
+            _check_tip(self)
 
     # Angles and diameters
 
@@ -148,7 +183,21 @@ class Gear:  # numpydoc ignore=PR02
         """Tip diameter d_a [m], given or from the addendum."""
         if self.tip_diameter is not None:
             return self.tip_diameter
-        return self.reference_diameter + self.sign * 2 * self.module * (self.addendum + self.profile_shift)
+        k = self.default_alteration if self.tip_alteration is None else self.tip_alteration
+        height = self.addendum + self.profile_shift + k
+        tip = self.reference_diameter + self.sign * 2 * self.module * height
+        return max(tip, self.base_diameter) if self.internal and self.tip_alteration is None else tip
+
+    @property
+    def tips_given(self) -> bool:
+        """Whether the tip diameter or the tip alteration is given."""
+        return self.tip_diameter is not None or self.tip_alteration is not None
+
+    def with_alteration(self, k: float) -> Gear:
+        """Return this gear with a default tip alteration [module]."""
+        out = copy(self)
+        object.__setattr__(out, "default_alteration", k)
+        return out
 
     @property
     def root_diameter(self) -> float:
@@ -175,16 +224,57 @@ class Gear:  # numpydoc ignore=PR02
         rotation = involute(self.transverse_pressure_angle) - involute(alpha_y)
         return diameter * (at_reference + self.sign * rotation)
 
-    @property
+    @cached_property
     def form_diameter(self) -> float:
         """Diameter at which the involute ends and the fillet of an external gear begins [m].
 
         d_F^2 = d_b^2 + (d sin(alpha_t) - 2 m_n (h_f - rho (1 - sin(alpha_n)) - x) / sin(alpha_t))^2
+
+        The involute of undercut teeth ends where the trochoid intersects it; nan if it does not.
         """
         alpha_t = self.transverse_pressure_angle
-        straight_dedendum = self.dedendum - self.rack_fillet * (1 - sin(self.pressure_angle)) - self.profile_shift
-        from_pitch_point = self.reference_diameter * sin(alpha_t) - 2 * self.module * straight_dedendum / sin(alpha_t)
-        return sqrt(self.base_diameter**2 + max(from_pitch_point, 0.0) ** 2)
+        straight = 2 * self.module * (self._straight_dedendum - self.profile_shift)
+        from_pitch_point = self.reference_diameter * sin(alpha_t) - straight / sin(alpha_t)
+        if from_pitch_point >= 0:
+            return sqrt(self.base_diameter**2 + from_pitch_point**2)
+        return 2 * float(self.fillet(2)[0][-1])
+
+    def fillet(self, points: int) -> tuple[Array, Array]:
+        """Return the fillet of an external gear in the transverse plane, from the root circle to the involute.
+
+        Parameters
+        ----------
+        points : int
+            Number of points.
+
+        Returns
+        -------
+        radius : ndarray, shape (points,)
+            Radii [m].
+        half_angle : ndarray, shape (points,)
+            Half the angle of the tooth there [rad].
+        """
+        radius, helix = self.reference_diameter / 2, self.helix_angle
+        at_base = self.tooth_thickness(self.base_diameter) / self.base_diameter
+        end = self.rack_tip.end(radius, helix, self.base_diameter / 2, pi / self.teeth - at_base)
+        fillet, space = self.rack_tip.trochoid(radius, helix, np.linspace(0.0, end, points))
+        return fillet, pi / self.teeth - space
+
+    @property
+    def undercut(self) -> bool:
+        """Whether the trochoid cuts away a part of the involute, by more than the tolerated amount."""
+        return not self.internal and self.profile_shift < self._smallest_shift - TOLERATED_UNDERCUT
+
+    @property
+    def _straight_dedendum(self) -> float:
+        """Part of the dedendum of the rack with a straight flank [module]."""
+        return self.dedendum - self.rack_fillet * (1 - sin(self.pressure_angle))
+
+    @property
+    def _smallest_shift(self) -> float:
+        """Smallest profile shift without undercut [module]."""
+        alpha_t = self.transverse_pressure_angle
+        return self._straight_dedendum - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
 
     @property
     def rack_fillet(self) -> float:
@@ -192,6 +282,11 @@ class Gear:  # numpydoc ignore=PR02
         alpha = self.pressure_angle
         largest = (pi / 4 - self.dedendum * tan(alpha)) * cos(alpha) / (1 - sin(alpha))
         return min(self.fillet_radius, max(largest, 0.0))
+
+    @property
+    def rack_tip(self) -> RackTip:
+        """Tip of the generating rack."""
+        return rack_tip(self.module, self.pressure_angle, self.dedendum, self.rack_fillet, self.profile_shift)
 
     # Mass
 
@@ -219,50 +314,57 @@ class Gear:  # numpydoc ignore=PR02
             return mean, self.body_diameter or self.root_diameter + 6 * self.module
         return self.body_diameter, mean
 
-    # Checks
 
-    def _check_diameters(self) -> None:
-        tip, root, base, body = self.tip_diameter_used, self.root_diameter, self.base_diameter, self.body_diameter
-        mm = 1e3
-        if root <= 0:
-            raise ValueError(f"Gear: the root diameter would be {root * mm:.4g} mm; give more teeth or a larger module")
-        if self.sign * (tip - root) <= 0:
-            raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if self.internal else 'above'} "
-                             f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
-        if tip <= base:
-            reason = "below the base circle there is no involute"
-            raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
-                             f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
-                             if not self.internal else
-                             f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
-                             f"of {base * mm:.6g} mm: {reason}; give tip_diameter, or more teeth")  # fmt: skip
-        if body and self.sign * (root - body) <= 0:
-            raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if self.internal else 'below'}"
-                             f" the root diameter of {root * mm:.6g} mm: it is the "
-                             f"{'outside of the ring' if self.internal else 'bore'}")  # fmt: skip
+def _check_diameters(gear: Gear) -> None:
+    tip, root, base, body = gear.tip_diameter_used, gear.root_diameter, gear.base_diameter, gear.body_diameter
+    mm = 1e3
+    if root <= 0:
+        raise ValueError(f"Gear: the root diameter would be {root * mm:.4g} mm; give more teeth or a larger module")
+    if gear.sign * (tip - root) <= 0:
+        raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if gear.internal else 'above'} "
+                         f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
+    if tip < base or (tip == base and not gear.internal):
+        reason = "below the base circle there is no involute"
+        raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
+                         f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
+                         if not gear.internal else
+                         f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
+                         f"of {base * mm:.6g} mm: {reason}; give a larger tip_diameter, more "
+                         "teeth, or a smaller profile_shift (positive values make the teeth of a ring thicker and "
+                         "move its tips inwards; many catalogues count the shift of rings outwards, with the "
+                         "opposite sign)")  # fmt: skip
+    if body and gear.sign * (root - body) <= 0:
+        raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if gear.internal else 'below'}"
+                         f" the root diameter of {root * mm:.6g} mm: it is the "
+                         f"{'outside of the ring' if gear.internal else 'bore'}")  # fmt: skip
 
-    def _check_undercut(self) -> None:
-        alpha_t, straight_dedendum = self.transverse_pressure_angle, self.dedendum - self.rack_fillet * (
-            1 - sin(self.pressure_angle))  # fmt: skip
-        min_shift = straight_dedendum - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
-        if self.profile_shift < min_shift - TOLERATED_UNDERCUT:
-            min_teeth = (
-                2
-                * (straight_dedendum - TOLERATED_UNDERCUT - self.profile_shift)
-                * cos(self.helix_angle)
-                / sin(alpha_t) ** 2
-            )
-            raise ValueError(
-                f"Gear: {self.teeth} teeth with profile_shift = {self.profile_shift:g} and a pressure angle of "
-                f"{degrees(self.pressure_angle):g} deg are undercut: give profile_shift of at least {min_shift:.3f}, "
-                f"or {ceil(min_teeth)} teeth or more"
-            )
 
-    def _check_tip(self) -> None:
-        thickness = self.tooth_thickness(self.tip_diameter_used)
-        if thickness <= 0:
-            raise ValueError(
-                f"Gear: the teeth are pointed below the tip diameter of {self.tip_diameter_used * 1e3:.6g} mm "
-                f"(thickness there {thickness * 1e3:.3f} mm): give a smaller profile_shift than {self.profile_shift:g},"
-                " a smaller tip_diameter or addendum"
-            )
+def _check_undercut(gear: Gear) -> None:
+    """Warn of undercut teeth; raise an error if no involute is left."""
+    if not gear.undercut:
+        return
+    min_teeth = (
+        2
+        * (gear._straight_dedendum - TOLERATED_UNDERCUT - gear.profile_shift)
+        * cos(gear.helix_angle)
+        / sin(gear.transverse_pressure_angle) ** 2
+    )
+    teeth = (f"{gear.teeth} teeth with profile_shift = {gear.profile_shift:g} and a pressure angle of "
+             f"{degrees(gear.pressure_angle):g} deg")  # fmt: skip
+    remedy = f"profile_shift of at least {gear._smallest_shift:.3f}, or {ceil(min_teeth)} teeth or more"
+    form, tip, mm = gear.form_diameter, gear.tip_diameter_used, 1e3
+    if isnan(form) or form >= tip or float(gear.fillet(FILLET_STEPS)[1].min()) <= 0:
+        raise ValueError(f"Gear: {teeth} are undercut, which leaves no involute below the tip diameter of "
+                         f"{tip * mm:.6g} mm: give {remedy}")  # fmt: skip
+    warn(f"Gear: {teeth} are undercut: the involute begins at a diameter of {form * mm:.6g} mm above the base "
+         f"diameter of {gear.base_diameter * mm:.6g} mm; {remedy} avoid it")  # fmt: skip
+
+
+def _check_tip(gear: Gear) -> None:
+    thickness = gear.tooth_thickness(gear.tip_diameter_used)
+    if thickness <= 0:
+        raise ValueError(
+            f"Gear: the teeth are pointed below the tip diameter of {gear.tip_diameter_used * 1e3:.6g} mm "
+            f"(thickness there {thickness * 1e3:.3f} mm): give a smaller profile_shift than {gear.profile_shift:g},"
+            " a smaller tip_diameter or addendum, or a negative tip_alteration"
+        )

@@ -4,6 +4,10 @@
     eps_alpha = [sqrt(r_a1^2 - r_b1^2) + sqrt(r_a2^2 - r_b2^2) - a sin(alpha_wt)] / p_bt
     eps_beta = b sin(beta) / (pi m_n)
 
+Without a given tip diameter or tip alteration, the gears of a pair have the tip alteration k = min(0, (a - a_d)/m_n -
+x_1 - x_2) of ISO 21771, which keeps the tip clearance of the basic rack. a_d is the reference centre distance. The tips
+of a ring are shortened until they meet the involute of the pinion.
+
 For a ring gear z_2, r_a2, r_b2, a and the second root are negative. Lengths r_b theta and forces T / r_b along the line
 of action are in the transverse plane. If a_w is given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w).
 
@@ -16,10 +20,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, cos, degrees, hypot, pi, sin, sqrt, tan
+from math import acos, cos, degrees, pi, sin, tan
 from typing import Any
 
 from hbgear.common.argument_checks import check
+from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.text.messages import quoted
@@ -27,6 +32,7 @@ from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.backlash import MEASURES, convert_backlash
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import inverse_involute, involute
+from hbgear.gears.drawing.interference import Engagement, default_alterations, form_position, tip_distance
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class GearPair:  # numpydoc ignore=PR02
     Parameters
     ----------
     pinion, wheel : Gear
-        Pinion and wheel. The wheel may be a ring gear (``internal=True``).
+        Pinion and wheel. The wheel may be a ring gear (``internal=True``). Their tips are altered as described above.
     backlash : float or str, optional
         Backlash [m] in the measure ``backlash_measure``. By default it follows from the centre distance.
     backlash_measure : {"circumferential", "normal", "action"}, optional
@@ -47,6 +53,11 @@ class GearPair:  # numpydoc ignore=PR02
     pitch_error : float or str, default 0.0
         Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. The error of a single tooth
         occurs once per revolution and does not excite the mesh frequency.
+    misalignment : float or str, default 0.0
+        Distance of the driving flanks at one end of the face if they touch at the other end [m], along the line of
+        action in the transverse plane: the sum of lead errors of both gears and misalignment of the shafts. It is
+        positive if the gap is at the end with the larger coordinate, where helical teeth (of a right-hand pinion) leave
+        contact last. The back flanks have it at the other end.
 
     Raises
     ------
@@ -69,6 +80,7 @@ class GearPair:  # numpydoc ignore=PR02
     backlash_measure: str = "circumferential"
     center_distance: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-4, 50))
     pitch_error: QuantityField = QuantityField("m", Range(), Range(-1e-3, 1e-3), 0.0)
+    misalignment: QuantityField = QuantityField("m", Range(), Range(-2e-3, 2e-3), 0.0)
 
     def __post_init__(self) -> None:
         for name in ("pinion", "wheel"):
@@ -76,10 +88,13 @@ class GearPair:  # numpydoc ignore=PR02
         if not isinstance(self.backlash_measure, str) or self.backlash_measure not in MEASURES:
             raise ValueError(f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of "
                              f"{', '.join(MEASURES)}")  # fmt: skip
-        self._check_fit()
-        self._check_distance()
-        self._check_backlash()
-        self._check_contact()
+        _check_fit(self)
+        _check_distance(self)
+        for name, k in zip(("pinion", "wheel"), default_alterations(self.engagement), strict=True):
+            if not getattr(self, name).tips_given:
+                object.__setattr__(self, name, getattr(self, name).with_alteration(k))
+        _check_backlash(self)
+        _check_contact(self)
 
     # Geometry
 
@@ -131,10 +146,21 @@ class GearPair:  # numpydoc ignore=PR02
 
     @cached_property
     def path(self) -> tuple[float, float]:
-        """Start A and end E of contact along the line of action, from the base circle of the pinion [m]."""
-        end = _tip_distance(self.pinion)
-        begin = self.tangent_length - self.wheel.sign * _tip_distance(self.wheel)
+        """Start A and end E of contact along the line of action, from the base circle of the pinion [m].
+
+        They are the tips of the gears, or the ends of the involutes of undercut teeth.
+        """
+        begin, end = self.engagement.tip_contact, tip_distance(self.pinion)
+        if self.pinion.undercut:
+            begin = max(begin, form_position(self.pinion))
+        if self.wheel.undercut:
+            end = min(end, self.tangent_length - form_position(self.wheel))
         return begin, end
+
+    @property
+    def engagement(self) -> Engagement:
+        """The gears at their centre distance, with checks of interference."""
+        return Engagement(self.pinion, self.wheel, self.working_center_distance, self.working_pressure_angle)
 
     @property
     def tangent_length(self) -> float:
@@ -200,6 +226,16 @@ class GearPair:  # numpydoc ignore=PR02
         """Half backlash b along the line of action in the transverse plane [m]."""
         return self.backlash_as("action") / 2
 
+    def tilt(self, across: Array) -> Array:
+        """Return the gap of the driving flanks [m] by misalignment, at positions -1/2 to 1/2 across the face."""
+        gap: Array = abs(self.misalignment) / 2 + self.misalignment * across
+        return gap
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the flanks have gaps that vary across the face: crowning or misalignment."""
+        return bool(self.pinion.crowning or self.wheel.crowning or self.misalignment)
+
     # Mesh and models
 
     def transverse_force(self, torque: Any) -> float:
@@ -241,114 +277,86 @@ class GearPair:  # numpydoc ignore=PR02
         """
         return call("hbgear.gears.pairs.pair_models.build_model", self, torque, damping, form, **options)
 
-    # Checks
 
-    def _check_fit(self) -> None:
-        p, w = self.pinion, self.wheel
-        if p.internal:
-            raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
-        if abs(p.module - w.module) > 1e-6 * p.module:
-            raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
-                             "give both gears the same normal module")  # fmt: skip
-        if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
-            raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
-                             f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
-        required = p.helix_angle if w.internal else -p.helix_angle
-        if abs(w.helix_angle - required) > 1e-6:
-            rule = "of the same hand" if w.internal else "of opposite hands"
-            raise ValueError(
-                f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
-                f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
-                f"wheel helix_angle = '{degrees(required) + 0.0:g} deg'"
-            )
-        if w.internal and w.teeth <= p.teeth:
-            raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no space for a pinion of {p.teeth}")
+def _check_fit(pair: GearPair) -> None:
+    p, w = pair.pinion, pair.wheel
+    if p.internal:
+        raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
+    if abs(p.module - w.module) > 1e-6 * p.module:
+        raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
+                         "give both gears the same normal module")  # fmt: skip
+    if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
+        raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
+                         f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
+    required = p.helix_angle if w.internal else -p.helix_angle
+    if abs(w.helix_angle - required) > 1e-6:
+        rule = "of the same hand" if w.internal else "of opposite hands"
+        raise ValueError(
+            f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
+            f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
+            f"wheel helix_angle = '{degrees(required) + 0.0:g} deg'"
+        )
+    if w.internal and w.teeth <= p.teeth:
+        raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no space for a pinion of {p.teeth}")
 
-    def _check_distance(self) -> None:
-        least = abs(self._signed_base_radius)
-        if self.center_distance is not None and self.center_distance <= least:
-            raise ValueError(f"GearPair: center_distance = {self.center_distance * 1e3:.6g} mm must be above "
-                             f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
-        if self.center_distance is None:
-            shifts = self.pinion.profile_shift + self.wheel.profile_shift
-            value = involute(self.pinion.transverse_pressure_angle) + (
-                2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
-            )
-            if value <= 0:
-                raise ValueError(f"GearPair: profile shifts of {self.pinion.profile_shift:g} and "
-                                 f"{self.wheel.profile_shift:g} allow no centre distance; increase them")  # fmt: skip
 
-    def _check_backlash(self) -> None:
-        thickness = pi * self.pinion.module / 2
-        if self.backlash is not None and self.backlash > 0.5 * self.pinion.module:
-            raise ValueError(
-                f"GearPair: backlash = {self.backlash * 1e3:g} mm is as large as a tooth, which is "
-                f"{thickness * 1e3:.3g} mm thick; numbers are in m: "
-                f"give '{self.backlash * 1e3:g} um' if these are micrometres"
-            )
-        if self.backlash is None and self.theoretical_backlash < -1e-3 * self.pinion.module:
-            raise ValueError(
-                f"GearPair: at center_distance = {self.working_center_distance * 1e3:.6g} mm the teeth overlap by "
-                f"{-self.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
-                "the teeth are thinned for it"
-            )
-
-    def _check_contact(self) -> None:
-        p, w = self.pinion, self.wheel
-        mm = 1e3
-        begin, end = self.path
-        if not w.internal:
-            for gear, other in ((p, w), (w, p)):
-                clearance = self.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
-                if clearance < 0:
-                    raise ValueError(
-                        f"GearPair: the tips of the {gear.teeth} teeth reach {-clearance * mm:.3f} mm into the "
-                        f"roots of the other gear; give a tip_diameter below {gear.tip_diameter_used * mm:.6g} mm, or "
-                        f"a larger centre distance than {self.working_center_distance * mm:.6g} mm"
-                    )
-        if self.contact_ratio + self.overlap_ratio < 1 or self.contact_ratio <= 0:
-            raise ValueError(
-                f"GearPair: the contact ratio is {self.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
-                "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
-                "distance or pressure angle"
-            )
-        self._check_interference(begin, end)
-
-    def _check_interference(self, begin: float, end: float) -> None:
-        p, w = self.pinion, self.wheel
-        contacts = [("pinion", p, begin, w.tip_diameter_used)]
-        if not w.internal:
-            contacts.append(("wheel", w, self.tangent_length - end, p.tip_diameter_used))
-        for name, gear, first, tip in contacts:
-            form = gear.form_diameter
-            contact_diameter = 2 * hypot(first, gear.base_diameter / 2) if first > 0 else 0.0
-            if contact_diameter < form - 1e-3 * gear.module:
-                where = f"at {contact_diameter * 1e3:.6g} mm" if first > 0 else "below its base circle"
-                raise ValueError(
-                    f"GearPair: interference: the tips of the other gear (diameter {tip * 1e3:.6g} mm) touch the "
-                    f"{name} {where}, outside its involute (which ends at {form * 1e3:.6g} mm): give a larger "
-                    f"profile_shift of the {name}, more teeth, or the other gear a smaller tip_diameter"
+def _check_distance(pair: GearPair) -> None:
+    least = abs(pair._signed_base_radius)
+    if pair.center_distance is not None and pair.center_distance <= least:
+        raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
+                         f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
+    if pair.center_distance is None:
+        shifts = pair.pinion.profile_shift + pair.wheel.profile_shift
+        value = involute(pair.pinion.transverse_pressure_angle) + (
+            2 * tan(pair.pinion.pressure_angle) * shifts / pair._signed_teeth
+        )
+        if value <= 0:
+            given = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
+            remedy = "increase them"
+            if pair.wheel.internal:
+                remedy = (
+                    "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it "
+                    "outwards, as many catalogues do, give the opposite sign, profile_shift = "
+                    f"{-pair.wheel.profile_shift:g}"
                 )
-        if w.internal:
-            self._check_tips_of_ring()
-
-    def _check_tips_of_ring(self) -> None:
-        """Raise an error if the tips of pinion and ring do not pass each other outside the line of action."""
-        p, w, a = self.pinion, self.wheel, self.working_center_distance
-        r_1, r_2 = p.tip_diameter_used / 2, w.tip_diameter_used / 2
-        cosines = (r_2**2 - r_1**2 - a**2) / (2 * a * r_1), (a**2 + r_2**2 - r_1**2) / (2 * a * r_2)
-        if not all(-1 <= cosine <= 1 for cosine in cosines):
-            return  # the tip circles do not intersect
-        alpha_1, alpha_2 = (acos(g.base_diameter / g.tip_diameter_used) for g in (p, w))
-        working = involute(self.working_pressure_angle)
-        rotation = (acos(cosines[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
-        if rotation + working - involute(alpha_2) < acos(cosines[1]):
-            raise ValueError(
-                f"GearPair: interference: the tips of {p.teeth} teeth strike the tips of the ring of {w.teeth}: give a "
-                "larger difference of tooth numbers, profile shifts, or smaller addenda"
-            )
+            raise ValueError(f"GearPair: {given} allow no centre distance; {remedy}")
 
 
-def _tip_distance(gear: Gear) -> float:
-    """Return the distance sqrt(r_a^2 - r_b^2) of the tip along the line of action [m]."""
-    return sqrt(max(gear.tip_diameter_used**2 - gear.base_diameter**2, 0.0)) / 2
+def _check_backlash(pair: GearPair) -> None:
+    thickness = pi * pair.pinion.module / 2
+    if pair.backlash is not None and pair.backlash > 0.5 * pair.pinion.module:
+        raise ValueError(
+            f"GearPair: backlash = {pair.backlash * 1e3:g} mm is as large as a tooth, which is "
+            f"{thickness * 1e3:.3g} mm thick; numbers are in m: "
+            f"give '{pair.backlash * 1e3:g} um' if these are micrometres"
+        )
+    if pair.backlash is None and pair.theoretical_backlash < -1e-3 * pair.pinion.module:
+        raise ValueError(
+            f"GearPair: at center_distance = {pair.working_center_distance * 1e3:.6g} mm the teeth overlap by "
+            f"{-pair.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
+            "the teeth are thinned for it"
+        )
+
+
+def _check_contact(pair: GearPair) -> None:
+    p, w = pair.pinion, pair.wheel
+    mm = 1e3
+    if not w.internal:
+        for gear, other in ((p, w), (w, p)):
+            clearance = pair.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
+            if clearance < 0:
+                cause = f" with tip_alteration = {gear.tip_alteration:g}" if gear.tip_alteration else ""
+                raise ValueError(
+                    f"GearPair: the tips of the {gear.teeth} teeth{cause} reach {-clearance * mm:.3f} mm into the "
+                    "roots of the other gear; give a tip_diameter below "
+                    f"{(gear.tip_diameter_used + 2 * clearance) * mm:.6g} mm, or "
+                    f"a larger centre distance than {pair.working_center_distance * mm:.6g} mm"
+                )
+    if pair.contact_ratio + pair.overlap_ratio < 1 or pair.contact_ratio <= 0:
+        cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
+        raise ValueError(
+            f"GearPair: the contact ratio is {pair.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
+            "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
+            f"distance or pressure angle{f', or less undercut of the {cut[0]}' if cut else ''}"
+        )
+    pair.engagement.check()

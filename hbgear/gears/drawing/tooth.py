@@ -21,7 +21,7 @@ J. Mech. Trans. Autom. Des. 109(2), 189-196 (the strain energy of a tooth).
 
 from __future__ import annotations
 
-from math import cos, pi, sin, tan
+from math import cos, pi, tan
 
 import numpy as np
 
@@ -73,22 +73,11 @@ class Tooth:
         return angle
 
     def _fillet(self) -> tuple[Array, Array]:
-        """Return radii and half angles of the trochoid, from the root circle to the involute.
-
-        The centre of the tip rounding of the rack lies c below the pitch line and E from the middle of the rack tooth.
-        At a distance u from the pitch point, the rounding touches the gear on the line through the pitch point and this
-        centre.
-        """
-        g, m, alpha = self.gear, self.gear.module, self.gear.pressure_angle
-        rho = g.rack_fillet * m
-        c = (g.dedendum - g.profile_shift) * m - rho
-        E = pi / 4 * m - g.dedendum * m * tan(alpha) - rho * (1 - sin(alpha)) / cos(alpha)
-        u = np.linspace(0.0, max(c, 0.0) / tan(alpha), FILLET_POINTS)
-        with np.errstate(invalid="ignore"):
-            scale = 1 + rho / np.hypot(u, max(c, 1e-12))
-        across, up = u * scale, self.pitch - max(c, 1e-12) * scale
-        angle_from_space = np.arctan2(across, up) - (u - E) / self.pitch  # from the middle of the tooth space
-        return np.hypot(across, up), pi / self.teeth - angle_from_space
+        """Return radii and half angles of the trochoid, from the root circle to the involute."""
+        rack, space = self.gear.rack_tip, pi / self.teeth - float(self._involute(np.array([self.base]))[0])
+        end = rack.end(self.pitch, 0.0, self.base, space)
+        radius, angle = rack.trochoid(self.pitch, 0.0, np.linspace(0.0, end, FILLET_POINTS))
+        return radius, pi / self.teeth - angle
 
     def compliance(self, height: Array) -> tuple[Array, Array]:
         """Return the compliance per face width and the depth of the tooth behind the contact.

@@ -4,8 +4,11 @@
     q' = 0.04723 + 0.15551/z_n1 + 0.25791/z_n2 - 0.00635 x_1 - 0.11654 x_1/z_n1 - 0.00193 x_2 - 0.24188 x_2/z_n2
          + 0.00529 x_1^2 + 0.00182 x_2^2   [mm um / N]
 
-Stiffnesses act in the transverse plane along the line of action, per face width. C_M = 0.8, C_R = 1 (solid discs), and
-C_B follows from the basic racks. Below a load of 100 N/mm, c' is proportional to the fourth root of the load. A ring
+    C_R = 1 + ln(b_s/b) / (5 exp(s_R/(5 m_n))),   0.2 <= b_s/b <= 1.2,   s_R/m_n >= 1
+
+Stiffnesses act in the transverse plane along the line of action, per face width. C_M = 0.8. C_R is 1 for solid discs,
+and otherwise follows from the thickness s_R of the rim and b_s of the web. C_R and C_B, which follows from the basic
+rack, are the means of both gears. Below a load of 100 N/mm, c' is proportional to the fourth root of the load. A ring
 gear is treated as a rack: 1/z_n2 = 0.
 
 References
@@ -15,7 +18,7 @@ ISO 6336-1:2006, Calculation of load capacity of spur and helical gears, 9.3.
 
 from __future__ import annotations
 
-from math import cos, degrees
+from math import cos, degrees, exp, log
 from typing import NamedTuple
 
 from hbgear.gears.drawing.gear import Gear
@@ -55,11 +58,28 @@ def iso_stiffness(pair: GearPair, torque: float | None = None) -> IsoStiffness:
     )  # fmt: skip
     rack_factor = (_rack_factor(p) + _rack_factor(w)) / 2
     modulus_ratio = 2 * p.E * w.E / (p.E + w.E) / STEEL_MODULUS
-    single = THEORY_CORRECTION * rack_factor * cos(p.helix_angle) * modulus_ratio / q * NEWTON_PER_MM_UM
+    rim_factor = (blank_factor(p) + blank_factor(w)) / 2
+    single = THEORY_CORRECTION * rim_factor * rack_factor * cos(p.helix_angle) * modulus_ratio / q * NEWTON_PER_MM_UM
     if torque is not None:
         load = pair.transverse_force(torque) * cos(pair.working_pressure_angle) / pair.face_width
         single *= min(load / LOW_LOAD, 1.0) ** 0.25
     return IsoStiffness(single, single * (0.75 * pair.contact_ratio + 0.25))
+
+
+def blank_factor(gear: Gear) -> float:
+    """Return the gear blank factor C_R of one gear, the stiffness of teeth on a rim and web over that on a solid disc.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> wheel = hb.gears.Gear(40, "3 mm", "20 mm", rim_thickness="9 mm", web_thickness="5 mm")
+    >>> round(blank_factor(wheel), 4)
+    0.8478
+    """
+    if gear.rim_thickness is None or gear.web_thickness is None:
+        return 1.0
+    web = min(max(gear.web_thickness / gear.face_width, 0.2), 1.2)
+    return 1 + log(web) / (5 * exp(max(gear.rim_thickness / gear.module, 1.0) / 5))
 
 
 def _rack_factor(gear: Gear) -> float:

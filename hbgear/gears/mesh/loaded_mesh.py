@@ -7,9 +7,9 @@ The index i counts the pairs of teeth and, for helical or crowned gears, slices 
 along the contact line of a slice and continuous between slices, so that a slice comes into contact gradually: the force
 and its derivative have no steps from the division into slices. c_i is the compliance
 of both teeth (`hbgear.gears.drawing.tooth`) and of the contact. g_i is the gap: the material missing there because of
-relief, crowning and pitch error. delta is the displacement along the line of action. k is the secant stiffness of the
-loaded mesh, so that the static force and the loss of contact are correct. The tangent stiffness dF/d(delta), with e =
-delta - F/k, is correct for small vibration about the static state.
+relief, crowning, pitch error and misalignment. delta is the displacement along the line of action. k is the secant
+stiffness of the loaded mesh, so that the static force and the loss of contact are correct. The tangent stiffness
+dF/d(delta), with e = delta - F/k, is correct for small vibration about the static state.
 
 The compliance of the contact of two cylinders of width b, with the tooth centre lines at depths h_1 and h_2, by Weber
 and Banaschek:
@@ -18,7 +18,8 @@ and Banaschek:
     a^2 = 4/pi (F/b) rho sum_i (1 - nu_i^2)/E_i
 
 rho is the radius of relative curvature and a is half the contact width. Slices are not coupled. Contact outside the
-line of action (of tips under load) and the compliance of wheel bodies and shafts are neglected.
+line of action (of tips under load) and the compliance of wheel bodies and shafts are neglected. A rim on a thin web
+increases the compliance of the teeth of its gear by 1/C_R of `hbgear.gears.mesh.iso_stiffness`.
 
 References
 ----------
@@ -41,6 +42,7 @@ from hbgear.common.units import to_si
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.drawing.tooth import Tooth
+from hbgear.gears.mesh.iso_stiffness import blank_factor
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 
 PATH_POINTS = 160  # points of the path of contact at which the tooth compliance is computed; linear in between
@@ -86,7 +88,7 @@ def loaded_mesh(
         Number of steps of the cycle, at least 8. Two points are added where a pair of spur teeth leaves contact.
     slices : int or None, optional
         Number of slices of the face width. By default it follows from the overlap ratio of helical gears, is 24 for
-        crowned spur gears and 1 for other spur gears.
+        crowned or misaligned spur gears and 1 for other spur gears.
     linearized : {"secant", "tangent"}, default "secant"
         Secant or tangent stiffness of the loaded mesh.
 
@@ -101,9 +103,8 @@ def loaded_mesh(
     if not isinstance(linearized, str) or linearized not in ("secant", "tangent"):
         raise ValueError(f"GearPair.mesh: linearized = {quoted(linearized)} must be 'secant' or 'tangent'")
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
-    crowned = pair.pinion.crowning > 0 or pair.wheel.crowning > 0
     if slices is None:
-        slices = max(24, 24 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if crowned else 1
+        slices = max(24, 24 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if pair.is_uneven else 1
     counted("GearPair.mesh: slices", slices, 10_000)
     force = pair.transverse_force(torque)
     phase, side = cycle_phases(pair, phases)
@@ -160,14 +161,14 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     middle = (first + last) / 2
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
     ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
-    gap, spread = (ahead + 4 * _gaps(pair, s, across) + behind) / 6, np.abs(ahead - behind) / 2
+    gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
     grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
     cos_helix = cos(pair.pinion.base_helix_angle)
     for gear, curvature_radius in ((pair.pinion, grid), (pair.wheel, pair.tangent_length - grid)):
         radius = np.hypot(curvature_radius, gear.base_diameter / 2)
         compliance, gear_depth = Tooth(gear).compliance(gear.sign * (radius - gear.reference_diameter / 2))
-        teeth = teeth + np.interp(s, grid, compliance)
+        teeth = teeth + np.interp(s, grid, compliance / blank_factor(gear))
         depth.append(np.interp(s, grid, gear_depth))
     rho = np.abs(s * (pair.tangent_length - s) / pair.tangent_length) / cos_helix
     width = pair.face_width / slices
@@ -184,7 +185,7 @@ def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
     width, -1/2 to 1/2.
     """
     begin, end = pair.path
-    gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch
+    gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch + pair.tilt(across)
     for gear, from_tip in ((pair.pinion, end - s), (pair.wheel, s - begin)):
         gap = gap + gear.crowning * (2 * across) ** 2
         if gear.tip_relief:

@@ -201,6 +201,19 @@ class MeshCycle:  # numpydoc ignore=PR02
             Transmission error delta(tau) under the load [m], positive where the driven gear lags behind.
         force : float or str
             Mesh force of the analysis [N].
+
+        Raises
+        ------
+        ValueError
+            If the stiffness is not positive or the force has another unit.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> k = hb.gears.MeshTable([0, 0.5, 0.5, 1], [2e8, 2e8, 1e8, 1e8])
+        >>> delta = hb.gears.MeshTable([0, 0.5, 0.5, 1], [10e-6, 10e-6, 20e-6, 20e-6])
+        >>> bool(abs(hb.gears.MeshCycle.loaded(k, delta, "2 kN").error.value).max() < 1e-18)
+        True
         """
         F = to_si("MeshCycle.loaded", "force", force, "N")
         x = _joined(stiffness.phase, static_error.phase)

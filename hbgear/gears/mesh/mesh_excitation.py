@@ -6,6 +6,9 @@
 m is the mean of ``stiffness``. The excitation is given by harmonic amplitudes or by functions of the phase, which may
 have breakpoints and jumps. A tooth-resolved mesh is given by contacts, each with its own stiffness and initial gap over
 the phase; they replace k(tau) and the backlash function.
+
+With a fluctuating torque, Omega is the common frequency of mesh and shaft, and the mesh has the order p: k(p tau) and
+e(p tau).
 """
 
 from __future__ import annotations
@@ -21,9 +24,9 @@ from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Backlash, Law, checked_contact
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Model
-from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series
-from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.models import Load, Model
+from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, stretch, to_complex
+from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
 
 
@@ -41,10 +44,22 @@ class MeshExcitation(Model):
     eps_lag: tuple[float, ...] = ()
     e_lag: tuple[float, ...] = ()
     reference: tuple[float, ...] = ()
+    mesh_order: int = 1
+    fluctuation: Series | None = None
+    fluctuation_scale: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         owner = type(self).__name__
+        counted(f"{owner}: mesh_order", self.mesh_order, MOST_HARMONICS)
+        if self.fluctuation is not None and not isinstance(self.fluctuation, Series):
+            raise ValueError(f"{owner}: fluctuation = {quoted(self.fluctuation)} must be a Series, such as "
+                             "Series(cosine=(0.0, 0.1)) for the order 2 of Omega")  # fmt: skip
+        if self.mesh_order > 1:
+            low, high = type(self).default_span
+            object.__setattr__(self, "default_span", (low / self.mesh_order, high / self.mesh_order))
+            common = rf"$\Omega = \omega_\mathrm{{mesh}} / ({self.mesh_order}\,\omega_n)$ [-]"
+            object.__setattr__(self, "labels", {**type(self).labels, "Omega": common})
         if self.phase not in ("cos", "sin"):
             raise ValueError(f"{owner}: phase = {self.phase!r} must be 'cos' or 'sin'")
         fields = {field.name for field in dataclasses.fields(self)}  # type: ignore[arg-type]
@@ -66,29 +81,61 @@ class MeshExcitation(Model):
             raise ValueError(f"{owner}: contacts and a mesh stiffness are both given; give eps=() and no stiffness")
         check_contact_scale(owner, self.eps_scale, [self.contacts])
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale for contacts."""
+        return parameters_of_meshes(super().parameters, [self.contacts])
+
     def mesh_law(self, half_backlash: float) -> Law:
         """Return the force law of the mesh with a half backlash."""
         if self.contacts is None:
             return Backlash(b=half_backlash, stiffness=self.mesh_stiffness)
-        return self.contacts.widened(half_backlash)
+        return self.contacts.changed(*[lambda one: in_order(one, self.mesh_order)] * 2).widened(half_backlash)
 
     @property
     def scales(self) -> Scales | None:
-        return scales_of(type(self).__name__, self.reference)
+        return scales_of(type(self).__name__, self.reference, self.mesh_order)
+
+    @property
+    def orders(self) -> dict[str, float]:
+        """Frequency of the mesh over Omega, if it differs from Omega."""
+        return {"mesh": float(self.mesh_order)} if self.mesh_order > 1 else dict(super().orders)
 
     @property
     def mesh_stiffness(self) -> Phased:
-        """Mesh stiffness k(tau) over its mean; a given function is returned unscaled."""
+        """Mesh stiffness over its mean, a function of the phase of Omega."""
         if self.stiffness is not None:
-            return self.stiffness.varied(self.eps_scale)
-        return mesh_stiffness(self.eps, self.eps_scale, self.eps_lag)
+            return in_order(self.stiffness.varied(self.eps_scale), self.mesh_order)
+        return in_order(mesh_stiffness(self.eps, self.eps_scale, self.eps_lag), self.mesh_order)
 
     @property
     def transmission_error(self) -> Phased:
-        """Transmission error e(tau), in half backlashes."""
+        """Transmission error in half backlashes, a function of the phase of Omega."""
         if self.error is not None:
-            return self.error.scaled(self.e_scale)
-        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
+            return in_order(self.error.scaled(self.e_scale), self.mesh_order)
+        return in_order(transmission_error(self.e, self.phase, self.e_scale, self.e_lag), self.mesh_order)
+
+    def fluctuating_load(self, constant: Any, direction: Any) -> Load:
+        """Return a load: a constant vector, and the fluctuation times the vector of its direction."""
+        if self.fluctuation is None:
+            return Load(constant=constant)
+        row = (self.fluctuation_scale * self.fluctuation.row()).tolist()
+        parts = [{k: x * np.asarray(direction) for k, x in enumerate(row[at::2], 1) if x} for at in (1, 2)]
+        mean = np.asarray(constant) + row[0] * np.asarray(direction)
+        return Load(constant=mean, cosine=parts[0], sine=parts[1])
+
+
+def in_order(function: Phased, order: int, lag: float = 0.0) -> Phased:
+    """Return f(order tau - lag) of a function f(tau)."""
+    shifted: Phased = function.shifted(lag) if lag else function
+    if order == 1:
+        return shifted
+    if isinstance(shifted, Series):
+        c = to_complex(stretch(shifted.row(), order))
+        return Series(shifted.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
+    phases = [(phase + TURN * i) / order for i in range(order) for phase in shifted.phases]
+    rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in shifted.coefficients] * order
+    return Periodic(tuple(phases), tuple(rows))
 
 
 def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshContacts | None]) -> None:
@@ -98,6 +145,13 @@ def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshCon
             f"{owner}: eps_scale = {eps_scale:g} has no meaning for contacts, whose stiffness is that of the pairs of "
             "teeth: give 1, or a mean-mesh model (mesh='tangent')"
         )
+
+
+def parameters_of_meshes(parameters: dict[str, float], contacts: Sequence[MeshContacts | None]) -> dict[str, float]:
+    """Return the parameters of a model without eps_scale if a mesh has contacts, see `check_contact_scale`."""
+    if all(one is None for one in contacts):
+        return parameters
+    return {name: value for name, value in parameters.items() if name != "eps_scale"}
 
 
 def check_mesh_stiffness(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) -> None:
@@ -205,10 +259,11 @@ def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float,
     return lagged_series(tuple(-scale * amplitude for amplitude in eps), lag, 1.0)
 
 
-def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
+def scales_of(owner: str, reference: tuple[float, ...], mesh_order: int = 1) -> Scales | None:
     """Return the `Scales` of a field ``reference``, or None for ().
 
-    ``reference`` holds omega_n [rad/s], b_c [m], k_mean b_c [N] and the number of teeth of the pinion.
+    ``reference`` holds omega_n [rad/s], b_c [m], k_mean b_c [N] and the number of teeth of the pinion; ``mesh_order``
+    is the frequency of the mesh over Omega.
 
     Raises
     ------
@@ -220,4 +275,4 @@ def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
     if len(reference) != 4 or not all(x > 0 for x in reference):
         raise ValueError(f"{owner}: reference = {reference!r} must be omega_n [rad/s], b_c [m], k_mean b_c [N] and the "
                          "number of teeth of the pinion, all positive; or ()")  # fmt: skip
-    return Scales(*reference)
+    return Scales(*reference, mesh_order)

@@ -73,7 +73,8 @@ MIN_SHARED_PART = 0.15
 load."""
 
 CROWNED_SLICES = 12
-"""Slices of the face width of crowned spur gears; those at equal distances from the middle are one contact."""
+"""Slices of the face width of crowned or misaligned spur gears; those at equal distances from the middle are one
+contact if the pair is aligned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,7 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
         Torque on the pinion [N m], positive.
     slices : int or None, optional
         Number of slices of the face width. By default 10 for each unit of the overlap ratio of helical gears and at
-        least 10, 12 for crowned spur gears and 1 for other spur gears.
+        least 10, 12 for crowned or misaligned spur gears and 1 for other spur gears.
 
     Returns
     -------
@@ -140,10 +141,9 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
     torque = to_si("GearPair.model", "torque", torque, "N m")
     if torque <= 0:
         raise ValueError(f"GearPair.model: torque = {torque:g} N m must be positive: the mesh is computed under load")
-    crowned = pair.pinion.crowning > 0 or pair.wheel.crowning > 0
     if slices is None:
         helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
-        slices = helical or (CROWNED_SLICES if crowned else 1)
+        slices = helical or (CROWNED_SLICES if pair.is_uneven else 1)
     counted("GearPair.model: slices", slices, 1_000)
     return _tooth_mesh(pair, torque, slices)
 
@@ -153,16 +153,25 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
     """Return the contacts; cached, because variants of a model and the mean-mesh models use the same ones."""
     force = pair.transverse_force(torque)
     path = _Path(pair, force, slices)
-    folded = not pair.overlap_ratio and slices > 1
+    folded = not pair.overlap_ratio and slices > 1 and not pair.misalignment
     flanks: list[Flank] = []
     for number in range((slices + 1) // 2 if folded else slices):
         twice = 2.0 if folded and 2 * number + 1 < slices else 1.0
         stiffness, gap = path.slice(number, twice)
         flanks.append(Flank(1, stiffness, gap, lag=path.lag[number]))
-        flanks.append(Flank(-1, stiffness.mirrored(path.centre), gap.mirrored(path.centre), lag=path.lag[number]))
+        back = gap.plus(-2 * pair.misalignment * float(path.z[number]))  # misaligned the other way
+        flanks.append(Flank(-1, stiffness.mirrored(path.centre), back.mirrored(path.centre), lag=path.lag[number]))
     path.check_sharing()
     mean = sum(_integral(flank.stiffness) for flank in flanks if flank.side > 0)
     return ToothMesh(tuple(flanks), mean, force, pair)
+
+
+def tooth_centre(pair: GearPair) -> float:
+    """Return the phase [mesh periods] at which the tooth of the pinion lies on the line of centres, u_c."""
+    radius = pair.working_radii[0]
+    thickness = pair.pinion.tooth_thickness(2 * radius)
+    middle = pair.base_radii[0] * (tan(pair.working_pressure_angle) + thickness / (2 * radius))
+    return float((middle - pair.path[0]) / pair.base_pitch)
 
 
 class _Path:
@@ -179,10 +188,7 @@ class _Path:
         self.half_width = pair.overlap_ratio / (2 * slices)
         self.z = (np.arange(slices) + 0.5) / slices - 0.5
         self.lag = (pair.overlap_ratio * (self.z + 0.5)).tolist()
-        radius = pair.working_radii[0]
-        thickness = pair.pinion.tooth_thickness(2 * radius)
-        middle = pair.base_radii[0] * (tan(pair.working_pressure_angle) + thickness / (2 * radius))
-        self.centre = (middle - begin) / pair.base_pitch
+        self.centre = tooth_centre(pair)
         phase, side = cycle_phases(pair, STATIC_PHASES)
         self.loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)[2]
         self.loads = self.loads.reshape(len(phase), -1, slices)

@@ -33,7 +33,8 @@ from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Load, Reaction, System
+from hbgear.mechanics.models import Element, Reaction, System
+from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.scales import Scales
 
@@ -97,6 +98,12 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     contacts : MeshContacts or None, optional
         Contacts of a tooth-resolved mesh instead of eps and stiffness: stiffness over k_mean and initial gaps over b_c,
         without backlash. `GearPair.model` computes them from a drawing.
+    mesh_order : int, default 1
+        Frequency of the mesh over Omega; above 1 if a torque fluctuates more slowly than the mesh.
+    fluctuation : Series or None, optional
+        Alternating torque T(tau) on the pinion over r_p k_mean b_c, a function of the phase of Omega.
+    fluctuation_scale : float, default 1.0
+        Factor of the fluctuation, for use as a continuation parameter.
 
     Raises
     ------
@@ -147,6 +154,9 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     stiffness: Phased | None = None
     error: Phased | None = None
     contacts: MeshContacts | None = None
+    mesh_order: int = 1
+    fluctuation: Series | None = None
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -176,6 +186,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         "b_c": r"unit of length $b_c$ [m]",
         "b": r"half backlash $b$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "fluctuation_scale": "factor of the fluctuation [-]",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (1.6, 0.3)
@@ -218,7 +229,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
 
     @property
     def scales(self) -> Scales:
-        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, self.teeth_p)
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, self.teeth_p, self.mesh_order)
 
     @property
     def units(self) -> Array:
@@ -286,6 +297,6 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
             C=SS * C / (m_c * omega_n),
             K=SS * K / self.k_mean,
             elements=[gap],
-            load=Load(constant=S * self.torques() / (self.k_mean * self.b_c)),
+            load=self.fluctuating_load(S * self.torques() / (self.k_mean * self.b_c), self.r_p * S * np.eye(12)[5]),
             dof_names=[f"{axis}_{gear}" for gear in "pg" for axis in AXES],
         )

@@ -4,12 +4,23 @@
 
 All forms use the same mesh, `hbgear.gears.mesh.mesh_models`, which states k_mean and k_0, and lengths along the line of
 action in the transverse plane.
+
+A torque with shaft orders has the harmonics T_j cos(o_j theta + phase_j) of the angle theta = tau / z_1 of the pinion.
+Omega is then the largest common frequency of mesh and orders, the mesh has the order p, and the mesh is computed at the
+root mean square of the torque. The load on the relative rotation is the share (r_b1^2/J_1) m_c of T_j / r_b1.
+
+A negative torque loads the back flank: the wheel drives, and F_m < 0. A pair of teeth is symmetric about its middle, so
+that the back flank at the phase tau is the driving flank at 2 tau_c - tau, where tau_c is the phase at which the tooth
+of the pinion lies on the line of centres: k(2 tau_c - tau) and -e(2 tau_c - tau) replace a mean mesh.
 """
 
 from __future__ import annotations
 
-from math import degrees, sqrt
+from fractions import Fraction
+from math import cos, degrees, pi, sin, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from hbgear.common.argument_checks import check
 from hbgear.common.ranges import NOT_NEGATIVE, Range
@@ -17,10 +28,14 @@ from hbgear.common.text.messages import quoted
 from hbgear.common.units import QuantityField, to_si
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
 from hbgear.gears.mesh.mesh_models import MeshModel, mesh_model
+from hbgear.gears.mesh.tooth_mesh import tooth_centre
 from hbgear.gears.pairs.helical import HelicalPair
 from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
 from hbgear.gears.pairs.spur import SpurPair
 from hbgear.gears.pairs.support import Support
+from hbgear.gears.torque_orders import TorqueOrders, common_divisor, effective_torque, exact_order
+from hbgear.gears.torque_orders import torque_orders as checked_orders
+from hbgear.mechanics.series.fourier import Series
 
 if TYPE_CHECKING:
     from hbgear.gears.drawing.pair import GearPair
@@ -53,6 +68,7 @@ def build_model(
     mesh: str | None = None,
     cycle: MeshCycle | None = None,
     direction: Any = 0.0,
+    torque_orders: Any = (),
 ) -> Model:
     """Return a model of a gear pair under a torque.
 
@@ -61,7 +77,8 @@ def build_model(
     pair : GearPair
         Gear pair with backlash.
     torque : float or str
-        Torque on the pinion [N m], positive.
+        Mean torque on the pinion [N m]. It is negative if the wheel drives, so that the back flanks are loaded, and may
+        be zero if torque_orders are given.
     damping : float
         Damping ratio of the mesh. It refers to the mean stiffness of all pairs of teeth with closed gaps in all models
         of the mesh, and to the mean stiffness of tables.
@@ -76,6 +93,9 @@ def build_model(
         Tables of mesh stiffness and transmission error of another program instead of a computed mesh.
     direction : float or str, default 0.0
         Direction from the pinion to the wheel [rad], for the form "spatial".
+    torque_orders : mapping, optional
+        Harmonics of the torque on the pinion by order of its rotation, such as ``{2: "60 N m"}``, or ``{2: ("60 N m",
+        "30 deg")}`` with a phase; see `hbgear.gears.torque_orders`.
 
     Raises
     ------
@@ -92,9 +112,14 @@ def build_model(
         raise ValueError(
             "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
         )
-    found = mesh_model("GearPair.model", pair, torque, mesh, cycle)
+    orders = checked_orders("GearPair.model", torque_orders)
+    if not torque and not any(amplitude for _, amplitude, _ in orders):
+        raise ValueError("GearPair.model: torque = 0 N m: the mesh is computed under load; give a torque, or "
+                         "torque_orders of a torque without a mean")  # fmt: skip
+    found = mesh_model("GearPair.model", pair, effective_torque(torque, orders), mesh, cycle)
     zeta *= sqrt(found.k_0 / found.k_mean)
-    given = _Mesh(found.k_mean, b_c, _fields(found, b_c))
+    fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), b_c)
+    given = _Mesh(found.k_mean, b_c, fields | _fluctuation(pair, orders, found.k_mean * b_c, form))
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
@@ -105,6 +130,32 @@ def build_model(
     if form == "bearings":
         return _bearings(pair, torque, zeta, given, supports)
     return _spatial(pair, torque, zeta, given, supports, to_si("GearPair.model", "direction", direction, "rad"))
+
+
+def _on_back_flanks(mesh: MeshModel, pair: GearPair) -> MeshModel:
+    """Return a mean mesh whose loaded flanks are the back flanks; contacts have both flanks."""
+    if mesh.stiffness is None:
+        return mesh
+    twice = 4 * pi * tooth_centre(pair)
+    error = None if mesh.error is None else mesh.error.reversed().shifted(twice).scaled(-1.0)
+    return mesh._replace(stiffness=mesh.stiffness.reversed().shifted(twice), error=error)
+
+
+def _fluctuation(pair: GearPair, orders: TorqueOrders, force: float, form: str) -> dict[str, Any]:
+    """Return the fields of a torque with shaft orders, over a unit of force [N]."""
+    if not orders:
+        return {}
+    exact = [exact_order("GearPair.model", order) / pair.pinion.teeth for order, _, _ in orders]
+    common = Fraction(1)
+    for one in exact:
+        common = common_divisor(common, one)
+    radius = pair.base_radii[0]
+    share = 1.0 if form == "spatial" else pair.equivalent_mass * radius**2 / pair.pinion.inertia_used
+    row = np.zeros((2, max(int(one / common) for one in exact)))
+    for one, (_, amplitude, phase) in zip(exact, orders, strict=True):
+        size = share * amplitude / (radius * force)
+        row[:, int(one / common) - 1] = size * cos(phase), -size * sin(phase)
+    return {"mesh_order": int(1 / common), "fluctuation": Series(0.0, tuple(row[0]), tuple(row[1]))}
 
 
 def _fields(mesh: MeshModel, b_c: float) -> dict[str, Any]:

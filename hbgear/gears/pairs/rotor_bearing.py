@@ -15,7 +15,8 @@ from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import Element, System
+from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
@@ -94,6 +95,12 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         without backlash. `GearPair.model` computes them from a drawing.
     eps_lag, e_lag, reference : tuple of float, optional
         The same as in `SpurPair`.
+    mesh_order : int, default 1
+        Frequency of the mesh over Omega; above 1 if a torque fluctuates more slowly than the mesh.
+    fluctuation : Series or None, optional
+        Alternating load that is added to F_m, as in `SpurPair`.
+    fluctuation_scale : float, default 1.0
+        Factor of the fluctuation, for use as a continuation parameter.
 
     Raises
     ------
@@ -138,6 +145,9 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
     eps_lag: tuple[float, ...] = ()
     e_lag: tuple[float, ...] = ()
     reference: tuple[float, ...] = ()
+    mesh_order: int = 1
+    fluctuation: Series | None = None
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -156,6 +166,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         "b_1": r"half bearing clearance $b_1$ [-]",
         "b_2": r"half bearing clearance $b_2$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "fluctuation_scale": "factor of the fluctuation [-]",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (2.0, 0.3)
@@ -198,6 +209,6 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
             C=None,
             K=[[0.0] * 3] * 3,
             elements=[gap, bearing_1, bearing_2],
-            load=Load(constant=[-m_1 * self.F_1, m_2 * self.F_2, self.F_m]),
+            load=self.fluctuating_load([-m_1 * self.F_1, m_2 * self.F_2, self.F_m], [0.0, 0.0, 1.0]),
             dof_names=["y_1", "y_2", "x"],
         )

@@ -14,7 +14,8 @@ from typing import ClassVar, Literal
 from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import Element, System
+from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
 
@@ -72,6 +73,13 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
     reference : tuple of float, optional
         Values (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion) that convert to Hz, r/min, um and N
         (`scales`); () if they are unknown. `GearPair.model` sets them.
+    mesh_order : int, default 1
+        Frequency of the mesh over Omega; above 1 if a torque fluctuates more slowly than the mesh.
+    fluctuation : Series or None, optional
+        Alternating load F(tau) that is added to F_m, over k_mean b_c, a function of the phase of Omega. It is the load
+        on the relative rotation: a torque on one gear times the share of its r^2/J in 1/m_c.
+    fluctuation_scale : float, default 1.0
+        Factor of the fluctuation, for use as a continuation parameter.
 
     Raises
     ------
@@ -107,6 +115,9 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
     eps_lag: tuple[float, ...] = ()
     e_lag: tuple[float, ...] = ()
     reference: tuple[float, ...] = ()
+    mesh_order: int = 1
+    fluctuation: Series | None = None
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -115,6 +126,7 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
         "F_m": r"mean load $F_m$ [-]",
         "b": r"half backlash $b$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "fluctuation_scale": "factor of the fluctuation [-]",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
@@ -132,4 +144,6 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
             damping=2 * self.zeta,
             name="gap",
         )
-        return System(M=[[1.0]], C=None, K=[[0.0]], elements=[gap], load=Load(constant=[self.F_m]), dof_names=["q"])
+        return System(
+            M=[[1.0]], C=None, K=[[0.0]], elements=[gap], load=self.fluctuating_load([self.F_m], [1.0]), dof_names=["q"]
+        )

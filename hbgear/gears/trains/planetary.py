@@ -38,7 +38,14 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
 from hbgear.gears.drawing.pair import GearPair
-from hbgear.gears.mesh.mesh_excitation import amplitudes, check_contact_scale, mesh_stiffness
+from hbgear.gears.mesh.mesh_excitation import (
+    amplitudes,
+    check_contact_scale,
+    in_order,
+    mesh_stiffness,
+    parameters_of_meshes,
+)
+from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
 from hbgear.gears.trains.planetary_drawing import drawn_fields
 from hbgear.gears.trains.train_components import Mesh, Wheel
 from hbgear.gears.trains.train_kinematics import kinematics
@@ -56,6 +63,8 @@ MEMBERS = ("carrier", "ring", "sun")
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
 DEFAULT_LENGTH = 1e-6  # [m], unit of length of a set without backlash
+
+RESULTANT_TOLERANCE = 1e-6  # sums of unit vectors below this fraction of their number are rounding errors
 
 SHAPE_TOLERANCE = 1e-6  # components of a mode shape with maximum 1 below this value are rounding errors
 
@@ -140,6 +149,12 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         them from drawings.
     eps_scale, e_scale, torque_scale : float, default 1.0
         Factors of all eps, all e and the torque, for use as continuation parameters.
+    torque_orders : mapping, optional
+        Harmonics of the torque on the driver by order of its rotation, such as ``{2: "60 N m"}``, or ``{2: ("60 N m",
+        "30 deg")}`` with a phase; see `hbgear.gears.torque_orders`. Omega is then the common frequency of mesh and
+        orders. The torques on the other members are constant.
+    fluctuation_scale : float, default 1.0
+        Factor of these harmonics, for use as a continuation parameter.
     planet_errors : tuple of float, optional
         Tangential position errors of the planets [m]; () for none.
     carrier_rotation : bool, default False
@@ -201,6 +216,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     carrier_rotation: bool = False
     contacts_sp: MeshContacts | None = None
     contacts_rp: MeshContacts | None = None
+    torque_orders: Any = ()
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\sqrt{k_{sp}/m_p}$ [-]",
@@ -218,6 +235,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         "eps_scale": r"factor of the stiffness amplitudes",
         "e_scale": r"factor of the errors",
         "torque_scale": "factor of the torque",
+        "fluctuation_scale": "factor of the torque orders",
     }
     default_span: ClassVar[tuple[float, float]] = (2.3, 0.5)
     ranges: ClassVar[Mapping[str, Range]] = {
@@ -235,6 +253,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     }
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "torque_orders", torque_orders("PlanetarySet", self.torque_orders))
         super().__post_init__()
         for name in ("eps_sp", "eps_rp", "e_sp", "e_rp", "spacing", "planet_errors"):
             object.__setattr__(self, name, amplitudes("PlanetarySet", name, getattr(self, name)))
@@ -278,6 +297,20 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             Torque on the sun [N m], which all planets share equally.
         **others : object
             Other fields, such as planets, zeta, and the mass and inertia of the carrier.
+
+        Raises
+        ------
+        ValueError
+            If the pairs do not have the same planet, or the wheel of the second pair is not a ring.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> sun, planet = (hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (28, 36))
+        >>> ring = hb.gears.Gear(100, "3 mm", "20 mm", internal=True, tip_diameter="296 mm")
+        >>> pairs = hb.GearPair(sun, planet, backlash="60 um"), hb.GearPair(planet, ring, backlash="60 um")
+        >>> hb.gears.PlanetarySet.of(*pairs, "300 N m", planets=4, m_c=8.0, J_c=6.0).phasing
+        'in phase'
         """
         return cls(**{**drawn_fields(sun, ring, torque, others.get("planets", cls.planets)), **others})
 
@@ -312,6 +345,11 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
                 f"nearest position is {nearest:.6g}; equal spacing requires that (z_s + z_r) / N = "
                 f"{tooth_sum}/{self.planets} is whole"
             )
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale if a mesh has contacts."""
+        return parameters_of_meshes(super().parameters, [self.contacts_sp, self.contacts_rp])
 
     # ---- kinematics
 
@@ -364,25 +402,65 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
 
     @property
     def phasing(self) -> str:
-        """Phasing of the planets at the sun: "in phase", "sequential", "counter" or "uneven".
+        """Phasing of the planets at the sun: "in phase", "sequential", "counter-phase" or "uneven".
 
-        The planets mesh simultaneously; one after the other at equal steps; in two alternating groups; or otherwise.
+        The planets mesh simultaneously, z_s mod N = 0; in two alternating groups half a mesh period apart, z_s mod N =
+        N/2; in three or more groups at equal steps; or otherwise. `excitation` returns the resultant of the forces.
         """
-        steps = np.mod(np.array(self._lags[: self.planets]) / (2 * pi) * self.planets + 1e-6, self.planets) - 1e-6
-        whole = np.abs(steps - np.round(steps)).max() < 1e-4
-        found = set(np.round(steps).astype(int) % self.planets)
-        if whole and found == {0}:
+        turns = np.sort(np.round(np.mod(np.array(self._lags[: self.planets]) / (2 * pi) + 1e-5, 1.0), 4))
+        groups, counts = np.unique(turns, return_counts=True)
+        if len(groups) == 1:
             return "in phase"
-        if whole and len(found) == self.planets:
-            return "sequential"
-        return "counter" if whole and len(found) == 2 and self.planets % 2 == 0 else "uneven"
+        equal = np.abs(np.diff(groups) - 1 / len(groups)).max() < 1e-3 and len(set(counts)) == 1
+        if not equal:
+            return "uneven"
+        return "counter-phase" if len(groups) == 2 else "sequential"
+
+    def excitation(self, harmonic: int = 1) -> tuple[str, ...]:
+        """Return the resultants of the sun meshes that a mesh harmonic excites: "torque", "force", both or neither.
+
+        The torque is sum_n exp(-i l lag_n), the force sum_n exp(-i l lag_n +- i psi_n), over the N planets. With equal
+        spacing and k = l z_s mod N, the torque remains for k = 0 and excites rotational modes, the force for k = 1 or N
+        - 1 and excites translational modes; for other k both cancel and planet modes are excited.
+
+        Parameters
+        ----------
+        harmonic : int, default 1
+            Harmonic l of the mesh frequency.
+
+        Returns
+        -------
+        tuple of str
+            Resultants that do not cancel.
+        """
+        counted("PlanetarySet: harmonic", harmonic, 10_000)
+        waves = np.exp(-1j * harmonic * np.array(self._lags[: self.planets]))
+        psi = np.array(self.angles)
+        sums = {"torque": [np.ones(self.planets)], "force": [np.exp(1j * psi), np.exp(-1j * psi)]}
+        limit = RESULTANT_TOLERANCE * self.planets
+        return tuple(name for name, each in sums.items() if max(abs(waves @ one) for one in each) > limit)
 
     @property
     def orders(self) -> dict[str, float]:
         """Frequencies over Omega of the mesh and of the members that turn."""
         speeds = self.speeds
-        mesh = self.teeth_s * abs(speeds["sun"] - speeds["carrier"])
-        return {"mesh": 1.0} | {name: abs(float(speed / mesh)) for name, speed in speeds.items() if speed}
+        p = self.mesh_order
+        return {"mesh": float(p)} | {
+            name: abs(float(p * speed / self._mesh_speed)) for name, speed in speeds.items() if speed
+        }
+
+    @property
+    def _mesh_speed(self) -> Fraction:
+        """Mesh frequency over the speed of the driver."""
+        return self.teeth_s * abs(self.speeds["sun"] - self.speeds["carrier"])
+
+    @cached_property
+    def mesh_order(self) -> int:
+        """Mesh frequency over Omega: above 1 if the torque has orders of the driver."""
+        common = Fraction(1)
+        for order, _, _ in self.torque_orders:
+            common = common_divisor(common, exact_order("PlanetarySet", order) / self._mesh_speed)
+        return int(1 / common)
 
     # ---- units
 
@@ -399,7 +477,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     @property
     def scales(self) -> Scales:
         """Scales whose speed is the speed of the driver."""
-        return Scales(self.omega_n, self.b_c, self.k_sp * self.b_c, 1 / self.orders[self.driver])
+        p = self.mesh_order
+        return Scales(self.omega_n, self.b_c, self.k_sp * self.b_c, p / self.orders[self.driver], p)
 
     # ---- matrices in SI units
 
@@ -498,7 +577,9 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
                 Element(
                     direction=w,
                     law=self._mesh_law(which, self._lags[j]),
-                    displacement=Series(errors[n] * cos(alpha) / length, error.cosine, error.sine),
+                    displacement=in_order(
+                        Series(errors[n] * cos(alpha) / length, error.cosine, error.sine), self.mesh_order
+                    ),
                     damping=2 * self.zeta * sqrt(k * joined) / sqrt(self.k_sp * self.m_p),
                     name=name,
                 )
@@ -508,25 +589,41 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             C=C / sqrt(self.k_sp * self.m_p),
             K=K / self.k_sp,
             elements=gaps,
-            load=Load(constant=self._load() / force),
+            load=[Load(constant=self._load() / force), *self._fluctuations(force)],
             dof_names=self.dof_names,
             speed=self._rotation() if self.carrier_rotation else None,
         )
 
+    def _fluctuations(self, force: float) -> list[Load]:
+        """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""
+        r_p = self.r_s * self.teeth_p / self.teeth_s
+        radii = {"carrier": (self.r_s + r_p) / cos(radians(self.alpha_s_deg)),
+                 "ring": self.r_s * self.teeth_r / self.teeth_s, "sun": self.r_s}  # fmt: skip
+        sense = 1 if self.speeds[self.driver] > 0 else -1
+        unit = np.eye(9 + 3 * self.planets)[3 * MEMBERS.index(self.driver) + 2]
+        direction = sense * self.fluctuation_scale / (radii[self.driver] * force) * unit
+        found = []
+        for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
+            multiple = int(exact_order("PlanetarySet", order) / self._mesh_speed * self.mesh_order)
+            vectors = amplitude * cos(phase) * direction, -amplitude * sin(phase) * direction
+            found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+        return found
+
     def _mesh_law(self, which: str, lag: float) -> Law:
         """Return the dimensionless force law of a mesh with the sun ("sp") or the ring ("rp")."""
         b, ratio = getattr(self, f"b_{which}") / self.b_c, getattr(self, f"k_{which}") / self.k_sp
-        contacts = getattr(self, f"contacts_{which}")
+        contacts: MeshContacts | None = getattr(self, f"contacts_{which}")
         if contacts is None:
             stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(lag)
-            return Backlash(b=b, stiffness=stiffness.scaled(ratio))
+            return Backlash(b=b, stiffness=in_order(stiffness.scaled(ratio), self.mesh_order))
         backward = self.speeds["sun"] < self.speeds["carrier"]
 
         def turned(one: Phased) -> Phased:
             function: Phased = one.reversed() if backward and isinstance(one, Periodic) else one
-            return function.shifted(lag) if lag else function
+            return in_order(function, self.mesh_order, lag)
 
-        return contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
+        law: Law = contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
+        return law
 
     def _rotation(self) -> SpeedTerms | None:
         """Return the dimensionless Coriolis and centripetal terms of the frame of the carrier."""

@@ -28,18 +28,20 @@ from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.gears.mesh.mesh_excitation import check_contact_scale
+from hbgear.gears.mesh.mesh_excitation import check_contact_scale, in_order, parameters_of_meshes
 from hbgear.gears.pairs.support import AXES
+from hbgear.gears.torque_orders import exact_order
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.models import Element, Load, Model, Reaction, System
-from hbgear.mechanics.series.fourier import Series, stretch, to_complex
-from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
+
+MESH_TORQUE_TOLERANCE = 0.02
+"""Accepted difference of the torque of a mesh from the static torque: it changes the contact stiffness by .1 %."""
 
 DEFAULT_LENGTH = 1e-6  # [m], unit of length of a train without backlash
 
@@ -66,8 +68,10 @@ class Train(Model):  # numpydoc ignore=PR02
     gyroscopic : bool, default False
         True to include the gyroscopic terms of beams and of wheels that move in space.
     torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : float, default 1.0
-        Factors of all torques, backlashes, stiffness amplitudes, errors, clearances and unbalances, for use as
+        Factors of all mean torques, backlashes, stiffness amplitudes, errors, clearances and unbalances, for use as
         continuation parameters.
+    fluctuation_scale : float, default 1.0
+        Factor of all torque orders, for use as a continuation parameter.
 
     Raises
     ------
@@ -83,7 +87,8 @@ class Train(Model):  # numpydoc ignore=PR02
     >>> gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
     >>> pairs = [hb.GearPair(a, b, backlash="80 um") for a, b in zip(gears, gears[1:])]
     >>> names = ("in", "idler"), ("idler", "out")
-    >>> meshes = [hb.gears.Mesh.of(*two, pair, "100 N m") for two, pair in zip(names, pairs)]
+    >>> torques = "100 N m", "120 N m"  # on the first wheel of each mesh
+    >>> meshes = [hb.gears.Mesh.of(*two, pair, T) for two, pair, T in zip(names, pairs, torques)]
     >>> places = (0.0, 0.0825, 0.1875)
     >>> wheels = [hb.gears.Wheel.of(name, gear, x=x) for name, gear, x in zip(("in", "idler", "out"), gears, places)]
     >>> wheels[0] = hb.gears.Wheel.of("in", gears[0], torque="100 N m")
@@ -108,6 +113,7 @@ class Train(Model):  # numpydoc ignore=PR02
     housing: Housing | None = None
     clearance_scale: float = 1.0
     unbalance_scale: float = 1.0
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega$, common frequency of the meshes $/ \omega_n$ [-]",
@@ -118,6 +124,7 @@ class Train(Model):  # numpydoc ignore=PR02
         "e_scale": r"factor of the errors",
         "clearance_scale": "factor of the clearances [-]",
         "unbalance_scale": "factor of the unbalances [-]",
+        "fluctuation_scale": "factor of the torque orders [-]",
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(("backlash_scale", "clearance_scale"), Range(low=0, high=1e6))
@@ -141,7 +148,21 @@ class Train(Model):  # numpydoc ignore=PR02
         self._check_places(names)
         object.__setattr__(self, "beams", tuple(self._placed(beam) for beam in self.beams))
         check_contact_scale("Train", self.eps_scale, [mesh.contacts for mesh in self.meshes])
-        self._kinematics  # noqa: B018 raises an error for trains that cannot turn
+        self._check_mesh_torques()
+
+    def _check_mesh_torques(self) -> None:
+        """Raise an error if a mesh was computed for another torque than the static one; also if nothing can turn."""
+        for mesh, force in zip(self.meshes, self._kinematics.forces, strict=True):
+            if mesh.torque is None or not force:
+                continue
+            static = force * self._by_name[mesh.first].base_radius
+            orders = any(wheel.torque_orders for wheel in self.wheels)
+            if not orders and abs(mesh.torque - static) > MESH_TORQUE_TOLERANCE * static:
+                raise ValueError(
+                    f"Train: the mesh {mesh.name} is computed for {mesh.torque:.6g} N m on '{mesh.first}', the train "
+                    f"loads it with {static:.6g} N m: give Mesh.of this torque, or the mesh torque=None to "
+                    "omit this check"
+                )
 
     def _check_places(self, names: list[str]) -> None:
         references = [(f"shaft {s.name}", name) for s in self.joints for name in (s.first, s.second)]
@@ -176,6 +197,11 @@ class Train(Model):  # numpydoc ignore=PR02
             )
         return beam if beam.length is not None else dataclasses.replace(beam, length=distance)
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale if a mesh has contacts."""
+        return parameters_of_meshes(super().parameters, [mesh.contacts for mesh in self.meshes])
+
     # ---- kinematics
 
     @property
@@ -205,7 +231,7 @@ class Train(Model):  # numpydoc ignore=PR02
 
     @property
     def torques(self) -> dict[str, float]:
-        """External torque on each wheel [N m]."""
+        """Mean external torque on each wheel [N m]."""
         return {name: self.torque_scale * wheel.torque for name, wheel in self._by_name.items()}
 
     @property
@@ -424,7 +450,11 @@ class Train(Model):  # numpydoc ignore=PR02
             C=SS * C / (m_c * omega_n),
             K=SS * K / self.k_mean,
             elements=gaps,
-            load=[Load(constant=S * self._onto(torques) / force), *self._unbalances(S / force)],
+            load=[
+                Load(constant=S * self._onto(torques) / force),
+                *self._unbalances(S / force),
+                *self._fluctuations(S / force),
+            ],
             dof_names=[f"{AXES[axis]}_{name}" if name else housing[axis] for name, axis in self._coordinates],
             speed=self._speed_terms(S),
         )
@@ -468,15 +498,15 @@ class Train(Model):  # numpydoc ignore=PR02
             found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
         return found
 
-
-def in_order(function: Phased, order: int, lag: float) -> Phased:
-    """Return f(order tau - lag) of a function f(tau)."""
-    shifted: Phased = function.shifted(lag) if lag else function
-    if order == 1:
-        return shifted
-    if isinstance(shifted, Series):
-        c = to_complex(stretch(shifted.row(), order))
-        return Series(shifted.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
-    phases = [(phase + TURN * i) / order for i in range(order) for phase in shifted.phases]
-    rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in shifted.coefficients] * order
-    return Periodic(tuple(phases), tuple(rows))
+    def _fluctuations(self, scale: Array) -> list[Load]:
+        """Return the load T cos(order theta + phase) of every torque order, theta = turned + omega t."""
+        found = []
+        for wheel in self.wheels if self.fluctuation_scale else ():
+            speed, turned = self._kinematics.speeds[wheel.name], self._kinematics.turned[wheel.name]
+            direction = scale * self._onto({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale
+            for order, amplitude, phase in wheel.torque_orders:
+                multiple = int(exact_order(wheel.name, order) * abs(speed) / self._kinematics.ratio)
+                angle = (order * turned + phase) * (1 if speed > 0 else -1)
+                vectors = amplitude * np.cos(angle) * direction, -amplitude * np.sin(angle) * direction
+                found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+        return found

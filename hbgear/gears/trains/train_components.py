@@ -23,6 +23,7 @@ from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
 from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagged_series, mesh_stiffness
 from hbgear.gears.mesh.mesh_models import mesh_model
+from hbgear.gears.torque_orders import torque_orders
 from hbgear.mechanics.laws.laws import checked_contact
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.periodic import Phased
@@ -69,7 +70,11 @@ class Wheel:  # numpydoc ignore=PR02
     moves : {"torsion", "plane", "space"}, default "torsion"
         Motion: rotation only; "plane", also sideways; "space", also along the axis and tilting.
     torque : float or str, default 0.0
-        External torque [N m], counter-clockwise positive.
+        Mean external torque [N m], counter-clockwise positive.
+    torque_orders : mapping, optional
+        Harmonics of the torque by order of the rotation of this wheel, such as ``{2: "60 N m"}`` or ``{2: ("60 N m",
+        "30 deg")}`` with a phase; see `hbgear.gears.torque_orders`. The angle of the shaft is counter-clockwise
+        positive. Their frequencies are then also multiples of Omega.
     held : bool, default False
         True if the wheel cannot turn.
     angle : float or str, default 0.0
@@ -110,6 +115,7 @@ class Wheel:  # numpydoc ignore=PR02
     angle: QuantityField = QuantityField("rad", ANY, Range(-100, 100), 0.0)
     unbalance: QuantityField = QuantityField("kg m", NOT_NEGATIVE, Range(0, 1e4), 0.0)
     unbalance_angle: QuantityField = QuantityField("rad", ANY, Range(-100, 100), 0.0)
+    torque_orders: Any = ()
 
     def __post_init__(self) -> None:
         _check_names("Wheel", self.name)
@@ -123,6 +129,9 @@ class Wheel:  # numpydoc ignore=PR02
                              f"got {self.teeth} teeth and {self.base_radius:g} m")  # fmt: skip
         if self.moves != "torsion" and not self.mass:
             raise ValueError(f"{self.name} moves in {self.moves}: give its mass [kg]")
+        object.__setattr__(self, "torque_orders", torque_orders(self.name, self.torque_orders))
+        if self.torque_orders and self.held:
+            raise ValueError(f"{self.name} cannot turn, so its torque has no orders of its rotation; omit one of both")
         if self.unbalance and self.moves == "torsion":
             raise ValueError(f"{self.name} has an unbalance and cannot move sideways: give moves='plane' or 'space'")
 
@@ -342,6 +351,9 @@ class Mesh:  # numpydoc ignore=PR02
         numbers.
     pitch_phase : float or str, default 0.0
         Value of tau at which a pair of teeth is in contact at the pitch point [rad].
+    torque : float or str, optional
+        Torque on the first wheel for which stiffness and error were computed [N m]; a train checks it against its
+        static torques. Default: no check.
 
     Raises
     ------
@@ -373,6 +385,7 @@ class Mesh:  # numpydoc ignore=PR02
     lag: OptionalQuantityField = OptionalQuantityField("rad", ANY, Range(-1e4, 1e4))
     pitch_phase: QuantityField = QuantityField("rad", ANY, Range(-1e4, 1e4), 0.0)
     contacts: MeshContacts | None = None
+    torque: OptionalQuantityField = OptionalQuantityField("N m", POSITIVE, Range(0, 1e9))
 
     def __post_init__(self) -> None:
         _check_names("Mesh", self.first, self.second)
@@ -406,7 +419,8 @@ class Mesh:  # numpydoc ignore=PR02
         """
         check("Mesh.of", "pair", pair, GearPair)
         check("Mesh.of", "cycle", cycle, MeshCycle | None)
-        found = mesh_model("Mesh.of", pair, to_si("Mesh.of", "torque", torque, "N m"), mesh, cycle)
+        torque = to_si("Mesh.of", "torque", torque, "N m")
+        found = mesh_model("Mesh.of", pair, torque, mesh, cycle)
         begin = pair.path[0]
         pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
         own: dict[str, Any] = {
@@ -414,6 +428,7 @@ class Mesh:  # numpydoc ignore=PR02
             "error": found.error if found.error is not None and found.error.varies else None,
             "contacts": found.contacts, "pressure_angle": pair.working_pressure_angle,
             "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * float(pitch), "damping": damping,
+            "torque": torque,
         }  # fmt: skip
         made = cls(first, second, **{**own, **others})
         return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean))

@@ -22,12 +22,14 @@ from math import acos, atan2, cos, hypot, pi, radians, sin
 from typing import Protocol
 
 import numpy as np
+import scipy
 
 from hbgear.common.text.messages import did_you_mean
+from hbgear.gears.torque_orders import common_divisor, exact_order
 from hbgear.gears.trains.train_components import Mesh, Wheel
 
-MAX_ORDER = 60
-"""Largest order of a mesh over the common frequency; above it the harmonic balance has too many unknowns."""
+MAX_ORDER = 10_000
+"""Largest order of a mesh over the common frequency. The motion of longer common periods has too many contacts."""
 
 DEFAULT_PRESSURE_ANGLE = radians(20.0)
 """Pressure angle of a mesh without a given angle or positions of its wheels [rad]."""
@@ -72,6 +74,8 @@ class Kinematics:
         Pressure angle and direction of the line of centres for each mesh [rad].
     turned : mapping of str to float
         Angle of each turning wheel at tau = 0 [rad].
+    forces : tuple of float or None
+        Static force of each mesh by the mean torques [N]; None where several meshes share the load.
     """
 
     speeds: Mapping[str, Fraction]
@@ -81,6 +85,7 @@ class Kinematics:
     lags: tuple[float, ...]
     angles: tuple[tuple[float, float], ...]
     turned: Mapping[str, float]
+    forces: tuple[float | None, ...]
 
 
 def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
@@ -106,36 +111,36 @@ def kinematics(
     groups = _groups(wheels, shafts)
     speeds = _speeds(wheels, groups, meshes)
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
-    unbalanced = [name for name, wheel in wheels.items() if wheel.unbalance]
-    stationary = next((name for name in unbalanced if not speeds[name]), None)
-    if stationary is not None:
-        raise ValueError(
-            f"'{stationary}' has an unbalance and does not turn; join it to a wheel that turns, or omit the unbalance"
-        )
+    slow = _shaft_frequencies(wheels, speeds)
     ratio = frequencies[0]
-    for one in (*frequencies, *(abs(speeds[name]) for name in unbalanced)):
-        ratio = _common(ratio, one)
+    for one in (*frequencies, *slow):
+        ratio = common_divisor(ratio, one)
     orders = tuple(int(one / ratio) for one in frequencies)
     if max(orders) > MAX_ORDER:
         orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
-            f"the tooth frequencies{' and the turns of the unbalanced wheels' if unbalanced else ''} have no simple "
-            f"ratio: over their common frequency they are {orders_text}; at most "
-            f"{MAX_ORDER} can be computed with all harmonics: give tooth counts with a simpler ratio"
+            f"the tooth frequencies{' and the frequencies of unbalance and torque orders' if slow else ''} have no "
+            f"simple ratio: over their common frequency they are {orders_text}; at most {MAX_ORDER:,} can be computed: "
+            "give tooth counts with a simpler ratio, or fewer wheels with unbalance or torque orders"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
-    sides = _sides(wheels, groups, meshes, speeds)
+    sides, forces = _static_forces(wheels, groups, meshes, speeds)
     turning = sides[0] * (-1 if wheels[meshes[0].first].internal else 1) * (-1 if backward else 1)
     signed = {name: turning * speed for name, speed in speeds.items()}
     lags, turned = _lags(wheels, groups, meshes, signed, sides, angles)
-    return Kinematics(signed, orders, ratio, sides, lags, angles, turned)
+    return Kinematics(signed, orders, ratio, sides, lags, angles, turned, forces)
 
 
-def _common(a: Fraction, b: Fraction) -> Fraction:
-    """Return the largest common divisor of two fractions."""
-    while b:
-        a, b = b, a % b
-    return a
+def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fraction]) -> list[Fraction]:
+    """Return the frequencies of unbalances and torque orders over the speed of the first wheel."""
+    found = []
+    for name, wheel in wheels.items():
+        what = "an unbalance" if wheel.unbalance else "a torque with orders of its rotation" * bool(wheel.torque_orders)
+        if what and not speeds[name]:
+            raise ValueError(f"'{name}' has {what} and does not turn; join it to a wheel that turns, or omit it")
+        orders = [exact_order(name, order) for order, _, _ in wheel.torque_orders]
+        found += [order * abs(speeds[name]) for order in [*orders, *[Fraction(1)] * bool(wheel.unbalance)]]
+    return found
 
 
 def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
@@ -226,10 +231,13 @@ def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
     return (alpha if mesh.pressure_angle is None else mesh.pressure_angle), phi
 
 
-def _sides(
+def _static_forces(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction]
-) -> tuple[int, ...]:
-    """Return the direction in which the outer wheel of each mesh pushes under the torques; +1 without a torque."""
+) -> tuple[tuple[int, ...], tuple[float | None, ...]]:
+    """Return the directions in which the outer wheels push under the torques, +1 without a torque, and the forces.
+
+    A force is None where several meshes share the load.
+    """
     rotors = sorted({groups[name] for name in wheels})
     A = np.zeros((len(rotors), len(meshes)))
     for j, mesh in enumerate(meshes):
@@ -248,7 +256,10 @@ def _sides(
         )
     forces = np.linalg.lstsq(A, torque, rcond=None)[0]
     largest = float(np.abs(forces).max(initial=0.0))
-    return tuple(-1 if force < -1e-9 * largest else 1 for force in forces.tolist())
+    free = scipy.linalg.null_space(A)  # forces that add up to no torque
+    known = [None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
+             for row, force in zip(free, forces.tolist(), strict=True)]  # fmt: skip
+    return tuple(-1 if force < -1e-9 * largest else 1 for force in forces.tolist()), tuple(known)
 
 
 def _lags(

@@ -35,6 +35,9 @@ MAX_UNKNOWNS = 4_000
 MAX_SAMPLES = 1_000_000
 """Samples N m of all elements together; a limit of memory."""
 
+MAX_TABLE = 125_000_000
+"""Entries (2H + 1) N of the table of basis functions, 1 GB. Error estimates use a table of twice this size."""
+
 MAX_COUNT = 10**15
 """Largest count that is accepted as an argument. Larger ones are refused before they enter a computation."""
 
@@ -92,6 +95,12 @@ class Discretization:
         if self.N * self.m > MAX_SAMPLES:
             raise ValueError(
                 f"samples = {self.N:,} for {self.m} elements; at most {MAX_SAMPLES // self.m:,} are possible"
+            )
+        if (2 * self.H + 1) * self.N > MAX_TABLE:
+            raise ValueError(
+                f"harmonics up to {self.H:,} with {self.N:,} samples need {(2 * self.H + 1) * self.N * 8e-9:.2g} GB "
+                f"for a table of basis functions; at most {MAX_TABLE * 8e-9:.2g} GB are used: give fewer harmonics, or "
+                "a machine whose frequencies have a larger common base, such as fewer unbalanced wheels"
             )
         self._check_unknowns(len(self.orders) - 1)
 

@@ -25,7 +25,7 @@ from hbgear.common.ranges import counted
 from hbgear.mechanics.laws.mesh_contacts import contacts_of, moving_springs_of
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import real_numbers
-from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 
 _SEPARATE_ORDER_RATIO = 8
 """Multiple of an excited order from which another order counts as separate, e.g. 40 teeth and their shaft."""
@@ -35,6 +35,9 @@ _ZERO_AMPLITUDE_RATIO = 1e-13
 
 _SERIES_ORDERS = 600
 """Number of orders of a function with breakpoints that are evaluated to find its excited orders."""
+
+_MOST_FULL_ORDERS = 60
+"""Base order of an excitation up to which all orders are unknowns by default: some harmonics of it are affordable."""
 
 HIGHEST = 10_000
 """Highest order of the excitation that may be given."""
@@ -133,16 +136,22 @@ def _combined(tones: tuple[int, ...], parts: int, bound: float) -> set[int]:
     return {abs(k) for k, _ in found}
 
 
-def select_harmonics(orders: Any, system: System) -> HarmonicSelection | None:
+def select_harmonics(orders: Any, system: System, H: int | None = None) -> HarmonicSelection | None:
     """Return the selection for the argument ``orders`` of a balance; None for all orders.
+
+    Without an argument, all orders are selected if no base order of the excitation exceeds 60 or H, otherwise "meshes".
 
     Raises
     ------
     ValueError
         If ``orders`` is not None, "meshes" or whole numbers from 1.
     """
-    if orders is None or isinstance(orders, HarmonicSelection):
+    if isinstance(orders, HarmonicSelection):
         return orders
+    if orders is None:
+        tones = tooth_orders(system)
+        highest = _MOST_FULL_ORDERS if H is None else min(H, _MOST_FULL_ORDERS)
+        return HarmonicSelection(tones) if max(tones) > highest else None
     if isinstance(orders, str):
         if orders != "meshes":
             raise ValueError(f"orders = {orders!r}: need 'meshes', or a list of whole numbers such as (3, 5, 6, 8)")
@@ -195,7 +204,38 @@ def _stiffness(law: Any) -> list[Phased]:
 
 def _orders(function: Phased) -> list[int]:
     """Return the orders of a periodic function whose amplitudes are not zero."""
-    row = function.row(_SERIES_ORDERS) if isinstance(function, Periodic) else function.row()
+    if isinstance(function, Periodic):
+        times = _repetitions(function)
+        if times > 1:
+            return [times * k for k in _orders(_first_repetition(function, times))]
+        row = function.row(_SERIES_ORDERS)
+    else:
+        row = function.row()
     size = np.hypot(row[1::2], row[2::2])
     found: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
     return found
+
+
+def _repetitions(function: Periodic) -> int:
+    """Return the number of equal parts of a period, 1 if the function does not repeat itself within it."""
+    phases, pieces = np.array(function.phases), len(function.phases)
+    rows = np.zeros((pieces, max(len(row) for row in function.coefficients)))
+    for row, given in zip(rows, function.coefficients, strict=True):
+        row[: len(given)] = given
+    size = np.abs(rows).max(axis=0)
+    for times in range(pieces, 1, -1):
+        if pieces % times:
+            continue
+        n = pieces // times
+        later = np.append(phases[n:], phases[:n] + TURN)
+        same = np.abs(np.roll(rows, -n, axis=0) - rows) <= _ZERO_AMPLITUDE_RATIO * pieces * size
+        if same.all() and np.abs(later - phases - TURN / times).max() <= 1e-12 * TURN:
+            return times
+    return 1
+
+
+def _first_repetition(function: Periodic, times: int) -> Periodic:
+    """Return the first of the equal parts of a period, as a function of its own phase."""
+    n = len(function.phases) // times
+    rows = tuple(tuple(x / float(times) ** q for q, x in enumerate(row)) for row in function.coefficients[:n])
+    return Periodic(tuple(times * phase for phase in function.phases[:n]), rows)

@@ -34,7 +34,7 @@ def recession(law: Law) -> Law | None:
     if law.piecewise is not None:
         springs = tuple(_spring(spring) for spring in law.piecewise)
         if not springs:  # friction alone: a bounded force
-            return PiecewiseLinear((), (0.0,))
+            return Cubic(0.0)
         return springs[0] if len(springs) == 1 else Parallel(springs)
     contacts = contacts_of(law)
     if contacts:

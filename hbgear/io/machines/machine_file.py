@@ -1,6 +1,7 @@
 """Files of gear pairs with their operation (TOML), checked before any computation.
 
     torque = "200 N m"
+    torque_orders = { 2 = "60 N m", "1/2" = ["10 N m", "30 deg"] }   # of the pinion, with phases; optional
     damping = 0.04
 
     [pinion]
@@ -34,6 +35,7 @@ from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
+from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
 from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.io.tables.mesh_table import read_mesh_table
 from hbgear.mechanics.models import Model
@@ -67,6 +69,8 @@ class Machine:
         Mesh stiffness and error from tables; default None, which computes them.
     mesh_model : {"teeth", "secant", "tangent"}, optional
         Model of the computed mesh, see `GearPair.model`; default None, its default.
+    torque_orders : mapping, optional
+        Harmonics of the torque by order of the pinion, see `GearPair.model`; default none.
     """
 
     pair: GearPair
@@ -76,16 +80,26 @@ class Machine:
     supports: tuple[Support, Support] | None = None
     cycle: MeshCycle | None = None
     mesh_model: Literal["teeth", "secant", "tangent"] | None = None
+    torque_orders: Any = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "torque_orders", torque_orders("the machine", self.torque_orders))
+
+    @property
+    def mesh_torque(self) -> float:
+        """Torque at which the mesh is computed [N m]: the root mean square."""
+        return effective_torque(self.torque, self.torque_orders)
 
     @property
     def mesh(self) -> MeshCycle:
         """Mesh stiffness and error, from tables or computed."""
         linearized = "tangent" if self.mesh_model == "tangent" else "secant"
-        return self.cycle or self.pair.mesh(self.torque, linearized=linearized)
+        return self.cycle or self.pair.mesh(self.mesh_torque, linearized=linearized)
 
     def model(self, **options: Any) -> Model:
         """Return the model made by `GearPair.model`."""
-        given = {"supports": self.supports, "cycle": self.cycle, "mesh": self.mesh_model, **options}
+        given = {"supports": self.supports, "cycle": self.cycle, "mesh": self.mesh_model,
+                 "torque_orders": self.torque_orders, **options}  # fmt: skip
         model: Model = self.pair.model(self.torque, self.damping, self.form, **given)
         return model
 
@@ -131,7 +145,7 @@ def _schema() -> Any:
     mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None), static_error=(str, None))
     whole: dict[str, Any] = {
         "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
-        "mesh_model": (_KINDS["mesh_model"], None),
+        "mesh_model": (_KINDS["mesh_model"], None), "torque_orders": (TORQUE_ORDERS, ()),
         "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
         "wheel": (table("wheel", Gear, ("teeth",)), ...),
         "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
@@ -144,6 +158,10 @@ _KINDS: dict[str, Any] = {
     "teeth": int, "internal": bool, "backlash_measure": Literal["circumferential", "normal", "action"],
     "form": Literal["torsion", "bearings", "spatial"], "mesh_model": Literal["teeth", "secant", "tangent"],
 }  # fmt: skip
+
+
+TORQUE_ORDERS = dict[str, str | float | list[str | float]]
+"""Type of a table of torque orders: amplitude, or amplitude and phase, by order."""
 
 
 class _Reader:
@@ -160,21 +178,40 @@ class _Reader:
         pinion = self._made(("pinion",), Gear, data["pinion"])
         wheel = None if pinion is None else self._made(("wheel",), Gear, _completed(pinion, data["wheel"]))
         supports = [self._made(("support", name), Support, table) for name, table in data.get("support", {}).items()]
+        orders = self._orders(data.get("torque_orders", ()))
         if pinion is None or wheel is None:
             return None
         pair = self._made(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
-        cycle = None if pair is None else self._cycle(data.get("mesh"), pair.transverse_force(own["torque"]))
+        cycle = (
+            None
+            if pair is None
+            else self._cycle(data.get("mesh"), pair.transverse_force(effective_torque(own["torque"], orders)))
+        )
         if self.problems or pair is None:
             return None
         held: Any = tuple(supports) or None
         machine = Machine(
-            pair, own["torque"], own["damping"], data.get("form", "torsion"), held, cycle, data.get("mesh_model")
+            pair,
+            own["torque"],
+            own["damping"],
+            data.get("form", "torsion"),
+            held,
+            cycle,
+            data.get("mesh_model"),
+            orders,
         )
         try:
             machine.model()
         except ValueError as error:
             self.problems.append((_place_in(str(error), data), bare(error)))
         return None if self.problems else machine
+
+    def _orders(self, given: Any) -> TorqueOrders:
+        try:
+            return torque_orders("the machine", given)
+        except ValueError as error:
+            self.problems.append((("torque_orders",), bare(error)))
+            return ()
 
     def _read(self, field: QuantityField, place: Place, value: Any) -> float:
         try:
@@ -255,6 +292,10 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
         raise ValueError("a machine with tables of the mesh is written by naming their files in [mesh]")
     lines = [f"# {remark}" for remark in remarks]
     lines += [f"torque = {_quantity(machine.torque, 'N m')}", f"damping = {machine.damping!r}"]
+    if machine.torque_orders:
+        entries = (f'"{order!r}" = [{_quantity(size, "N m")}, {_quantity(phase, "rad")}]'
+                   for order, size, phase in machine.torque_orders)  # fmt: skip
+        lines.append(f"torque_orders = {{ {', '.join(entries)} }}")
     lines += [f'form = "{machine.form}"'] if machine.form != "torsion" else []
     lines += [f'mesh_model = "{machine.mesh_model}"'] if machine.mesh_model else []
     tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),
@@ -271,7 +312,7 @@ def _entries(thing: Any) -> list[str]:
     for field in fields(thing):
         value, measured = getattr(thing, field.name), vars(type(thing)).get(field.name)
         default = measured.default if isinstance(measured, QuantityField) else field.default
-        if isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
+        if not field.init or isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
             continue
         if isinstance(measured, QuantityField) and measured.unit:
             out.append(f"{field.name} = {_quantity(value, measured.unit)}")

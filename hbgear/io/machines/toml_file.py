@@ -198,7 +198,7 @@ def form(
 
     keys: dict[str, Any] = {}
     for field in fields(cls):
-        if field.name not in left_out:
+        if field.init and field.name not in left_out:
             kind: Any = str | float if isinstance(vars(cls).get(field.name), QuantityField) else kinds[field.name]
             keys[field.name] = (kind, ... if field.name in required else None)
     return create_model(title, __config__=exactly(), **{**keys, **more})

@@ -5,6 +5,7 @@
     [[wheel]]
     name = "pinion"
     torque = "200 N m"
+    torque_orders = { 2 = "60 N m" }        # of this wheel; optional
     gear = { teeth = 25, module = "3 mm", face_width = "20 mm" }
 
     [[wheel]]
@@ -54,7 +55,8 @@ from hbgear.mechanics.structures.speed_terms import MatrixTable
 _KINDS: dict[str, Any] = {
     "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "held": bool,
     "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
-    "e_lag": list[float], "elements": int, "backlash_measure": Literal["circumferential", "normal", "action"],
+    "e_lag": list[float], "elements": int, "torque_orders": dict[str, str | float | list[str | float]],
+    "backlash_measure": Literal["circumferential", "normal", "action"],
 }  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Contact with damping: forces that dissipate during contact and never pull.
 
-    p = k delta^n max(1 + damping delta', 0),   delta = d - gap > 0
+    p = k delta^n max(1 + contact_damping delta', 0),   delta = d - gap > 0
 
 The force of Hunt and Crossley is zero at the begin and at the end of a contact, because its damping grows with the
 penetration delta. It is therefore continuous, unlike that of a spring and damper in parallel.
@@ -27,15 +27,15 @@ from hbgear.mechanics.laws.laws import Forces, Law
 class HuntCrossley(Law):  # numpydoc ignore=PR02
     """Contact with a damping that grows with the penetration, one-sided like `Unilateral` or two-sided like `Backlash`.
 
-        p = k delta^n max(1 + damping delta', 0),   delta = d - gap > 0;   two sides: also p(-d, -d') = -p(d, d')
+        p = k delta^n max(1 + contact_damping delta', 0),   delta = d - gap > 0;   on two sides p(-d, -d') = -p(d, d')
 
     Parameters
     ----------
     k : float
         Contact stiffness, > 0 [force / length^n].
-    damping : float
+    contact_damping : float
         Damping coefficient, >= 0 [time / length]. For small impact velocities v the coefficient of restitution is about
-        1 - 2/3 damping v.
+        1 - 2/3 contact_damping v.
     gap : float, optional
         Clearance [unit of d]; with two sides half of it, >= 0. Default 0.
     exponent : float, optional
@@ -51,7 +51,7 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
     Notes
     -----
     The law is evaluated by AFT (alternating frequency/time); the estimated sampling error is part of the error of a
-    curve. It never pulls: where 1 + damping delta' < 0, the force is zero.
+    curve. It never pulls: where 1 + contact_damping delta' < 0, the force is zero.
 
     References
     ----------
@@ -61,21 +61,21 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
     --------
     >>> import hbgear as hb
     >>> import numpy as np
-    >>> stop = hb.mechanics.HuntCrossley(k=2.0, damping=0.5, gap=1.0)
+    >>> stop = hb.mechanics.HuntCrossley(k=2.0, contact_damping=0.5, gap=1.0)
     >>> d, v = np.array([0.5, 1.5, 1.5, 1.5]), np.array([1.0, 0.0, 1.0, -4.0])
     >>> stop.force(d, v, 0.0)[0].tolist()
     [0.0, 1.0, 1.5, 0.0]
     """
 
     k: float
-    damping: float
+    contact_damping: float
     gap: float = 0.0
     exponent: float = 1.0
     sides: Literal[1, 2] = 1
 
     def __post_init__(self) -> None:
         checked("HuntCrossley", "k", self.k, POSITIVE)
-        checked("HuntCrossley", "damping", self.damping, NOT_NEGATIVE)
+        checked("HuntCrossley", "contact_damping", self.contact_damping, NOT_NEGATIVE)
         if self.sides not in (1, 2):
             raise ValueError(f"HuntCrossley: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
         checked("HuntCrossley", "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
@@ -96,8 +96,8 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         side = np.where(d < 0, -1.0, 1.0) if self.sides == 2 else np.ones_like(d)
         depth = np.maximum(side * d - self.gap, 0.0)
-        push = 1 + self.damping * side * v
+        push = np.maximum(1 + self.contact_damping * side * v, 0.0)
         acts = (depth > 0) & (push > 0)
         whole = np.where(acts, self.k * depth**self.exponent, 0.0)
         slope = np.where(acts, self.k * self.exponent * depth ** (self.exponent - 1.0), 0.0)
-        return side * whole * push, slope * push, whole * self.damping
+        return side * whole * push, slope * push, whole * self.contact_damping

@@ -164,13 +164,29 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         return self.bind(tau)(d, v)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
-        bound = [contact.bind(tau) for contact in self.contacts]
+        at, rows, side = self._table
+        phase = np.mod(tau, TURN)
+        piece = np.searchsorted(at, phase, side="right") - 1
+        x = (phase - at[piece])[..., None, None]
+        c = rows[piece]
+        k, level = np.moveaxis(c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3])), -2, 0)
 
         def forces(d: Array, v: Array) -> Forces:
-            parts = [contact(d, v) for contact in bound]
-            return sum(p[0] for p in parts), sum(p[1] for p in parts), np.zeros_like(d)  # type: ignore[return-value]
+            depth = np.asarray(d)[..., None] - level
+            slope = k * (side * depth > 0.0)
+            return (slope * depth).sum(axis=-1), slope.sum(axis=-1), np.zeros_like(d)
 
         return forces
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, Array]:
+        """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level, and sides (J,)."""
+        functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
+        at = _union([one.at for both in functions for one in both])
+        rows = np.array([
+            [np.pad(x, ((0, 0), (0, 4 - x.shape[1]))) for x in (one.rows_at(at) for one in both)] for both in functions
+        ])  # fmt: skip
+        return at, np.ascontiguousarray(np.moveaxis(rows, 2, 0)), np.array([float(c.side) for c in self.contacts])
 
 
 class MovingSpring(NamedTuple):

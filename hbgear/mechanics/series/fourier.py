@@ -317,6 +317,10 @@ class Series:  # numpydoc ignore=PR02
         return Series(self.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
 
     @checked_arguments()
+    def reversed(self) -> Series:
+        """Return f(-tau)."""
+        return Series(self.mean, self.cosine, tuple(-x for x in self.sine))
+
     def scaled(self, factor: float) -> Series:
         """Return the function times a factor."""
         return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))

@@ -1,7 +1,7 @@
 """Physical units of a dimensionless model: the units of length, time and force.
 
-x [m] = length xbar,   f_mesh [Hz] = Omega frequency / (2 pi),   n [r/min] = 60 f_mesh / teeth,   F [N] = force Fbar
-acceleration [m/s^2] = length frequency^2 xbar''
+f_mesh [Hz] = order Omega frequency / (2 pi),   n [r/min] = 60 f_mesh / teeth
+x [m] = length xbar,   F [N] = force Fbar,   acceleration [m/s^2] = length frequency^2 xbar''
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ class Scales:  # numpydoc ignore=PR02
         Unit of element forces [N], k_mean b_c.
     teeth : float
         Number of teeth of the pinion, whose speed is reported.
+    order : float, default 1.0
+        Frequency of the mesh over Omega.
 
     Raises
     ------
@@ -51,9 +53,10 @@ class Scales:  # numpydoc ignore=PR02
     length: float
     force: float
     teeth: float
+    order: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("frequency", "length", "force", "teeth"):
+        for name in ("frequency", "length", "force", "teeth", "order"):
             checked("Scales", name, getattr(self, name), POSITIVE)
 
     @property
@@ -63,13 +66,13 @@ class Scales:  # numpydoc ignore=PR02
 
     @checked_arguments()
     def mesh_frequency(self, Omega: Numbers) -> Numbers:
-        """Return the mesh frequency Omega omega_n / (2 pi) [Hz]."""
-        return _times(Omega, self.frequency / (2 * pi))
+        """Return the mesh frequency order Omega omega_n / (2 pi) [Hz]."""
+        return _times(Omega, self.order * self.frequency / (2 * pi))
 
     @checked_arguments()
     def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
         """Return Omega at a mesh frequency [Hz]."""
-        return _times(frequency, 2 * pi / self.frequency)
+        return _times(frequency, 2 * pi / (self.order * self.frequency))
 
     @checked_arguments()
     def pinion_speed(self, Omega: Numbers) -> Numbers:

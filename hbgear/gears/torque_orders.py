@@ -1,0 +1,132 @@
+"""Harmonics of a torque in orders of its shaft, such as engine orders and the ripple of a motor.
+
+    T(theta) = mean + sum_j amplitude_j cos(order_j theta + phase_j)
+
+theta is the angle of rotation of the shaft. An order may be a fraction: a four-stroke engine has multiples of 1/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from math import isfinite, sqrt
+from typing import Any
+
+from hbgear.common.text.messages import quoted
+from hbgear.common.units import to_si
+
+LARGEST_DENOMINATOR = 60
+"""Largest denominator of an order. With larger ones the common period with the meshes is too long for a balance."""
+
+_ROUNDING = 1e-9
+"""Accepted difference of an order from a fraction, such as of 0.3333333333 from 1/3."""
+
+_EXAMPLE = "{2: '60 N m', 4: ('20 N m', '30 deg')}"
+
+TorqueOrders = tuple[tuple[float, float, float], ...]
+"""Harmonics of a torque: order of the shaft, amplitude [N m] and phase [rad] of each."""
+
+
+def torque_orders(owner: str, given: Any) -> TorqueOrders:
+    """Return the harmonics of a torque: order, amplitude [N m] and phase [rad] of each, by ascending order.
+
+    Parameters
+    ----------
+    owner : str
+        Class of the field, for messages.
+    given : mapping or sequence of tuple
+        ``{order: amplitude}`` or ``{order: (amplitude, phase)}``, or tuples of order, amplitude and phase. Orders may
+        be texts of numbers, such as "1/2".
+
+    Raises
+    ------
+    ValueError
+        If an order is not a positive fraction with a denominator up to 60, occurs twice, or a quantity is not valid.
+    """
+    rows = []
+    for order, amplitude, phase in _rows(owner, given):
+        exact = exact_order(owner, order)
+        size = to_si(owner, "torque_orders", amplitude, "N m")
+        angle = to_si(owner, "torque_orders", phase, "rad")
+        if not isfinite(size) or not isfinite(angle):
+            raise ValueError(f"{owner}: torque_orders = {quoted(given)} must have finite amplitudes and phases")
+        rows.append((float(exact), size, angle))
+    rows.sort()
+    double = next((a[0] for a, b in pairwise(rows) if a[0] == b[0]), None)
+    if double is not None:
+        raise ValueError(f"{owner}: torque_orders has the order {double:g} twice; give its amplitude once")
+    return tuple(rows)
+
+
+def _rows(owner: str, given: Any) -> Iterable[tuple[Any, Any, Any]]:
+    """Yield order, amplitude and phase of each harmonic."""
+    wrong = f"{owner}: torque_orders = {quoted(given)} must be amplitudes by order of the shaft, such as {_EXAMPLE}"
+    if isinstance(given, Mapping):
+        given = [(order, *(row if isinstance(row, Sequence) and not isinstance(row, str) else (row,)))
+                 for order, row in given.items()]  # fmt: skip
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise ValueError(wrong)
+    for row in given:
+        if isinstance(row, str) or not isinstance(row, Sequence) or len(row) not in (2, 3):
+            raise ValueError(wrong)
+        yield row[0], row[1], row[2] if len(row) == 3 else 0.0
+
+
+def exact_order(owner: str, order: Any) -> Fraction:
+    """Return an order of a shaft as a fraction.
+
+    Raises
+    ------
+    ValueError
+        If it is not positive, or no fraction with a denominator up to 60.
+    """
+    try:
+        number = Fraction(order.strip() if isinstance(order, str) else float(order))
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        raise ValueError(f"{owner}: order {quoted(order)} of the torque must be a number such as 2 or 1/2") from None
+    exact = number.limit_denominator(LARGEST_DENOMINATOR)
+    if number <= 0 or abs(number - exact) > _ROUNDING * number:
+        raise ValueError(
+            f"{owner}: order {quoted(order)} of the torque has no common base with the turns of its shaft below "
+            f"{LARGEST_DENOMINATOR} turns; give a positive multiple of a simple fraction, such as 2 or 1/2"
+        )
+    return exact
+
+
+def common_divisor(a: Fraction, b: Fraction) -> Fraction:
+    """Return the largest common divisor of two positive fractions."""
+    while b:
+        a, b = b, a % b
+    return a
+
+
+def effective_torque(mean: float, orders: TorqueOrders) -> float:
+    """Return the root mean square of a torque [N m], at which the stiffness of a mesh is computed."""
+    return abs(mean) if not orders else sqrt(mean**2 + sum(amplitude**2 for _, amplitude, _ in orders) / 2)
+
+
+def parse_torque_orders(option: str, text: str) -> dict[str, tuple[str, str]]:
+    """Read a text such as "2: 60Nm, 4: 20Nm 30deg".
+
+    Parameters
+    ----------
+    option : str
+        Option of the command line, for messages.
+    text : str
+        Amplitudes, with an optional phase, by order.
+
+    Raises
+    ------
+    ValueError
+        If an entry has no colon.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for entry in text.split(","):
+        order, colon, rest = entry.partition(":")
+        amplitude, _, phase = rest.strip().rpartition(" ") if rest.rstrip().endswith(("deg", "rad")) else (rest, "", "")
+        if not colon or not amplitude.strip() or order.strip() in found:
+            raise ValueError(f'{option} {text}: need each order with its amplitude, such as {option} "2: 60Nm, 4: 20Nm '
+                             '30deg"')  # fmt: skip
+        found[order.strip()] = (amplitude.strip(), phase or "0 deg")
+    return found
