@@ -7,8 +7,11 @@ from hbgear.common import lazy_names as _lazy
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.drawing.gear import Gear
     from hbgear.gears.drawing.pair import GearPair
+    from hbgear.gears.drawing.root_stress import RootFactors, root_factors
+    from hbgear.gears.mesh.harris_map import HarrisMap, harris_map
     from hbgear.gears.mesh.iso_dynamics import iso_dynamic_factor
     from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
+    from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_mesh
     from hbgear.gears.pairs.double_helical import DoubleHelicalPair
     from hbgear.gears.pairs.helical import HelicalPair
     from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
@@ -27,6 +30,7 @@ __all__ = [
     "Gear",
     "GearPair",
     "GearRotorBearing",
+    "HarrisMap",
     "HelicalPair",
     "Housing",
     "Mesh",
@@ -34,12 +38,17 @@ __all__ = [
     "MeshTable",
     "PlanetMode",
     "PlanetarySet",
+    "RootFactors",
     "Shaft",
     "SpurPair",
     "Support",
+    "ToothMesh",
     "Train",
     "Wheel",
+    "harris_map",
     "iso_dynamic_factor",
+    "root_factors",
+    "tooth_mesh",
 ]
 
 if not TYPE_CHECKING:

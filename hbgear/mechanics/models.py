@@ -119,7 +119,7 @@ class Model(ABC):
 
     @property
     def sharing(self) -> Sequence[str]:
-        """Names of the elements that share a load, see `hbgear.analysis.planet_loads`; () means all elements."""
+        """Names of the elements that share a load, see `hbgear.analysis.loads.planet_loads`; () means all elements."""
         return ()
 
     @property

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.plot.free_motions import backbone
     from hbgear.plot.machines.mesh import drive, mesh_cycles
     from hbgear.plot.machines.rotors import campbell
+    from hbgear.plot.machines.teeth import harris_map, tooth_loads
     from hbgear.plot.machines.trains import load_sharing, planetary, train
     from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
     from hbgear.plot.simulation import (
@@ -87,6 +88,7 @@ __all__ = [
     "envelope",
     "figures",
     "fitted",
+    "harris_map",
     "jump_distribution",
     "jump_map",
     "legend_entry",
@@ -106,6 +108,7 @@ __all__ = [
     "speed_axes",
     "sweeps",
     "time_history",
+    "tooth_loads",
     "tornado",
     "train",
     "validation",

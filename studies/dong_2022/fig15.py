@@ -33,9 +33,11 @@ def report(results: Results) -> str:
     """Amplitudes of the lines, and what the measured ones say."""
     point, rig = results["motion"], spectra.RIG[1]
     ratio = point.amplitude("H2") / point.amplitude("H1")
+    ratio_3 = point.amplitude("H3") / point.amplitude("H2")
     text = [
         f"The second order is {ratio:.2f} times the first: superharmonic resonance. The measured lines are exactly "
-        "orders " + ", ".join(f"{order:g}" for order in rig.orders) + ", which every motion of the mesh period has.",
+        "orders " + ", ".join(f"{order:g}" for order in rig.orders) + ", which every motion of the mesh period has. "
+        f"The calculated spectrum of the paper shows the first two; here the third is {ratio_3:.3f} of the second.",
     ]
     return spectra.page(results, text, OMEGA, rig)
 

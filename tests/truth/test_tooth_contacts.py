@@ -14,6 +14,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
+from hbgear.gears.mesh.tooth_forces import pair_forces, static_displacement
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
@@ -24,7 +25,7 @@ CASES = {
 TURN = 2 * np.pi
 
 
-def law(inputs: dict) -> MeshContacts:
+def flanks_of(inputs: dict) -> list[Flank]:
     length, slices = inputs["contact_ratio"], inputs.get("slices", 1)
     if "k_table" in inputs:
         u = np.linspace(0.0, length, inputs["nodes"] + 1)
@@ -44,7 +45,11 @@ def law(inputs: dict) -> MeshContacts:
         for side, flank, backlash in ((1, "drive", 0.0), (-1, "back", inputs.get("backlash", 2.0))):
             errors = {int(pair): x for pair, x in inputs.get(f"pitch_error_{flank}", {}).items()}
             flanks.append(Flank(side, stiffness, gap, backlash, lag, errors))
-    return mesh_contacts(flanks, inputs.get("period_meshes", 1))
+    return flanks
+
+
+def law(inputs: dict) -> MeshContacts:
+    return mesh_contacts(flanks_of(inputs), inputs.get("period_meshes", 1))
 
 
 def system(inputs: dict, mesh: hb.mechanics.Law | None = None, load: float | None = None) -> hb.System:
@@ -141,6 +146,51 @@ def test_without_relief_the_mesh_is_that_of_its_mean_stiffness():
     resolved = hb.trace(problem_of("S1", 24), "Omega", (1.2, 0.5))
     for label in ("LP1", "LP2", "LP3", "LP4"):
         assert abs(curve[label].parameters["Omega"] - resolved[label].parameters["Omega"]) < 2e-8
+
+
+@pytest.mark.parametrize(
+    ("name", "which", "pair", "slice_", "back", "open_"),
+    [
+        ("S3", 9, 1.0493096064153, 1.0493096064153, 0.20225250852488, 0.66746317655687),
+        ("H1", 8, 0.73589168790844, 0.15805892406106, 0.0, 0.67593183994462),
+        ("S9", 0, 0.39180173115378, 0.39180173115378, 0.0, 0.060104570874965),
+    ],
+)
+def test_forces_of_single_pairs(name, which, pair, slice_, back, open_):
+    """Largest forces of a pair, a slice and a back flank, and the time without contact, of the same integration."""
+    inputs, motion = CASES[name]["inputs"], CASES[name]["motions"][which]
+    M = motion["meshes"]
+    H, base = 48 * M, inputs.get("period_meshes", 1)
+    problem = problem_of(name, H, M // base)
+    X, known = np.zeros(2 * H + 1), len(motion["cosine"])
+    X[0], X[1 : 2 * known : 2], X[2 : 2 * known + 1 : 2] = motion["mean"], motion["cosine"], motion["sine"]
+    X = solve(problem, X, {"Omega": motion["Omega"] / base}).X
+    found = pair_forces(flanks_of(inputs), lambda t: evaluate(X, TURN * t / M), M)
+    assert found.force.max() == pytest.approx(pair, rel=2e-4)
+    assert found.drive.max() == pytest.approx(slice_, rel=2e-4)
+    assert found.back.max(initial=0.0) == pytest.approx(back, abs=2e-5)
+    assert np.mean(found.total[:, :1024] <= 0) == pytest.approx(open_, abs=1.5e-3)
+    t = M * (np.arange(4) + 0.3) / 4
+    x = evaluate(X, TURN * t / M)
+    driving = MeshContacts(tuple(c for c in law(inputs).contacts if c.side > 0))
+    drive = driving.force(x, np.zeros(4), TURN * t / base % TURN)[0]
+    sums = [np.interp(s - int(s), found.position[:1024], found.total[int(s), :1024]) for s in t]
+    np.testing.assert_allclose(sums, drive, atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "force", "low", "high"),
+    [
+        ("S3", 0.15, 0.20063492063492, 0.21333333333333),
+        ("S3", 0.5, 0.50086419753086, 0.71111111111111),
+        ("H1", 0.3, 0.31100541683181, 0.3958837116974),
+    ],
+)
+def test_static_transmission_error(name, force, low, high):
+    """Extremes of the equilibrium of all contacts, by another program."""
+    delta = static_displacement(flanks_of(CASES[name]["inputs"]), force)[1]
+    assert delta.min() == pytest.approx(low, abs=2e-7)
+    assert delta.max() == pytest.approx(high, abs=2e-7)
 
 
 def test_a_fluctuating_torque_is_a_field_of_a_pair():

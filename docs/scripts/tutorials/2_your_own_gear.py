@@ -56,20 +56,23 @@ for jump in curve.jumps():
 # Tip relief
 # ----------
 # Tip relief removes material at the tooth tips, which would otherwise make contact too
-# early. The same pair with tip relief at both gears:
+# early. Pairs of teeth that the relief has opened make contact under dynamic load, so the
+# mesh needs a gap for each of them, ``mesh="teeth"``. The same pair with tip relief at both
+# gears:
 
 relieved = hb.GearPair(
-    hb.gears.Gear(teeth=25, module="3 mm", face_width="20 mm", tip_relief="15 um"),
-    hb.gears.Gear(teeth=40, module="3 mm", face_width="20 mm", tip_relief="15 um"),
+    hb.gears.Gear(teeth=25, module="3 mm", face_width="20 mm", tip_relief="20 um"),
+    hb.gears.Gear(teeth=40, module="3 mm", face_width="20 mm", tip_relief="20 um"),
     backlash="80 um",
 )
-smoother = relieved.model(torque="200 N m", damping=0.04)
+smoother = relieved.model(torque="200 N m", damping=0.04, mesh="teeth")
 relieved_curve = hb.trace(
     hb.HarmonicBalance(smoother, harmonics=24), "Omega", model.default_span
 )
 print(len(curve.jumps()), "jumps without relief,", len(relieved_curve.jumps()), "with it")
-hb.plot.responses([curve, relieved_curve], names=["no relief", "tip relief 15 um"])
+hb.plot.responses([curve, relieved_curve], names=["no relief", "tip relief 20 um"])
 
 # %%
-# A :doc:`study </studies/index>` determines the best relief for each load. The commands
+# A :doc:`study </studies/index>` determines the reliefs without a jump for two loads: 17 to
+# 23 um at 200 N m, 10 to 12 um at 100 N m. The commands
 # ``hbgear gear`` and ``hbgear speed`` do the same computation in a shell.

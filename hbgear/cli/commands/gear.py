@@ -292,6 +292,8 @@ def _trace_and_report(
         first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
         print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
         show_speeds(model, curve, machine)
+        if getattr(model, "contacts", None) is not None:
+            print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         found = doubled.result()
         if found:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
@@ -380,6 +382,27 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
     yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
            f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
+
+
+def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:
+    """Yield the largest loads of a pair of teeth on stable motions."""
+    mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.torque), model.scales
+    assert scales is not None
+    found = [(hb.analysis.tooth_loads(point, mesh), point) for point in _largest_motions(curve)]
+    loads, point = max(found, key=lambda one: one[0].force_factor)
+    number, position = loads.largest
+    speed = float(scales.pinion_speed(point.parameters["Omega"]))
+    yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
+           f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
+    pairs = len(loads.force)
+    which = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
+    yield ["it acts on", f"{which}, {position:.2f} mesh periods after the pair enters contact"]
+    for name, stress, factor in zip(("pinion", "wheel"), loads.root_stress, loads.root_factor, strict=True):
+        if np.isfinite(factor):
+            yield [f"largest root stress, {name}", f"{stress.max() / 1e6:.1f} N/mm^2 (ISO 6336-3, nominal), "
+                   f"{factor:.2f} times the static one"]  # fmt: skip
+    back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
+    yield ["separated", f"{loads.separated.max():.0%} of the path of contact; contact on the back flank: {back}"]
 
 
 def _alternative_results(
@@ -501,13 +524,19 @@ def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
 
 def _largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    points = []
     for one in (curve, *curve.others):
         if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
             return "unbounded"
+    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in _largest_motions(curve)), 3)
+
+
+def _largest_motions(curve: hb.Branch) -> list[hb.Point]:
+    """Return the stable points with the largest amplitudes of a curve and of each of its others."""
+    points = []
+    for one in (curve, *curve.others):
         size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
         points += [one[int(i)] for i in np.argsort(size)[-FACTOR_CANDIDATES:]]
-    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in points), 3)
+    return points
 
 
 # ---- input

@@ -226,7 +226,7 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
     for _ in range(200):
         contact, _ = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
         k = np.where(c.present, 1 / (c.teeth + contact), 0.0)
-        new_delta = _spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
+        new_delta = spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
         for _ in range(NEWTON_ITERATIONS if c.spread.any() else 0):
             closed, part = closed_gap(new_delta[:, None], c)
             step = (np.sum(k * closed, axis=1) - force) / np.sum(k * part, axis=1)
@@ -257,7 +257,7 @@ def closed_gap(delta: Array, c: Contacts) -> tuple[Array, Array]:
     return np.where(partial, part**2 * c.spread, np.maximum(x, 0.0)), part
 
 
-def _spring_displacement(k: Array, gap: Array, force: float) -> Array:
+def spring_displacement(k: Array, gap: Array, force: float) -> Array:
     """Return delta (N,) that solves sum_i k_i max(delta - g_i, 0) = F, found by closing the gaps in ascending order."""
     order = np.argsort(gap, axis=1)
     g = np.take_along_axis(gap, order, axis=1)

@@ -51,6 +51,15 @@ class PathFunction(NamedTuple):
         """Length of the path [mesh periods]."""
         return float(self.nodes[-1])
 
+    def at(self, u: Array) -> Array:
+        """Return the values at positions; beyond the ends of the path, the value at the end."""
+        v = np.clip(u, self.nodes[0], self.nodes[-1])
+        piece = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, len(self.rows) - 1)
+        y, out = v - self.nodes[piece], np.zeros_like(v)
+        for column in self.rows.T[::-1]:
+            out = out * y + column[piece]
+        return out
+
     def section(self, first: float, last: float) -> Self:
         """Return the function between two positions, whose distances are from the beginning of the path."""
         inner = self.nodes[(self.nodes > first + ROUNDING) & (self.nodes < last - ROUNDING)]

@@ -89,11 +89,22 @@ class ToothMesh:
         Mean of the sum of the stiffness of all pairs, with their gaps closed [N/m].
     force : float
         Static mesh force at which the compliance of the contacts was evaluated [N].
+    pair : GearPair
+        Gear pair.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> mesh = hb.gears.tooth_mesh(hb.GearPair(pinion, wheel, backlash="80 um"), "200 N m")
+    >>> len(mesh.flanks), f"{mesh.stiffness:.3g}"
+    (2, '3.95e+08')
     """
 
     flanks: tuple[Flank, ...]
     stiffness: float
     force: float
+    pair: GearPair
 
     def contacts(self, length: float) -> MeshContacts:
         """Return the contacts over one mesh period without backlash, in units of a length [m] and of ``stiffness``."""
@@ -152,7 +163,7 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
         flanks.append(Flank(-1, stiffness.mirrored(path.centre), back.mirrored(path.centre), lag=path.lag[number]))
     path.check_sharing()
     mean = sum(_integral(flank.stiffness) for flank in flanks if flank.side > 0)
-    return ToothMesh(tuple(flanks), mean, force)
+    return ToothMesh(tuple(flanks), mean, force, pair)
 
 
 def tooth_centre(pair: GearPair) -> float:

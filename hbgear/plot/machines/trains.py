@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.planet_loads import LoadSharing
+from hbgear.analysis.loads.planet_loads import LoadSharing
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.gears.trains.planetary import PlanetarySet

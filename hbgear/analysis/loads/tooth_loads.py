@@ -1,0 +1,180 @@
+"""Loads of single pairs of teeth in a periodic motion of a tooth-resolved mesh.
+
+    factor = max F_p / max F_static            over all pairs p, slices and positions u on the path of contact
+    sigma_p(u) = cos(alpha_t) / (b m_n) sum_l F_pl(u) Y_F(u_l) Y_S(u_l)
+    root factor = max sigma_p / max sigma_static
+
+F_pl are the forces on the slices l of pair p along the line of action (`hbgear.gears.mesh.tooth_forces`); F_static is
+the force of a pair in the static state of the same mesh. sigma is the nominal root stress of ISO 6336-3 with the form
+factors at the position of each slice (`hbgear.gears.drawing.root_stress`), averaged over the face width b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.text.messages import quoted
+from hbgear.continuation.results.point import Point
+from hbgear.gears.drawing.root_stress import root_factors
+from hbgear.gears.mesh.tooth_forces import PairForces, pair_forces, static_displacement
+from hbgear.gears.mesh.tooth_mesh import ToothMesh
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.series.fourier import evaluate
+
+
+@dataclass(frozen=True, eq=False)
+class ToothLoads:
+    """Loads of the M pairs of teeth that enter contact within a period, at P positions on their path.
+
+    Attributes
+    ----------
+    forces : PairForces
+        Forces of all pairs and slices [N] and the displacement [m].
+    static : PairForces
+        The same in the static state, of one pair.
+    root_stress, static_root_stress : ndarray, shape (2, M, P) and (2, 1, P)
+        Nominal root stress of the pinion and of the wheel [N/m^2]; nan for a ring gear.
+    """
+
+    forces: PairForces
+    static: PairForces
+    root_stress: Array
+    static_root_stress: Array
+
+    @property
+    def position(self) -> Array:
+        """Position on the path of contact [mesh periods], shape (P,)."""
+        return self.forces.position
+
+    @property
+    def force(self) -> Array:
+        """Force on the driving flanks of each pair [N], shape (M, P)."""
+        return self.forces.force
+
+    @property
+    def back(self) -> Array:
+        """Force on the back flanks of each pair [N], shape (M, P)."""
+        out: Array = self.forces.back.sum(axis=0)
+        return out
+
+    @property
+    def share(self) -> Array:
+        """Part of each pair in the mesh force at the same time, shape (M, P)."""
+        return self.forces.share
+
+    @property
+    def largest(self) -> tuple[int, float]:
+        """Pair with the largest force, counted from 0, and the position of this force [mesh periods]."""
+        pair, at = np.unravel_index(int(np.argmax(self.force)), self.force.shape)
+        return int(pair), float(self.position[at])
+
+    @property
+    def force_factor(self) -> float:
+        """Largest force of a pair over its largest static force."""
+        return float(self.force.max() / self.static.force.max())
+
+    @property
+    def root_factor(self) -> tuple[float, float]:
+        """Largest root stress of the pinion and of the wheel over the largest static one; nan for a ring gear."""
+        pinion, wheel = (self.root_stress.max(axis=(1, 2)) / self.static_root_stress.max(axis=(1, 2))).tolist()
+        return pinion, wheel
+
+    @property
+    def separated(self) -> Array:
+        """Part of its static path of contact on which each pair is not in contact, shape (M,)."""
+        path = self.static.force[0] > 0
+        out: Array = np.mean(self.force[:, path] <= 0, axis=1)
+        return out
+
+    @property
+    def back_contact(self) -> Array:
+        """Duration of the contact of each pair on its back flank [mesh periods], shape (M,)."""
+        out: Array = np.sum(self.back > 0, axis=1) * float(self.position[1] - self.position[0])
+        return out
+
+
+@checked_arguments()
+def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothLoads:
+    """Compute the loads of single pairs of teeth; see the equations in the module header.
+
+    Parameters
+    ----------
+    point : Point
+        Point of a branch of a model with this mesh, ``pair.model(torque, damping, mesh="teeth")``.
+    mesh : ToothMesh
+        The mesh, from ``hb.gears.tooth_mesh(pair, torque)``.
+    element : int or str, optional
+        Element by number or name. The default is the first element.
+
+    Returns
+    -------
+    ToothLoads
+        Forces and root stresses over the path of contact.
+
+    Raises
+    ------
+    ValueError
+        If the point has no problem, or its element has not the contacts of this mesh.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> pair = hb.GearPair(pinion, wheel, backlash="80 um")
+    >>> problem = hb.HarmonicBalance(pair.model("200 N m", 0.04, mesh="teeth"), 12)
+    >>> curve = hb.trace(problem, "Omega", (1.5, 1.4), stability=False, special=False)
+    >>> found = hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(pair, "200 N m"))
+    >>> round(found.force_factor, 2), found.separated.tolist()
+    (0.91, [0.0])
+    """
+    layout = layout_of(point)
+    if layout is None or point.problem is None or point.problem.model is None:
+        raise ValueError("tooth_loads: the point has no model; give a point of a traced branch of a HarmonicBalance")
+    index = layout.index(element)
+    model = point.problem.model.at(point.parameters)
+    law = model.system().elements[index].law
+    b = mesh.pair.half_backlash
+    if not isinstance(law, MeshContacts) or law != mesh.contacts(1.0).scaled(1.0, 1 / b).widened(
+        getattr(model, "b", 1.0)
+    ):
+        raise ValueError(
+            f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
+            'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
+        )
+    row, meshes = point.coefficients(index), layout.nu
+    forces = pair_forces(mesh.flanks, lambda t: b * evaluate(row, 2 * np.pi * t / meshes), meshes, b)
+    phase, delta = static_displacement(mesh.flanks, mesh.force, b)
+    static = pair_forces(mesh.flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
+    stress, static_stress = (root_stress(mesh, some) for some in (forces, static))
+    return ToothLoads(forces, static, stress, static_stress)
+
+
+def root_stress(mesh: ToothMesh, forces: PairForces) -> Array:
+    """Return the root stress of pinion and wheel [N/m^2] at all positions, shape (2, M, P); nan for a ring gear.
+
+    Parameters
+    ----------
+    mesh : ToothMesh
+        The mesh.
+    forces : PairForces
+        Forces of its pairs [N].
+    """
+    pair = mesh.pair
+    begin, end = pair.path
+    lags = np.array([flank.lag for flank in mesh.flanks if flank.side > 0])
+    s = np.clip(begin + (forces.position - lags[:, None]) * pair.base_pitch, begin, end)
+    out = np.full((2, *forces.displacement.shape), np.nan)
+    for i, (gear, distance) in enumerate(((pair.pinion, s), (pair.wheel, pair.tangent_length - s))):
+        if gear.internal:
+            continue
+        factors = root_factors(gear, 2 * np.hypot(distance, gear.base_diameter / 2))
+        product = (factors.form * factors.correction)[:, None]
+        scale = cos(gear.transverse_pressure_angle) / (pair.face_width * gear.module)
+        out[i] = scale * np.sum(forces.drive * product, axis=0)
+    return out

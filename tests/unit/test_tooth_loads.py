@@ -1,0 +1,127 @@
+"""Form factors of ISO 6336-3, loads of single pairs of teeth and static transmission error over torque."""
+
+from math import cos, pi
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.gears.drawing.tooth import Tooth
+from hbgear.gears.mesh.tooth_forces import static_displacement
+
+
+def gear(z, **fields):
+    return hb.gears.Gear(**{"teeth": z, "module": "3 mm", "face_width": "20 mm", **fields})
+
+
+def pair(relief=12e-6, **fields):
+    return hb.GearPair(*(gear(z, tip_relief=relief, **fields) for z in (25, 40)), backlash="80 um")
+
+
+PUBLISHED = {
+    17: (2.97, 1.52), 20: (2.80, 1.55), 25: (2.62, 1.59), 30: (2.52, 1.625), 40: (2.40, 1.67), 60: (2.28, 1.73),
+    100: (2.18, 1.79), 200: (2.12, 1.865),
+}  # fmt: skip
+"""Y_F and Y_S for a force at the tip, rack of 20 degrees, dedendum 1.25, tip radius 0.38: GB/T 3480 (ISO 6336-3), as
+tabulated in textbooks of machine design with two decimals."""
+
+
+@pytest.mark.parametrize("z", PUBLISHED)
+def test_form_factors_are_the_published_ones(z):
+    found = hb.gears.root_factors(gear(z), gear(z).tip_diameter_used)
+    assert float(found.form) == pytest.approx(PUBLISHED[z][0], rel=8e-3)
+    assert float(found.correction) == pytest.approx(PUBLISHED[z][1], rel=3e-3)
+
+
+@pytest.mark.parametrize(("z", "x", "beta"), [(17, 0.0, 0.0), (25, 0.4, 0.0), (60, -0.2, 0.3)])
+def test_the_root_is_where_the_generated_fillet_is_inclined_by_30_degrees(z, x, beta):
+    """Thickness there, by differences of the trochoid instead of the closed form."""
+    one = gear(z, profile_shift=x, helix_angle=beta)
+    tooth = Tooth(one)
+    r, a = tooth._fillet()
+    up, half = r * np.cos(a), r * np.sin(a)
+    slope = -np.gradient(half) / np.gradient(up)
+    order = np.argsort(slope)
+    thickness = 2 * np.interp(np.tan(pi / 6), slope[order], half[order])
+    found = hb.gears.root_factors(one, one.reference_diameter)
+    assert found.thickness == pytest.approx(thickness, rel=1e-3)
+
+
+def test_what_has_no_form_factor():
+    with pytest.raises(ValueError, match="ring gear; form factors"):
+        hb.gears.root_factors(gear(80, internal=True), 0.24)
+    with pytest.raises(ValueError, match=r"not on the involute; give values from the base diameter 70\.4769 mm"):
+        hb.gears.root_factors(gear(25), 0.07)
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """A stable motion with loss of contact, below the resonance."""
+    gears = pair()
+    mesh = hb.gears.tooth_mesh(gears, 200.0)
+    problem = hb.HarmonicBalance(gears.model(200.0, 0.04, mesh="teeth"), 16)
+    curve = hb.trace(problem, "Omega", (1.2, 0.7), special=False, cover=False)
+    point = max((curve[i] for i in np.flatnonzero(curve.stable)), key=lambda p: p.amplitude("max"))
+    return gears, mesh, point, hb.analysis.tooth_loads(point, mesh)
+
+
+def test_pair_forces_add_to_the_mesh_force(loaded):
+    _, mesh, point, loads = loaded
+    model = point.problem.model
+    factor = hb.analysis.dynamic_factor(model, point)
+    static = mesh.force
+    assert loads.forces.total.max() == pytest.approx(factor * static, rel=1e-3)
+    assert loads.static.force.max() == pytest.approx(static, rel=1e-9)  # one pair carries all between two
+    np.testing.assert_allclose(loads.static.total, static, rtol=1e-9)
+    assert 1.5 < loads.force_factor == pytest.approx(loads.force.max() / static)
+    assert 0.1 < loads.separated[0] < 0.6 and loads.back_contact[0] == 0.0
+    number, position = loads.largest
+    assert number == 0 and loads.force[0, np.searchsorted(loads.position, position)] == loads.force.max()
+
+
+def test_root_stress_of_the_standard_at_the_outer_point_of_single_contact(loaded):
+    """sigma_F0 = F_t / (b m) Y_F Y_S there, with the whole static force on one pair."""
+    gears, mesh, _, loads = loaded
+    begin = gears.path[0]
+    for i, (wheel, s) in enumerate((
+        (gears.pinion, begin + gears.base_pitch),
+        (gears.wheel, gears.tangent_length - begin - (gears.contact_ratio - 1) * gears.base_pitch),
+    )):  # fmt: skip
+        factors = hb.gears.root_factors(wheel, 2 * np.hypot(s, wheel.base_diameter / 2))
+        force = mesh.force * cos(wheel.transverse_pressure_angle)
+        nominal = force / (0.02 * 0.003) * float(factors.form * factors.correction)
+        assert loads.static_root_stress[i].max() == pytest.approx(nominal, rel=2e-3)
+    assert all(factor > 1.5 for factor in loads.root_factor)
+
+
+def test_another_mesh_is_refused(loaded):
+    gears, mesh, point, _ = loaded
+    with pytest.raises(ValueError, match="give the tooth_mesh of the same pair and torque"):
+        hb.analysis.tooth_loads(point, hb.gears.tooth_mesh(gears, 150.0))
+    problem = hb.HarmonicBalance(gears.model(200.0, 0.04, mesh="secant"), 4)
+    with pytest.raises(ValueError, match="has not the contacts of this mesh"):
+        hb.analysis.tooth_loads(hb.trace(problem, "Omega", (1.5, 1.49))[0], mesh)
+
+
+def test_harris_map_is_the_static_state_of_the_tooth_resolved_mesh():
+    """At the torque of the mesh both have the same compliance of the contacts; the best torque is in between."""
+    gears, torques = pair(), (50.0, 120.0, 200.0)
+    found = hb.gears.harris_map(gears, torques)
+    for torque, error in zip(torques, found.error, strict=True):
+        mesh = hb.gears.tooth_mesh(gears, torque)
+        phase, delta = static_displacement(mesh.flanks, mesh.force)
+        inner = np.abs((found.phase - gears.contact_ratio) % 1.0 - 0.5) < 0.49
+        inner &= (found.phase > 0.01) & (found.phase < 0.99)
+        exact = np.interp(found.phase[inner], phase, delta)
+        np.testing.assert_allclose(error[inner], exact, rtol=1e-3)
+    assert np.argmin(found.peak_to_peak) == 1
+    with pytest.raises(ValueError, match="torques is empty"):
+        hb.gears.harris_map(gears, [])
+
+
+def test_figures(loaded, tmp_path):
+    figure = hb.plot.tooth_loads(loaded[3])
+    assert [ax.get_ylabel() for ax in figure.axes] == ["force of a pair of teeth [kN]", "share in the mesh force [-]"]
+    ax = hb.plot.harris_map(hb.gears.harris_map(pair(), [50.0, 200.0], phases=32))
+    assert ax.lines[0].get_label().startswith("50 N m")
+    hb.plot.save(figure, tmp_path / "a.png")
