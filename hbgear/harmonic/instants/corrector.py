@@ -118,9 +118,12 @@ def correct(family: Family, state: CurveState, row: Array, scale: Array) -> tupl
         If Newton's method does not converge.
     """
     start = state.z
+    now, J = jacobian(family, state)
+    bordered = np.vstack([J, row / scale])
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        now, J = jacobian(family, state)
-        bordered = np.vstack([J, row / scale])
+        if iteration > 1:  # dF/dp of the first iteration is accurate enough for the others
+            now = linearise(family(state.value), state.iterate)
+            bordered[:-1, :-1] = now.J
         rhs = -np.append(now.R, row @ ((state.z - start) / scale))
         try:
             step = np.linalg.solve(bordered * scale, rhs) * scale

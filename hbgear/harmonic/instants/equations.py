@@ -88,6 +88,7 @@ class Equations:
         self.system, self.nu, self.m = system, nu, len(system.elements)
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
+        self.constant_flows: dict[Contacts, Flow | None] = {}
 
     @cached_property
     def starts(self) -> Array:
@@ -171,6 +172,14 @@ class Equations:
         """The structure, if it does not depend on Omega."""
         return StateSpace(self.system)
 
+    @cached_property
+    def is_inverse(self) -> bool:
+        """Whether all forces are independent of Omega, so that A is A_1 / Omega + S."""
+        system = self.system
+        moving = any(e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
+                     for e in system.elements)  # fmt: skip
+        return system.speed is None and not moving and all(load.power == 0 for load in system.loads)
+
     def structure(self, Omega: float) -> StateSpace:
         """Return the structure at a frequency."""
         return self.fixed if self.system.speed is None else StateSpace(self.system.at_speed(Omega))
@@ -235,8 +244,23 @@ class EquationsAt:
         """Return the flow for the contacts of all elements."""
         found = self._flows.get(contacts)
         if found is None:
-            found = self._flows[contacts] = self._assemble_flow(contacts)
+            found = self._flows[contacts] = self._constant_flow(contacts) or self._assemble_flow(contacts)
         return found
+
+    def _constant_flow(self, contacts: Contacts) -> Flow | None:
+        """Return A_1 / Omega + S from matrices that are assembled once; None if A has other powers of Omega."""
+        equations = self.equations
+        if not equations.is_inverse:
+            return None
+        if contacts not in equations.constant_flows:
+            unit = equations.at(1.0)._assemble_flow(contacts)
+            equations.constant_flows[contacts] = None if unit.stiffness else unit
+        unit_flow = equations.constant_flows[contacts]
+        if unit_flow is None:
+            return None
+        A = unit_flow.A.copy()
+        A[: self.size] /= self.Omega
+        return Flow(A, unit_flow.b, unit_flow.r, (), float(np.abs(A).sum(axis=0).max()))
 
     def _assemble_flow(self, contacts: Contacts) -> Flow:
         """Compute `flow` for the contacts of all elements."""
