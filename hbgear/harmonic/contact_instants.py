@@ -9,11 +9,12 @@ curve.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,28 +23,68 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import events_of
+from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.instants.corrector import CurveState, Family
+from hbgear.harmonic.instants.checking import sample_gaps
+from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.following import ExactCurve, Follower
-from hbgear.harmonic.instants.pattern import InconsistentPatternError
-from hbgear.harmonic.instants.refine import Approximation, ExactMotion, initial, solve
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.refine import Approximation, ExactMotion, exact_motion_of, initial, solve
 from hbgear.harmonic.instants.results import build_exact_branch
+from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.instants.spectrum import coefficients
-from hbgear.harmonic.stability.exact_motion import refine_motion
 from hbgear.mechanics.models import Model
 
 CONTACT_INSTANTS = "contact instants"
 """Name of this discretisation in the headers of files."""
+
+MAX_REFINEMENT_DISTANCE = 0.3
+"""Distance of an exact motion from given coefficients, relative to them, beyond which it is another motion."""
+
+NEIGHBOURS = 3
+"""Number of known points from which Newton's method starts."""
+
+
+class KnownStates(NamedTuple):
+    """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states."""
+
+    name: str
+    fixed: dict[str, float]
+    values: Array
+    X: Array
+    states: list[CurveState]
+
+
+class DoublingStart(NamedTuple):
+    """Period doubling at which a branch begins: coefficients and known points of its branch."""
+
+    X: Array
+    known: KnownStates | None
+
+
+class ExactPeriodDoubling(PeriodDoublingEvent):
+    """Period doubling of exact motions: the branch of twice the period is traced in contact instants as well."""
+
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
+        """Return the problem of twice the period and the start at the point; both sides are the same motion."""
+        problem = point.problem or branch.require_problem()
+        doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
+        doubled.known = None
+        X = np.zeros(doubled.size)
+        return doubled, BranchStart(
+            X, dict(point.parameters), np.append(X, 0.0), event=DoublingStart(point.X, problem.known)
+        )
 
 
 class ContactInstants(HarmonicBalance):
@@ -89,6 +130,9 @@ class ContactInstants(HarmonicBalance):
     (True, 'LP', 1.731365)
     """
 
+    known: KnownStates | None = None
+    """Points of the branch to which the problem belongs."""
+
     @checked_arguments()
     def __init__(self, model: Model, harmonics: int = 16, nu: int = 1) -> None:
         super().__init__(model, harmonics=harmonics, nu=nu)
@@ -111,21 +155,50 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If there is no motion near X.
         """
-        return refine_motion(self, X, parameters)
+        equations = self.compiled(dict(parameters)).contact_equations
+        at, iterate = equations.at(float(parameters["Omega"])), self._exact_state(X, "Omega", parameters).iterate
+        return exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
 
     def _exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
-        """Return the exact motion near coefficients X as the state of a curve in a parameter."""
+        """Return the exact motion near coefficients X as the state of a curve in a parameter.
+
+        Newton's method starts from the nearest points of the branch of this problem, if it has one, whose short
+        contacts are not visible in X; else from the switching times of X.
+        """
+        equations = self.compiled(dict(parameters)).contact_equations
+        at = equations.at(float(parameters["Omega"]))
+        for state in self._nearest_states(X, parameters):
+            with suppress(NoConvergence, InconsistentPatternError):
+                iterate = solve(at, state.iterate, False)[1]
+                if float(np.linalg.norm(coefficients(at, iterate, self.H)[0].ravel() - X)) <= (
+                    MAX_REFINEMENT_DISTANCE * (float(np.linalg.norm(X)) or 1.0)
+                ):
+                    return CurveState.of(iterate, float(parameters[name]))
+        try:
+            iterate = solve(at, self._guess(at, X, parameters), False)[1]
+        except InconsistentPatternError as error:
+            raise NoConvergence(f"no exact motion found: {error}", X, dict(parameters), []) from error
+        return CurveState.of(iterate, float(parameters[name]))
+
+    def _guess(self, at: EquationsAt, X: Array, parameters: Mapping[str, float]) -> Iterate:
+        """Return the switches and states of coefficients X."""
         compiled = self.compiled(dict(parameters))
-        equations, crossings = compiled.contact_equations, compiled.crossings(X)
-        number = np.concatenate([np.arange(len(b)) for b in equations.breakpoints]).astype(int)
+        crossings = compiled.crossings(X)
+        number = np.concatenate([np.arange(len(b)) for b in at.equations.breakpoints]).astype(int)
         found = [
             (float(theta * self.nu), int(compiled.element[row]), int(number[row]), int(sign))
             for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
         ]
-        at = equations.at(float(parameters["Omega"]))
-        guess = Approximation(self.motion(X, **parameters), found)
-        _, iterate, _ = solve(at, initial(at, guess), False)
-        return CurveState.of(iterate, float(parameters[name]))
+        return initial(at, Approximation(self.motion(X, **parameters), found))
+
+    def _nearest_states(self, X: Array, parameters: Mapping[str, float]) -> list[CurveState]:
+        """Return the states of the known points nearest to coefficients X; none at other fixed parameters."""
+        known = self.known
+        if known is None or {k: v for k, v in parameters.items() if k != known.name} != known.fixed:
+            return []
+        distance = np.linalg.norm(known.X - X, axis=1) / (float(np.linalg.norm(X)) or 1.0)
+        distance = distance + np.abs(known.values - parameters[known.name]) / float(np.ptp(known.values) or 1.0)
+        return [known.states[i] for i in np.argsort(distance, kind="stable")[:NEIGHBOURS]]
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return X minus the coefficients of the exact motion near X, and the unit matrix."""
@@ -171,6 +244,13 @@ class ContactInstants(HarmonicBalance):
         return [
             self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
         ]
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Return the events of periodic motions; a period doubling leads to a curve in contact instants."""
+        return tuple(
+            ExactPeriodDoubling() if isinstance(event, PeriodDoublingEvent) else event
+            for event in super().events(parameter)
+        )
 
     # ---- curves
 
@@ -221,6 +301,12 @@ class ContactInstants(HarmonicBalance):
         branch = build_exact_branch(
             self, follower.family, setup.name, setup.fixed, curve, events, header, settings.stability
         )
+        problem = copy.copy(self)
+        states = [point.state for point in curve.points]
+        problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states)
+        branch = replace(
+            branch, problem=problem, special=tuple(replace(point, problem=problem) for point in branch.special)
+        )
         return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
 
     def _first_state(self, setup: Any, start: Any) -> tuple[CurveState, Array | None]:
@@ -232,7 +318,31 @@ class ContactInstants(HarmonicBalance):
             X = self.balance.start(**here)
         else:
             X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
+        if isinstance(start, BranchStart) and start.away:
+            return self._doubled_start(start, name, here)
         return self._exact_state(self.resized(X), name, here), None
+
+    def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
+        """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.
+
+            [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
+        """
+        half = self.with_order(self.nu // 2, max(1, self.H // 2))
+        half.known = start.event.known if isinstance(start.event, DoublingStart) else None
+        X = start.event.X if isinstance(start.event, DoublingStart) else half.resized(start.X)
+        single = half._exact_state(X, name, here)
+        iterate, period = single.iterate, math.tau * half.nu
+        pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
+        twice = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
+        state = CurveState.of(twice, single.value)
+        J = jacobian(self.family(name, {k: v for k, v in here.items() if k != name}), state)[1]
+        scale = state.scale(1.0)
+        n, free = single.iterate.x.size, len(single.z) - 1 - single.iterate.x.size
+        blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
+        antisymmetric = np.zeros((len(state.z), n + free))
+        antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
+        null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
+        return state, (antisymmetric @ null) * scale
 
 
 def _remembering(make: Callable[[float], EquationsAt]) -> Family:

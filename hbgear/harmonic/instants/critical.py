@@ -9,7 +9,6 @@ point without truncation, and its zero is bracketed between two points of a curv
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +22,9 @@ from hbgear.harmonic.instants.shooting import Linearisation
 
 REAL_PAIR_TOLERANCE = 1e-6
 """Imaginary part up to which two multipliers of product one are a real pair and no Neimark-Sacker point."""
+
+BRANCH_POINT_TOLERANCE = 1e-7
+"""Fraction of a segment up to which a branch point is located; closer to it the equations are nearly singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +95,14 @@ def _locate(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> tuple[fl
         last.append(point_between(family, a, b, s))
         return last[-1].tests[kind]
 
-    s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-14, maxiter=60))
-    return s, point_between(family, a, b, s)
+    tolerance = BRANCH_POINT_TOLERANCE if kind == "BP" else 1e-13
+    try:
+        s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=tolerance, rtol=1e-14, maxiter=60))
+        return s, point_between(family, a, b, s)
+    except NoConvergence:
+        if kind != "BP" or len(last) < 2:
+            raise
+        return 0.5, min(last, key=lambda point: abs(point.tests["BP"]))
 
 
 def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> ExactPoint:
@@ -114,8 +122,3 @@ def _is_complex_pair(mu: ComplexArray) -> bool:
     near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
     return bool(abs(near.imag) > REAL_PAIR_TOLERANCE)
 
-
-Evaluate = Callable[[float], ExactPoint]
-"""Point at a fraction of a segment."""
-
-__all__ = ["ExactPoint", "NoConvergence", "exact_point", "point_between", "special_points"]

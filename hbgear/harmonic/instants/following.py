@@ -33,7 +33,7 @@ from hbgear.harmonic.instants.grazing import (
 )
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 
-FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.2
+FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
 """Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
 
 LARGEST_TURN_COSINE = math.cos(math.radians(18.0))
@@ -47,6 +47,16 @@ PREDICTED_LOSS = 0.55
 
 FAST_ITERATIONS = 4
 """Number of corrector iterations up to which the step grows."""
+
+DEPARTURE = 1e-3
+"""Distance, in scaled unknowns, of the first point of a branch from the point at which it leaves another one."""
+
+SHORTER_PERIOD_DISTANCE = 1e-5
+"""Distance of the states of two periods, relative to the states, at which a motion has the shorter period."""
+
+MAX_MULTIPLIER_CHANGE, MULTIPLIER_STEP = 0.8, 1e-3
+"""Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
+step, and the step from which it is limited."""
 
 CLOSED_DISTANCE = 0.5
 """Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
@@ -107,12 +117,15 @@ class Follower:
         if direction is not None:
             along = direction / scale
             along = hold = along / np.linalg.norm(along)
+            state = state.moved(state.z + DEPARTURE * along * scale)  # equations are singular where curves cross
         try:
             first = exact_point(self.family, state, hold, scale, along)
             self._accept(first, sample_gaps(self.family(first.state.value), first.state.iterate)[0], 0.0)
             while not self._ended():
                 self._advance()
         except (NoConvergence, InconsistentPatternError) as error:
+            if not self.curve.points:
+                raise NoConvergence(str(error), state.z[:-1], {self.name: state.value}, []) from error
             reason = error.reason if isinstance(error, _Stop) else str(error)
             at = self.curve.points[-1].state.value if self.curve.points else state.value
             self.curve.status, self.curve.message = Status.STEP_TOO_SMALL, f"{reason} at {self.name} = {at:.9g}"
@@ -129,6 +142,8 @@ class Follower:
                 point, samples, missed = self._solved(last, length)
                 if self._turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
+                if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_MULTIPLIER_CHANGE:
+                    raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
                 if missed:
                     self._open(last, point, missed)
                     return
@@ -144,7 +159,7 @@ class Follower:
             self._finish(last, point)
             return
         self._add(point, samples, length)
-        vanishing = self._vanishing(point)
+        vanishing = [] if self.curve.message else self._vanishing(point)
         if vanishing:
             self._close(point, vanishing)
 
@@ -266,6 +281,14 @@ class Follower:
         last = self.curve.points[-1]
         if self.special and last.state.pattern == point.state.pattern:
             for kind, _, found in special_points(self.family, last, point):
+                if kind == "BP" and _has_shorter_period(found.state):
+                    self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
+                    self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
+                    self.curve.status = Status.MERGED
+                    self.curve.message = (
+                        f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
+                    )
+                    return
                 self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
                 self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
         self._accept(point, samples, length)
@@ -326,6 +349,25 @@ class Follower:
         s = float(offset @ chord) / length**2
         away = float(np.linalg.norm(offset - s * chord))
         return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+
+def _has_shorter_period(state: CurveState) -> bool:
+    """Return whether a motion of an even number of switches repeats after half of its period."""
+    iterate, K = state.iterate, state.pattern.count
+    if K % 2 or state.pattern.switches[: K // 2] != state.pattern.switches[K // 2 :]:
+        return False
+    difference = float(np.abs(iterate.x[: K // 2] - iterate.x[K // 2 :]).max())
+    return difference < SHORTER_PERIOD_DISTANCE * float(np.abs(iterate.x).max())
+
+
+def multiplier_change(a: ExactPoint, b: ExactPoint) -> float:
+    """Return the largest change of a coefficient of the characteristic polynomial of the leading multipliers."""
+    first, second = (np.poly(point.multipliers[:LEADING_MULTIPLIERS]).real for point in (a, b))
+    return float(np.abs(first - second).max()) if len(first) == len(second) else 0.0
+
+
+LEADING_MULTIPLIERS = 4
+"""Number of multipliers, largest modulus first, whose change limits a step."""
 
 
 class _Stop(NoConvergence):
