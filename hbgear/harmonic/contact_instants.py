@@ -28,12 +28,12 @@ from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
+from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.checking import sample_gaps
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
@@ -312,7 +312,9 @@ class ContactInstants(HarmonicBalance):
     def _first_state(self, setup: Any, start: Any) -> tuple[CurveState, Array | None]:
         """Return the first state of a curve, and its direction if the start gives one."""
         name = setup.name
-        value = float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
+        value = (
+            float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
+        )
         here = setup.parameters_at(value)
         if start is None:
             X = self.balance.start(**here)
@@ -325,7 +327,7 @@ class ContactInstants(HarmonicBalance):
     def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
         """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.
 
-            [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
+        [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
         """
         half = self.with_order(self.nu // 2, max(1, self.H // 2))
         half.known = start.event.known if isinstance(start.event, DoublingStart) else None
@@ -370,7 +372,6 @@ def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[
             progress(Progress(done, text, {"value": value, "points": len(curve.points), "step": step}))
 
     return report
-
 
 
 UNRESOLVED_CONTACT = 2.0

@@ -24,8 +24,8 @@ from hbgear.gears import (
     Train,
     Wheel,
 )
-from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
+from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model_lookup import find_model_class, installed

@@ -26,8 +26,8 @@ Family = Callable[[float], EquationsAt]
 MAX_CORRECTOR_ITERATIONS = 12
 """Largest number of corrector iterations; a good prediction needs two to four."""
 
-CORRECTOR_TOLERANCE = 1e-8
-"""Scaled size of the last Newton step; the error after it is of the order of its square."""
+CORRECTOR_TOLERANCE = 1e-10
+"""Scaled size of the last Newton step; the error after it is a thousandth of it or less."""
 
 PARAMETER_STEP = 1e-6
 """Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
@@ -104,8 +104,12 @@ def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
     return now, np.column_stack([now.J, (up - down) / (2 * h)])
 
 
-def correct(family: Family, state: CurveState, row: Array, scale: Array) -> tuple[CurveState, Linearisation, Array, int]:
+def correct(
+    family: Family, state: CurveState, row: Array, scale: Array
+) -> tuple[CurveState, Linearisation, Array, int]:
     """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
+
+    F_p is computed at the prediction only. It affects the length of tangents in p, but not the sign of det F_u.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def correct(family: Family, state: CurveState, row: Array, scale: Array) -> tupl
     now, J = jacobian(family, state)
     bordered = np.vstack([J, row / scale])
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        if iteration > 1:  # dF/dp of the first iteration is accurate enough for the others
+        if iteration > 1:
             now = linearise(family(state.value), state.iterate)
             bordered[:-1, :-1] = now.J
         rhs = -np.append(now.R, row @ ((state.z - start) / scale))
@@ -135,8 +139,8 @@ def correct(family: Family, state: CurveState, row: Array, scale: Array) -> tupl
         factor = _factor(family, state, step)
         state = state.moved(state.z + factor * step)
         if factor == 1.0 and size <= CORRECTOR_TOLERANCE:
-            now, J = jacobian(family, state)
-            return state, now, J, iteration
+            now = linearise(family(state.value), state.iterate)
+            return state, now, np.column_stack([now.J, bordered[:-1, -1]]), iteration
     raise _failed(state)
 
 

@@ -121,4 +121,3 @@ def _is_complex_pair(mu: ComplexArray) -> bool:
     """Return whether the multipliers nearest to the unit circle are a complex pair."""
     near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
     return bool(abs(near.imag) > REAL_PAIR_TOLERANCE)
-

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -56,7 +56,8 @@ class Contacts(NamedTuple):
 class Flow:
     """The flow dy/dtau = (A + sum_s kappa_s(tau) b_s r_s^T) y between two instants.
 
-    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : an upper bound of the norm of the matrix.
+    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : an upper bound of the norm of the matrix;
+    with constant stiffness the largest modulus of an eigenvalue.
     """
 
     A: Array
@@ -254,13 +255,18 @@ class EquationsAt:
             return None
         if contacts not in equations.constant_flows:
             unit = equations.at(1.0)._assemble_flow(contacts)
-            equations.constant_flows[contacts] = None if unit.stiffness else unit
+            fastest = float(np.abs(np.linalg.eigvals(self.structure_matrix(unit))).max(initial=0.0))
+            equations.constant_flows[contacts] = None if unit.stiffness else replace(unit, rate=fastest)
         unit_flow = equations.constant_flows[contacts]
         if unit_flow is None:
             return None
         A = unit_flow.A.copy()
         A[: self.size] /= self.Omega
-        return Flow(A, unit_flow.b, unit_flow.r, (), float(np.abs(A).sum(axis=0).max()))
+        return Flow(A, unit_flow.b, unit_flow.r, (), max(unit_flow.rate / self.Omega, *equations.orders, 1.0, 1.0))
+
+    def structure_matrix(self, flow: Flow) -> Array:
+        """Return the part of A that acts on the state of the structure."""
+        return flow.A[: self.size, : self.size]
 
     def _assemble_flow(self, contacts: Contacts) -> Flow:
         """Compute `flow` for the contacts of all elements."""

@@ -54,7 +54,7 @@ DEPARTURE = 1e-3
 SHORTER_PERIOD_DISTANCE = 1e-5
 """Distance of the states of two periods, relative to the states, at which a motion has the shorter period."""
 
-MAX_MULTIPLIER_CHANGE, MULTIPLIER_STEP = 0.8, 1e-3
+MAX_MULTIPLIER_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
 """Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
 step, and the step from which it is limited."""
 

@@ -2,7 +2,8 @@
 
     F(u, p) = 0,   h(t; u, p) = 0,   dh/dt = 0          h distance beyond a breakpoint, at phase t
 
-u are the unknowns without the contact. On the other side of the point two switches enter, t -+ delta / 2. Near the point
+u are the unknowns without the contact. On the other side of the point two switches enter, at t - delta / 2 and
+t + delta / 2. Near the point
 
     p - p_GR = O(delta^2),   delta >= 0
 
@@ -152,7 +153,8 @@ def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[Cu
     durations = guess.iterate.durations(at.period)
     switch = point.contacts[0].switch
     pair = min(
-        (i for i in shrinking_contacts(guess.pattern) if guess.pattern.switches[i] == switch), key=lambda i: durations[i]
+        (i for i in shrinking_contacts(guess.pattern) if guess.pattern.switches[i] == switch),
+        key=lambda i: durations[i],
     )
     row = np.zeros(len(guess.z))
     row[guess.phase_column(pair)], row[guess.phase_column((pair + 1) % guess.pattern.count)] = -1.0, 1.0

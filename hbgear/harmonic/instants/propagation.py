@@ -51,7 +51,7 @@ def growths(flows: Sequence[Flow], tau: Array, h: Array) -> Array:
 def growth_rate_slope(flow: Flow, tau: float, h: float, Z: Array) -> Array:
     """Return the derivative (N, N) of Z(h) / h in h, without cancellation in short intervals.
 
-        d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 constant stiffness, |A h| <= 1
+    d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 constant stiffness, |A h| <= 1
     """
     if not len(flow.stiffness) and float(np.abs(flow.A).sum(axis=0).max()) * abs(h) <= 1.0:
         M, total = flow.A * h, np.zeros_like(flow.A)

@@ -45,17 +45,16 @@ def _nodes(at: EquationsAt, iterate: Iterate, i: int, duration: float, highest: 
     """Return phases (T,), weights (T,) and gaps (T, m) at the nodes of segment i."""
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
     flow = at.flow(contacts)
-    rate = flow.rate if flow.stiffness else float(np.abs(np.linalg.eigvals(flow.A)).max())
-    panels = max(1, math.ceil(duration * max(rate, highest) / PANEL_ANGLE))
+    panels = max(1, math.ceil(duration * max(flow.rate, highest) / PANEL_ANGLE))
     h = duration / panels
     offsets = 0.5 * h * (1 + NODES)
     y = at.extended(iterate.x[i], start, contacts.section)
     if flow.stiffness:
         state, values = y, []
         for p in range(panels):
-            tau = start + p * h
-            values += [state + growth(flow, tau, float(o)) @ state for o in offsets]
-            state = state + growth(flow, tau, h) @ state
+            phase = start + p * h
+            values += [state + growth(flow, phase, float(o)) @ state for o in offsets]
+            state = state + growth(flow, phase, h) @ state
         nodes = np.array(values)
     else:
         Z = growths([flow] * (len(offsets) + 1), np.zeros(len(offsets) + 1), np.append(offsets, h))
