@@ -58,6 +58,7 @@ from hbgear.cli.support import (
     element_of,
     equation_of,
     exit_code,
+    harmonics_of,
     loaded,
     longer_span,
     model_at,
@@ -345,8 +346,8 @@ def trace(
     if instants:
         if sampled or samples is not None or orders or harmonics == "auto":
             raise ValueError(
-                "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and give "
-                "--harmonics as a number"
+                "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and "
+                "give --harmonics as a number"
             )
         problem: hb.HarmonicBalance = hb.ContactInstants(machine, int(harmonics_of(harmonics)), nu=nu)
     else:

@@ -211,7 +211,7 @@ class ContactInstants(HarmonicBalance):
         now = self.linearise(X, "", **parameters)
         return now.R, np.asarray(now.dR_dX)
 
-    def start(self, Omega: float, **parameters: float) -> Array:
+    def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """Return the coefficients of an exact motion at Omega, near a solution of the harmonic balance."""
         X = self.balance.start(Omega=Omega, **parameters)
         return X - self.linearise(X, "", **{**parameters, "Omega": Omega}).R
@@ -238,7 +238,7 @@ class ContactInstants(HarmonicBalance):
         return found | ({"multipliers": exact.multipliers} if stability else {})
 
     def observe_many(
-        self, X: Array, name: str, values: Array, stability: bool, **parameters: float
+        self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
     ) -> list[dict[str, Any]]:
         """Return `observe` of solutions X (k, n) at values (k,) of a parameter."""
         return [
@@ -330,6 +330,7 @@ class ContactInstants(HarmonicBalance):
         [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
         """
         half = self.with_order(self.nu // 2, max(1, self.H // 2))
+        assert isinstance(half, ContactInstants)
         half.known = start.event.known if isinstance(start.event, DoublingStart) else None
         X = start.event.X if isinstance(start.event, DoublingStart) else half.resized(start.X)
         single = half._exact_state(X, name, here)

@@ -31,7 +31,8 @@ from hbgear.harmonic.instants.grazing import (
     with_contacts,
     without_contacts,
 )
-from hbgear.harmonic.instants.pattern import InconsistentPatternError
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.shooting import Iterate
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
 """Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
@@ -45,7 +46,7 @@ STEP_GROWTH = 2.0
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
 
-FAST_ITERATIONS = 4
+FAST_ITERATIONS = 5
 """Number of corrector iterations up to which the step grows."""
 
 DEPARTURE = 1e-3
@@ -181,13 +182,12 @@ class Follower:
         if pattern.switches[i].element == pattern.switches[j].element:
             raise NoConvergence("a contact vanishes within one step", point.state.z, {}, [])
         iterate = point.state.iterate
-        at = self.family(point.state.value)
-        tau, x = iterate.tau.copy(), iterate.x.copy()
         if j == 0:
-            raise NoConvergence("two contacts exchange their order at the beginning of the period", iterate.x, {}, [])
+            iterate, i, j = _rotated(iterate, self.family(point.state.value).period), i - 1, i
+            pattern = iterate.pattern
+        tau, x = iterate.tau.copy(), iterate.x.copy()
         tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
-        state = CurveState.of(type(iterate)(pattern.swapped(i), tau, x), at.Omega if self.name == "Omega" else
-                              point.state.value)  # fmt: skip
+        state = CurveState.of(Iterate(pattern.swapped(i), tau, x), point.state.value)
         hold = np.zeros(len(state.z))
         hold[-1] = 1.0
         along = hold * math.copysign(1.0, point.tangent[-1])
@@ -214,7 +214,7 @@ class Follower:
 
     def _turns(self, last: ExactPoint, point: ExactPoint) -> bool:
         """Return whether the tangent turns too far between two points of one pattern."""
-        if len(last.tangent) != len(point.tangent):
+        if last.state.pattern != point.state.pattern:
             return False
         t = point.tangent * point.scale / last.scale
         cosine = float(last.tangent @ t) / float(np.linalg.norm(t))
@@ -349,6 +349,14 @@ class Follower:
         s = float(offset @ chord) / length**2
         away = float(np.linalg.norm(offset - s * chord))
         return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+
+def _rotated(iterate: Iterate, period: float) -> Iterate:
+    """Return the iterate with its first switch as the last one."""
+    switches, contacts = iterate.pattern.switches, iterate.pattern.contacts
+    pattern = Pattern(switches[1:] + switches[:1], contacts[1:] + contacts[:1])
+    tau = np.append(iterate.tau[1:], iterate.tau[0] + period)
+    return Iterate(pattern, tau, np.roll(iterate.x, -1, axis=0))
 
 
 def _has_shorter_period(state: CurveState) -> bool:
