@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.contact_instants import ContactInstants
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
     from hbgear.io.branches.npz import load, save
+    from hbgear.mechanics.laws.friction import Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
     from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
@@ -54,6 +55,7 @@ __all__ = [
     "Event",
     "GearPair",
     "HarmonicBalance",
+    "Jenkins",
     "Jump",
     "Load",
     "NewtonSettings",

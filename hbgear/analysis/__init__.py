@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
     from hbgear.analysis.planet_loads import LoadSharing, load_sharing
     from hbgear.analysis.run_ups import RunUp, run_up
+    from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
+    from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
+    from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [
@@ -21,16 +24,21 @@ __all__ = [
     "Campbell",
     "CriticalParameter",
     "CriticalSpeed",
+    "HopfPoint",
     "JumpMap",
     "LoadSharing",
     "MachineQuantities",
     "NoFoldError",
     "RunUp",
     "Sensitivity",
+    "backbone",
+    "backbone_energy",
     "campbell",
     "critical_parameter",
     "dynamic_factor",
+    "hopf_points",
     "jump_map",
+    "limit_cycles",
     "load_sharing",
     "machine_quantities",
     "peaks",

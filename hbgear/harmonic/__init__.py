@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.harmonic.autonomous.backbone import BackboneProblem
+    from hbgear.harmonic.autonomous.equilibrium import EquilibriumProblem
+    from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
     from hbgear.harmonic.bifurcations.extremum import AmplitudeExtremum
     from hbgear.harmonic.bifurcations.grazing import GrazingProblem
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
@@ -15,9 +18,12 @@ if TYPE_CHECKING:  # imported when they are first used
 
 __all__ = [
     "AmplitudeExtremum",
+    "BackboneProblem",
     "ContactInstants",
+    "EquilibriumProblem",
     "GrazingProblem",
     "HarmonicBalance",
+    "LimitCycleProblem",
     "NeimarkSackerProblem",
     "PeriodDoublingProblem",
     "register_measure",

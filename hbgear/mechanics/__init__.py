@@ -8,8 +8,11 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.common.ranges import Range
     from hbgear.mechanics.function_model import model
     from hbgear.mechanics.laws.compiled_law import CompiledLaw
+    from hbgear.mechanics.laws.contact_damping import HuntCrossley
+    from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
     from hbgear.mechanics.laws.registry import register_law
+    from hbgear.mechanics.laws.slider import Slider
     from hbgear.mechanics.models import Element, Load, Model, Reaction, System
     from hbgear.mechanics.oscillators import Duffing
     from hbgear.mechanics.plausibility import ImplausibleInputWarning
@@ -22,10 +25,14 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "Backlash",
     "CompiledLaw",
+    "Coulomb",
     "Cubic",
     "Duffing",
     "Element",
+    "HuntCrossley",
     "ImplausibleInputWarning",
+    "Iwan",
+    "Jenkins",
     "Law",
     "Load",
     "MatrixTable",
@@ -38,6 +45,7 @@ __all__ = [
     "Receptances",
     "Reduction",
     "Series",
+    "Slider",
     "SpeedTerms",
     "System",
     "Unilateral",

@@ -230,6 +230,24 @@ def check_gaps(names: tuple[str, ...], clearances: Array) -> None:
             )
 
 
+def check_sliders(names: tuple[str, ...], margins: Array) -> None:
+    """Warn of a branch on which no friction slider slips.
+
+    Parameters
+    ----------
+    names : tuple of str, length Q
+        Names of the sliders, for the message.
+    margins : ndarray, shape (P, Q)
+        Ranges of the displacements minus those in which the sliders stick.
+    """
+    if margins.size and not (margins > 0).any():
+        nearest = int(np.argmax(margins.max(axis=0)))
+        warn(
+            f"no friction slider slips on this curve (nearest: {names[nearest]}, whose displacement lacks a range of "
+            f"{-float(margins[:, nearest].max()):.3g}): friction acts as a spring; check the limits and their units"
+        )
+
+
 def check_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
     """Warn of points whose estimated errors exceed the tolerance of automatic harmonics.
 

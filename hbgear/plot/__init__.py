@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # imported when they are first used
         jump_distribution,
         percentiles,
     )
+    from hbgear.plot.free_motions import backbone
     from hbgear.plot.machines.mesh import drive, mesh_cycles
     from hbgear.plot.machines.rotors import campbell
     from hbgear.plot.machines.trains import load_sharing, planetary, train
@@ -79,6 +80,7 @@ __all__ = [
     "WIDTHS",
     "State",
     "against_parameters",
+    "backbone",
     "band",
     "basins",
     "bifurcation",

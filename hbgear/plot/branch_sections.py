@@ -10,7 +10,9 @@ from hbgear.plot.style import State, regime_of
 
 def states(branch: Branch, element: int | str) -> list[State]:
     """Return the regime of the element and the stability at each point."""
-    known: dict[str, bool | str] = {"stable": True, "unstable": False, "undecided": "undecided"}
+    known: dict[str, bool | str] = {
+        "stable": True, "neutral": True, "unstable": False, "undecided": "undecided",
+    }  # fmt: skip
     stable = [known.get(state) for state in branch.stability]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]

@@ -19,7 +19,7 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
-from hbgear.harmonic.equations.layout import REGIMES, Layout
+from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
 from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.io.branches.columns import MEASURED
 
@@ -32,8 +32,11 @@ State = tuple[str, bool | str | None]
 """Impact regime and stability of a point: True, False, "undecided", or None if the stability is unknown."""
 
 
-COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c", "unknown": "#333333"}
-"""Colours of the impact regimes."""
+COLOURS = {
+    "no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c",
+    "stick": "#2b7a78", "partial_slip": "#8a6d1f", "gross_slip": "#b3361b", "unknown": "#333333",
+}  # fmt: skip
+"""Colours of the regimes of contact and friction."""
 
 
 LINES: dict[bool | str | None, tuple[Any, float]] = {
@@ -77,7 +80,10 @@ BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#
 """Colours of several branches in this order; also colour-blind readers can distinguish them (after Okabe and Ito)."""
 
 
-WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
+WIDTHS = {
+    "no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0,
+    "stick": 1.1, "partial_slip": 2.0, "gross_slip": 3.0, "unknown": 1.3,
+}  # fmt: skip
 """Line widths [pt] of the regimes where the colour is the branch."""
 
 
@@ -267,7 +273,7 @@ def gap_label(layout: Layout | None, element: int | str) -> str:
 
 
 def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str) -> str:
-    """Return the impact regime of one element; "unknown" also for a law without breakpoints.
+    """Return the regime of one element; "unknown" also for a law without breakpoints and friction.
 
     Parameters
     ----------
@@ -284,7 +290,7 @@ def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str
         Name of the regime.
     """
     j = layout.index(element) if layout else 0
-    if len(codes) <= j or codes[j] < 0 or (layout and not layout.breakpoints[j]):
+    if len(codes) <= j or codes[j] < 0 or (layout and not layout.breakpoints[j] and codes[j] < STICK_REGIME):
         return "unknown"
     return REGIMES[min(codes[j], len(REGIMES) - 1)]
 

@@ -24,6 +24,7 @@ from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_rea
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP
 from hbgear.time.runge_kutta import METHODS, Flow
+from hbgear.time.slider_flow import complete_state
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Motion:
     d, v : ndarray, shape (..., m, T)
         Element coordinates and their rates in time.
     end : ndarray, shape (..., 2n)
-        State (q, q') at the end; without free motions if the method is "exponential".
+        State (q, q') at the end, followed by the positions of friction sliders; without free motions if the method is
+        "exponential".
     switches : ndarray
         Phases at which any element passed a breakpoint, of all motions together; empty if the method is "exponential".
     steps : int
@@ -73,11 +75,12 @@ def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) ->
     Returns
     -------
     ndarray, shape (2n,)
-        Displacements, then velocities.
+        Displacements, then velocities, then the positions of friction sliders.
     """
     q = problem.motion(X, **parameters)
     velocity = parameters["Omega"] / problem.nu * to_real(derive(to_complex(q)))
-    return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0]])
+    positions = problem.slider_positions(X, theta, **parameters)
+    return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0], positions])
 
 
 _MAX_RECORDED_SAMPLES = 10_000_000
@@ -104,7 +107,8 @@ def integrate(
     model : Model or sequence of Model
         Model; for the method "exponential" also B models of one kind.
     state : array_like, shape (2n,) or (B, 2n)
-        State (q, q') at tau = phase.
+        State (q, q') at tau = phase. The positions of friction sliders may follow; by default they are the residual
+        ones of the laws, moved to within the friction limits.
     periods : int
         Number of excitation periods, at least 1.
     Omega : float or array_like, shape (B,)
@@ -169,10 +173,7 @@ def _runge_kutta(
     flow: Flow, y: Array, phase: float, periods: int, method: str, tolerance: float, samples: int
 ) -> Motion:
     """Return the motion from one state by a method of SciPy."""
-    if np.shape(y) != (2 * flow.n,):
-        raise ValueError(
-            f"a state of shape {np.shape(y)} does not fit {flow.n} coordinates; give an array of shape ({2 * flow.n},)"
-        )
+    y = complete_state(flow, phase / flow.Omega, np.asarray(y))
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
     t = tau / flow.Omega
     d, v = np.empty((2, flow.m, len(t)))

@@ -5,7 +5,8 @@
 Each step ends where an element reaches a breakpoint of its law. On its segment a piecewise-linear law is a straight
 line, which is continued beyond the breakpoint within the step; the step is then repeated up to the breakpoint.
 Breakpoints of the excitation are known in advance: between two of them stiffness and displacement are polynomials,
-which are continued beyond the breakpoints in the same way.
+which are continued beyond the breakpoints in the same way. Friction sliders add their positions to the state, and end
+a step where they slip or stick, see `slider_flow`.
 
 References
 ----------
@@ -28,12 +29,13 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
+from hbgear.time.slider_flow import SliderFlow
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
 
-Lines = tuple[Array, Array]
-"""Slope and offset (m,) of the linear segment of each element."""
+Lines = tuple[Array, Array, Integers]
+"""Slope and offset (m,) of the linear segment of each element, and the direction (Q,) in which each slider slips."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,12 @@ class Flow:
     Omega : float
         Excitation frequency, > 0.
     variational : bool, optional
-        Integrate the variational equation Phi' = df/dy Phi as well. The state is then (2n, 1 + 2n), flattened.
+        Integrate the variational equation Phi' = df/dy Phi as well. The state is then (size, 1 + size), flattened.
+
+    Attributes
+    ----------
+    size : int
+        Number of states: 2n, and the positions of the friction sliders.
 
     Raises
     ------
@@ -82,7 +89,9 @@ class Flow:
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)
-        self.columns = 1 + 2 * self.n if variational else 1
+        self.sliders = SliderFlow(system.elements)
+        self.size = 2 * self.n + len(self.sliders)
+        self.columns = 1 + self.size if variational else 1
         self.c = np.array([e.damping for e in system.elements])
         self._curved = np.flatnonzero(~self.segments.line)
         self._matrices(system)
@@ -155,12 +164,16 @@ class Flow:
     def gaps(self, t: float, y: Array, between: Interval | None = None) -> tuple[Array, Array]:
         """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
         e, de, *_ = self._at(t, between or self.between(t))
-        y = y.reshape(2 * self.n, -1)[:, 0]
+        y = y.reshape(self.size, -1)[: 2 * self.n, 0]
         return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
+
+    def columns_of(self, Y: Array) -> Array:
+        """Return states (size columns, T) as an array (size, columns, T)."""
+        return Y.reshape(self.size, -1, Y.shape[-1])
 
     def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
         """Return d and v (m, T) of states (size, T) at instants t."""
-        m, y = self.m, Y.reshape(2 * self.n, -1, len(t))[:, 0]
+        m, y = self.m, self.columns_of(Y)[: 2 * self.n, 0]
         s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
         for j, e in enumerate(self._excitation[0]):
             if e.corners:
@@ -170,16 +183,26 @@ class Flow:
 
     def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
-        n = self.n
+        n, on = self.n, self.sliders.element
         e, de, k, f = self._at(t, between)
-        Y = Y.reshape(2 * n, -1)
+        Y = Y.reshape(self.size, -1)
+        Y, z = Y[: 2 * n], Y[2 * n :]
         d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
         p, kd, kv = self._forces(line, d, v, self._phase(t, between), k)
-        out = self.A @ Y
-        out[n:, 0] += f
-        out[:, 0] -= self.B @ (p - self.c * de)
+        friction, stuck = self.sliders.forces(line[2], d, z[:, 0])
+        np.add.at(p, on, friction)
+        np.add.at(kd, on, stuck)
+        out = np.zeros((self.size, Y.shape[1]))
+        out[: 2 * n] = self.A @ Y
+        out[n : 2 * n, 0] += f
+        out[: 2 * n, 0] -= self.B @ (p - self.c * de)
+        slips = np.flatnonzero(line[2])
+        out[2 * n + slips, 0] = v[on[slips]]
         if Y.shape[1] > 1:
-            out[:, 1:] -= self.B @ (kd[:, None] * (self.W.T @ Y[:n, 1:]) + kv[:, None] * (self.W.T @ Y[n:, 1:]))
+            u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
+            out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
+            out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
+            out[2 * n + slips, 1:] = rate[on[slips]]
         return out.ravel()
 
     def _phase(self, t: float, between: Interval) -> float:
@@ -200,7 +223,7 @@ class Flow:
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
         """Return p, dp/dd and dp/dv (m,)."""
-        slope, offset = line
+        slope, offset, _ = line
         kd = k * slope
         p, kv = kd * d + k * offset, np.zeros(self.m)
         for j in self._curved:
@@ -265,12 +288,15 @@ class Flow:
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
         """Integrate an interval without breakpoints of the excitation."""
-        segment, instants, count = self.segments.at(*self.gaps(t, Y, between)), [], 0
+        d, v = self.gaps(t, Y, between)
+        segment, instants, count = self.segments.at(d, v), [], 0
+        slip = self.sliders.at(d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
         every = np.arange(self.m)
         while end - t > 1e-14 * abs(end):
-            line = self.segments.slope[every, segment], self.segments.offset[every, segment]
+            line = self.segments.slope[every, segment], self.segments.offset[every, segment], slip
             f = partial(self.rates, line, between)
-            extra = {"jac": partial(self.slopes, line, between)} if method == "Radau" and self.columns == 1 else {}
+            analytic = method == "Radau" and self.columns == 1 and not len(self.sliders)
+            extra = {"jac": partial(self.slopes, line, between)} if analytic else {}
             solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
             while solver.status == "running":
                 before = solver.y
@@ -282,7 +308,8 @@ class Flow:
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
                 at, side = self._exit(solver, before, segment, between)
-                stop = float(at.min())
+                change = self.sliders.exits(self, solver, slip)
+                stop = float(min(at.min(), change.min(initial=np.inf)))
                 if not np.isfinite(stop):
                     if visit:
                         visit(solver.t_old, solver.t, solver.dense_output())
@@ -291,36 +318,27 @@ class Flow:
                 t0 = solver.t_old
                 if visit:
                     visit(t0, stop, solver.dense_output())
-                Y = self._repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
+                Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
                 t = stop
-                segment += np.where(at <= stop + 1e-12 * (1 + abs(stop)), side, 0)
+                together = stop + 1e-12 * (1 + abs(stop))
+                segment += np.where(at <= together, side, 0)
+                if (change <= together).any():
+                    Y, slip = self.sliders.after(self, t, Y, slip, change <= together)
                 instants.append(t)
                 break
         return Y, instants, count
 
     def _sizes(self, t: float, Y: Array) -> Array:
         """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
-        y = Y.reshape(2 * self.n, -1)[:, 0]
+        y = Y.reshape(self.size, -1)[: 2 * self.n, 0]
         breakpoints = [abs(x) for law in self.laws for x in law.breakpoints]
         moved = [e.bound for e in self._excitation[0] if e.corners]
         moved.append(float(np.abs(self.series[: self.m]).max()))
         length = max([float(np.abs(y[: self.n]).max()), *breakpoints, *moved]) or 1.0
         rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
-        size = np.ones((2 * self.n, self.columns))
-        size[: self.n, 0], size[self.n :, 0] = length, rate
+        size = np.ones((self.size, self.columns))
+        size[: self.n, 0], size[self.n : 2 * self.n, 0], size[2 * self.n :, 0] = length, rate, length
         return size.ravel()
-
-    def _repeat_step(
-        self, f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
-    ) -> Array:
-        """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
-        if end - t <= 1e-14 * (1 + abs(t)):
-            return Y
-        solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
-        while solver.status == "running":
-            solver.step()
-        y: Array = solver.y
-        return y
 
     def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:
         """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
@@ -338,6 +356,19 @@ class Flow:
             return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
 
         return first_exit(t, d, v, low, high, value)
+
+
+def _repeat_step(
+    f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
+) -> Array:
+    """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
+    if end - t <= 1e-14 * (1 + abs(t)):
+        return Y
+    solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
+    while solver.status == "running":
+        solver.step()
+    y: Array = solver.y
+    return y
 
 
 def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:

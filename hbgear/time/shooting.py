@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
@@ -30,6 +31,7 @@ from hbgear.mechanics.series.fourier import resize, stretch, to_real
 from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import Motion, integrate
 from hbgear.time.runge_kutta import Flow
+from hbgear.time.slider_flow import complete_state
 
 _SAMPLES_FOR_HARMONICS = 2048  # samples per excitation period [-] of the motion whose harmonics are computed
 
@@ -47,7 +49,7 @@ class Orbit:
     nu : int
         Period of the motion in excitation periods.
     state : ndarray, shape (2n,)
-        State (q, q') at tau = 0.
+        State (q, q') at tau = 0, followed by the positions of friction sliders.
     monodromy : ndarray, shape (2n, 2n)
         Monodromy matrix dy(nu T)/dy0, with free motions.
     reduced : ndarray, shape (r, r)
@@ -115,11 +117,14 @@ def variation(
     reduced : ndarray, shape (r, r)
         The same derivative in modal coordinates, without free motions.
     """
-    n = flow.n
-    Y = np.column_stack([y, np.eye(2 * n)])
+    n = flow.size
+    Y = np.column_stack([y, np.eye(n)])
     end, _, _ = flow.march(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
-    end = end.reshape(2 * n, -1)
+    end = end.reshape(n, -1)
     Phi = end[:, 1:]
+    slides = 2 * flow.n
+    fixed = slides + np.flatnonzero((Phi[slides:] == np.eye(n)[slides:]).all(axis=1))
+    Phi[:, fixed] = 0.0  # sliders that never slip have prescribed positions, instead of a multiplier +1
     return end[:, 0], Phi, _reduced(structure, Phi)
 
 
@@ -127,8 +132,50 @@ def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
     """Return L Phi R with z = L y and y = R z; z may be any complex vector."""
     modes = structure.modes
     assert modes is not None
-    R = np.concatenate([modes.right, modes.right * modes.poles])
-    return modal_state(structure, (Phi @ R).T).T
+    R = scipy.linalg.block_diag(
+        np.concatenate([modes.right, modes.right * modes.poles]), np.eye(len(Phi) - 2 * structure.n)
+    )
+    return to_modal(structure, (Phi @ R).T).T
+
+
+def to_modal(structure: LinearStructure, y: Array) -> ComplexArray:
+    """Return states in modal coordinates.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Structure of the model.
+    y : ndarray, shape (..., 2n + Q)
+        States (q, q') with the positions of Q friction sliders.
+
+    Returns
+    -------
+    ndarray, shape (..., r + Q)
+        Modal coordinates, without free motions; the positions are unchanged.
+    """
+    n = 2 * structure.n
+    return np.concatenate([modal_state(structure, y[..., :n]), y[..., n:]], axis=-1)
+
+
+def from_modal(structure: LinearStructure, z: ComplexArray, sliders: int) -> Array:
+    """Return a state from modal coordinates, the inverse of `to_modal`.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Structure of the model.
+    z : ndarray, shape (r + Q,)
+        Modal coordinates and positions of the sliders.
+    sliders : int
+        Number Q of friction sliders.
+
+    Returns
+    -------
+    ndarray, shape (2n + Q,)
+        State.
+    """
+    r = len(z) - sliders
+    return np.concatenate([physical_state(structure, z[:r]), z[r:].real])
 
 
 @checked_arguments()
@@ -188,18 +235,14 @@ def shoot(
         raise ValueError(f"tolerance = {tolerance} cannot be reached by time integration; give 1e-13 or more")
     system = model.system().at_speed(Omega)
     structure, flow = LinearStructure(system), Flow(system, float(Omega), variational=True)
-    y = np.array(guess, dtype=float)
-    if y.shape != (2 * system.n,):
-        raise ValueError(
-            f"a guess of shape {y.shape} does not fit {system.n} coordinates; give an array of shape ({2 * system.n},)"
-        )
+    y = complete_state(flow, 0.0, np.array(guess, dtype=float))
     if not np.all(np.isfinite(y)):
         raise ValueError(f"the guess {y} has entries that are not finite; give finite numbers")
     history: list[float] = []
     for iteration in range(max_iterations + 1):
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))
-        z = modal_state(structure, y)
-        residual = modal_state(structure, end) - z
+        z = to_modal(structure, y)
+        residual = to_modal(structure, end) - z
         history.append(float(np.linalg.norm(residual) / (np.linalg.norm(z) or 1.0)))
         if not np.isfinite(history[-1]):
             break
@@ -208,7 +251,7 @@ def shoot(
             mu = mu[np.argsort(-np.abs(mu))]
             return Orbit(model, float(Omega), nu, y, Phi, reduced, mu, history[-1], iteration)
         step = np.linalg.lstsq(reduced - np.eye(len(z)), -residual, rcond=1e-12)[0]
-        y = y + physical_state(structure, step)
+        y = y + from_modal(structure, step, len(flow.sliders))
     raise NoConvergence(
         f"shooting did not converge at Omega = {Omega:.6g}: closure from {history[0]:.1e} to {history[-1]:.1e} in "
         f"{len(history)} integrations; give a guess nearer to the motion, or check nu = {nu}",

@@ -53,11 +53,10 @@ from hbgear.harmonic.model_registry import is_description, rebuild_problem
 from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.mechanics.models import describe, differing_fields
 from hbgear.mechanics.series.fourier import to_complex
-from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import state_of
 from hbgear.time.jump_integration import JumpOutcome, arrivals, landed
 from hbgear.time.runge_kutta import Flow
-from hbgear.time.shooting import Orbit, shoot
+from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
 
 LEAST = 1e-9
 """Smallest tolerance [-] that time integration can verify."""
@@ -345,7 +344,7 @@ def validate(
         Problem of the branch, required if its model is not in the catalogue.
     landing : {"integrate", "nearest"}, optional
         "integrate" compares jumps as well: all jumps, or with given points those whose labels are given. "nearest" does
-        not compare jumps. Default: "integrate".
+        not compare jumps. Default: "integrate". Jumps of models with friction are not compared.
     others : sequence of Branch, optional
         Further branches in the same parameter on which jumps may land.
     progress : callable, optional
@@ -381,7 +380,8 @@ def validate(
     problem = problem_for(branch, problem)
     chosen = choose(branch, points)
     rows: list[Check] = []
-    left = [jump for jump in branch.jumps() if landing == "integrate" and (isinstance(points, int | np.integer) or
+    integrable = landing == "integrate" and not problem.compiled({}).sliders
+    left = [jump for jump in branch.jumps() if integrable and (isinstance(points, int | np.integer) or
             jump.label in points)]  # fmt: skip
     jumps: list[JumpCheck] = []
     complete = True
@@ -773,10 +773,10 @@ def _growth(model: Any, orbit: Orbit) -> float:
     """
     system = model.system().at_speed(orbit.Omega)
     structure, flow = LinearStructure(system), Flow(system, orbit.Omega)
-    mu, V = np.linalg.eig(orbit.reduced)
+    mu, U, V = scipy.linalg.eig(orbit.reduced, left=True)
     top = int(np.argmax(np.abs(mu)))
-    left = np.linalg.inv(V)[top]
-    y = physical_state(structure, V[:, top])
+    left = U[:, top].conj()
+    y = from_modal(structure, V[:, top], len(flow.sliders))
     delta = y * (_GROWTH_DISTURBANCE * np.linalg.norm(orbit.state) / np.linalg.norm(y))
     # few periods: a decaying disturbance must remain above rounding, a growing one must remain small
     periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[top]))), 1e-3)), 1, _MAX_GROWTH_PERIODS))
@@ -787,8 +787,8 @@ def _growth(model: Any, orbit: Orbit) -> float:
         ]
     except ArithmeticError:
         return np.inf
-    first = left @ modal_state(structure, delta)
-    last = left @ modal_state(structure, 0.5 * (ends[0] - ends[1]))
+    first = left @ to_modal(structure, delta)
+    last = left @ to_modal(structure, 0.5 * (ends[0] - ends[1]))
     return float(abs(last / first) ** (1 / periods))
 
 

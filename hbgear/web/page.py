@@ -22,7 +22,10 @@ PALETTES = {
         "paper": "#ffffff",
     },
     "dark": {
-        "regimes": {"no_impact": "#7db4ff", "single_sided": "#ffab5e", "double_sided": "#ff8ac0", "unknown": "#d5d8dc"},
+        "regimes": {
+            "no_impact": "#7db4ff", "single_sided": "#ffab5e", "double_sided": "#ff8ac0",
+            "stick": "#6fd0cb", "partial_slip": "#e0c060", "gross_slip": "#ff8f75", "unknown": "#d5d8dc",
+        },
         "branches": ["#56b4e9", "#ff8c42", "#2fd1a0", "#ef8cc8", "#ffffff", "#f5c242", "#9ad0f5", "#c9a545"],
         "text": "#e6e8eb", "grid": "#30353c", "line": "#8a8f98", "paper": "#15181c",
     },

@@ -223,7 +223,7 @@ def test_regimes_are_those_of_the_worst_element():
     codes = np.array([[0, 0], [1, 0], [0, 2], [-1, -1], [-1, 0], [0, 5], [2, 1], [0, 1]])
     b = make(regime=codes)
     assert b.regimes == [
-        "no_impact", "single_sided", "double_sided", "unknown", "no_impact", "double_sided", "double_sided",
+        "no_impact", "single_sided", "double_sided", "unknown", "no_impact", "gross_slip", "double_sided",
         "single_sided",
     ]  # fmt: skip
     assert b[2].regime_name == "double_sided"

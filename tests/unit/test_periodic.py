@@ -87,6 +87,7 @@ def test_a_spline_is_smooth_and_goes_through_its_values():
 def test_others_are_made_of_it(f):
     tau = RNG.uniform(-10, 10, 40)
     np.testing.assert_allclose(f.shifted(1.3)(tau), f(tau - 1.3), atol=1e-10 * f.bound)
+    np.testing.assert_allclose(f.reversed()(tau), f(-tau), atol=1e-10 * f.bound)
     np.testing.assert_allclose(f.scaled(-2.0)(tau), -2 * f(tau), atol=1e-12 * f.bound)
     np.testing.assert_allclose(f.varied(0.5)(tau), f.mean + 0.5 * (f(tau) - f.mean), atol=1e-12 * f.bound)
     assert f.varied(0.0) == Series(f.mean) and f.scaled(0.0) == Series()

@@ -88,7 +88,7 @@ def test_a_file_is_the_train(file):
 def test_a_train_on_the_command_line(file, tmp_path):
     out = tmp_path / "curve.npz"
     arguments = ["trace", str(file), "--from", "1.2", "--to", "1.1", "--harmonics", "6", "-o", str(out)]
-    result = CliRunner().invoke(app, [*arguments, "--set", "eps_scale=0.5"])
+    result = CliRunner().invoke(app, [*arguments, "--set", "torque_scale=0.5"])
     assert result.exit_code == 0, result.output
     assert hb.load(out).layout.elements == ("in-middle", "middle-out")
 

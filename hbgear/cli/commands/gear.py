@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from math import degrees, floor, log10, pi
 from operator import methodcaller
 from pathlib import Path
@@ -43,6 +45,12 @@ if TYPE_CHECKING:
 FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
 
+PARAMETRIC_SPAN = 2.4
+"""Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
+
+SAME_SPEED = 1e-4
+"""Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
+
 ACCURACY_GRADE = 6
 """Accuracy grade of ISO 1328 for the factor K_v: usual for ground gears."""
 
@@ -77,7 +85,7 @@ def gear(
         str | None,
         typer.Option(
             help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
-            show_default="one stiffness by the secant",
+            show_default="teeth",
         ),
     ] = None,
     harmonics: Harmonics = "24",
@@ -248,22 +256,34 @@ def _trace_and_report(
     from hbgear.io.machines.machine_file import write_machine
 
     cycle = machine.mesh
-    model = machine.model() if machine.mesh_model else machine.model(cycle=cycle)
+    model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
+    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[list[str]]:
         name, changed = assumption
-        return [name, *_alternative_results(changed(), model, curve, count, stop)]
+        return [[name, *_alternative_results(changed(), model, curve, count, stop)]]
 
-    with begun(alternative, list(_alternatives(machine, by_default))) as rows, outputs() as out:
+    faster = _curve_above(model, count)
+
+    def subharmonics(stop: Event) -> list[list[str]]:
+        span = (float(curve.values.min()), PARAMETRIC_SPAN)
+        return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
+
+    others = [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    with begun(_do, [subharmonics, *others]) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
         show_speeds(model, curve, machine)
+        found = doubled.result()
+        if found:
+            headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
+            print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
         jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
-        print_table(headers, [["as computed", *_factor_and_jumps(model, curve)], *(row.result() for row in rows)])
+        first = ["as computed", *_factor_and_jumps(model, curve)]
+        print_table(headers, [first, *(row for one in rows for row in one.result())])
     return curve
 
 
@@ -272,7 +292,8 @@ def _machine(
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
-    from hbgear.gears.pairs.pair_models import DAMPING, MESHES
+    from hbgear.gears.mesh.mesh_models import MESHES
+    from hbgear.gears.pairs.pair_models import DAMPING
     from hbgear.io.machines.machine_file import Machine
 
     beta = to_si("--helix", "angle", helix, "rad")
@@ -312,6 +333,7 @@ def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
 
 def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model) -> Iterator[list[str]]:
     from hbgear.gears.mesh.iso_stiffness import iso_stiffness
+    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
 
     pair, scales = machine.pair, model.scales
     assert scales is not None
@@ -326,11 +348,8 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
     k = cycle.stiffness
     yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
            f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
-    if machine.mesh_model == "teeth":
-        yield [
-            "stiffness, all gaps closed",
-            f"{scales.force / scales.length:.4g} N/m mean, to which the damping refers",
-        ]
+    k_0 = tooth_mesh(pair, machine.torque).stiffness
+    yield ["stiffness, all gaps closed", f"{k_0:.4g} N/m mean, to which the damping ratio refers"]
     yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
            f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
@@ -342,15 +361,59 @@ def _alternative_results(
     changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event
 ) -> tuple[str, str]:
     """Return `_factor_and_jumps` of a changed model; its curve is reused if the model differs in scales only."""
+    if changed.replace(reference=getattr(model, "reference", ())) != model:
+        problem = hb.HarmonicBalance(changed, count)
+        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=_until(stop))
+    return _factor_and_jumps(changed, curve)
+
+
+def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]]:
+    return work(stop)
+
+
+def _until(stop: Event) -> Callable[[hb.Progress], None]:
+    """Return a monitor of a trace that ends it when an event is set."""
 
     def ends(_: hb.Progress) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 
-    if changed.replace(reference=getattr(model, "reference", ())) != model:
-        problem = hb.HarmonicBalance(changed, count)
-        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=ends)
-    return _factor_and_jumps(changed, curve)
+    return ends
+
+
+def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
+    """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
+        span = (PARAMETRIC_SPAN, model.default_span[0])
+        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
+
+
+def _subharmonics(
+    model: hb.mechanics.Model, curve: hb.Branch, span: tuple[float, float], stop: Event
+) -> Iterator[list[str]]:
+    """Yield the first speed, stable speeds and largest dynamic factor of each curve of twice the period.
+
+    A curve that ends at another period doubling is traced once.
+    """
+    scales, ends = model.scales, list[float]()
+    assert scales is not None
+    for point in curve.special:
+        if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
+            continue
+        doubled = hb.switch(curve, point.label, span, accuracy=None, progress=_until(stop))
+        ends.append(float(doubled.values[-1]))
+        stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
+        rpm = scales.pinion_speed(doubled.values)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
+        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+        if not spans:
+            continue
+        largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
+        factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
+        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in sorted(spans))
+        begin = float(scales.pinion_speed(point.parameters["Omega"]))
+        yield [f"{begin:.0f} r/min", speeds, rounded(factor, 3)]
 
 
 def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
@@ -360,7 +423,7 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
 
 def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
-    from hbgear.gears.pairs.pair_models import MESHES
+    from hbgear.gears.mesh.mesh_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
 
@@ -381,13 +444,10 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
                for name in ("pinion", "wheel")}  # fmt: skip
     yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
-    if machine.mesh_model is None:
-        tangent = pair.mesh(machine.torque, linearized="tangent")
-        yield "mesh stiffness as the secant: the tangent", made(cycle=tangent)
-        return
+    used = machine.mesh_model or MESHES[0]
     for name in MESHES:
-        if name != machine.mesh_model:
-            yield f"{_MESH_WORDS[machine.mesh_model]}: {_MESH_WORDS[name]}", made(mesh_model=name)
+        if name != used:
+            yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh_model=name)
 
 
 _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}

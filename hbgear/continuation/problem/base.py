@@ -193,6 +193,10 @@ class ContinuationProblem:
         usual = abs(self.parameters.get(name, 0.0))
         return max(abs(value), 1e-3 * usual if usual else 1e-2)
 
+    def smallest_scale(self, name: str) -> float:
+        """Return the smallest scale of a parameter among the unknowns that may be zero along a curve; by default 0."""
+        return 0.0
+
     def solution_norm(self, X: Array) -> float:
         """Return the size of X, which scales arclength; by default its norm."""
         return norm(X)

@@ -19,7 +19,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import warn_renamed
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.layout import LayoutProtocol, RebuildsProblem
+from hbgear.continuation.results.layout import LayoutProtocol, RebuildsProblem, neutral_regime_of
 from hbgear.continuation.results.point import (
     Jump,
     Point,
@@ -28,7 +28,7 @@ from hbgear.continuation.results.point import (
     name_of_regime,
     with_problem,
 )
-from hbgear.continuation.results.stability import STABILITY_STATES, STABLE, UNDECIDED, UNKNOWN, stability_codes
+from hbgear.continuation.results.stability import STABLE, UNDECIDED, UNKNOWN, stability_codes, stability_names
 from hbgear.continuation.results.status import Status
 
 _ARRAY_TYPES: dict[str, tuple[Any, int]] = {
@@ -223,8 +223,8 @@ class BranchData:
 
     @property
     def stability(self) -> list[str]:
-        """Stability of each point: "unstable", "stable", "undecided" or "unknown"; see `Point.stability`."""
-        return [STABILITY_STATES[code] for code in self.stability_codes]
+        """Stability of each point: "unstable", "stable", "undecided", "unknown" or "neutral"; see `Point.stability`."""
+        return stability_names(self.stability_codes, self.regime, neutral_regime_of(self.layout))
 
     @property
     def stable(self) -> NDArray[np.bool_] | None:

@@ -41,6 +41,31 @@ class LayoutProtocol(Protocol):
 
 
 @runtime_checkable
+class HasNeutralRegime(Protocol):
+    """Layout with a regime in which stable solutions belong to a family. Without it no solution is neutral."""
+
+    @property
+    def neutral_regime(self) -> int:
+        """Code of the most severe regime of such solutions."""
+
+
+def neutral_regime_of(layout: Any) -> int:
+    """Return the code of the most severe regime of neutral solutions; -1 if there are none.
+
+    Parameters
+    ----------
+    layout : LayoutProtocol or None
+        Layout of the solutions.
+
+    Returns
+    -------
+    int
+        Regime code.
+    """
+    return layout.neutral_regime if isinstance(layout, HasNeutralRegime) else -1
+
+
+@runtime_checkable
 class HasDistance(Protocol):
     """Layout that measures the distance of solutions. Without it the distance is the norm of X - Y."""
 

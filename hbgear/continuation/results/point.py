@@ -16,8 +16,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
-from hbgear.continuation.results.layout import LayoutProtocol
-from hbgear.continuation.results.stability import STABILITY_STATES, stability_codes
+from hbgear.continuation.results.layout import LayoutProtocol, neutral_regime_of
+from hbgear.continuation.results.stability import stability_codes, stability_names
 
 LANDINGS = ("nearest", "integrate")
 """Methods by which the solution after a jump is chosen; values of `Jump.landing`."""
@@ -163,15 +163,20 @@ class Point:
 
     @property
     def stability(self) -> str:
-        """One of "stable", "unstable", "undecided" (the modulus error includes 1), "unknown" (no multipliers)."""
+        """One of "stable", "unstable", "undecided", "neutral", "unknown" (no multipliers).
+
+        It is undecided if the modulus error includes 1. A neutral motion is stable and belongs to a family at the same
+        parameters: no friction slider slips.
+        """
         if self.multipliers is None:
             return "unknown"
-        return STABILITY_STATES[int(stability_codes(self.multipliers, np.asarray(self.modulus_error)))]
+        codes = np.atleast_1d(stability_codes(self.multipliers, np.asarray(self.modulus_error)))
+        return stability_names(codes, np.asarray(self.regime)[None], neutral_regime_of(self.layout))[0]
 
     @property
     def stable(self) -> bool | None:
         """True or False, or None if the stability is undecided or unknown."""
-        return {"stable": True, "unstable": False}.get(self.stability)
+        return {"stable": True, "neutral": True, "unstable": False}.get(self.stability)
 
     @property
     def regime_name(self) -> str:

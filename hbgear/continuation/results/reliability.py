@@ -37,7 +37,7 @@ def branch_warnings(branch: BranchData) -> tuple[str, ...]:
     if (
         branch.stable is not None
         and len(branch)
-        and "stable" not in branch.stability
+        and not {"stable", "neutral"} & set(branch.stability)
         and "unstable" in branch.stability
     ):
         out.append(

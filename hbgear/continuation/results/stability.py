@@ -16,8 +16,10 @@ STABILITY_TOLERANCE = 1e-6
 """Distance from the unit circle up to which a multiplier counts as on it. Free rotations have mu = 1 up to rounding."""
 
 
-STABILITY_STATES = ("unstable", "stable", "undecided", "unknown")
-"""States of the stability of a solution. Their positions are the codes of `stability_codes`."""
+STABILITY_STATES = ("unstable", "stable", "undecided", "unknown", "neutral")
+"""States of the stability of a solution. The positions of the first four are the codes of `stability_codes`. A stable
+solution is neutral if it belongs to a family of solutions at the same parameters, as motions in which no friction
+slider slips."""
 
 
 UNSTABLE, STABLE, UNDECIDED, UNKNOWN = range(4)
@@ -63,3 +65,25 @@ def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[
     undecided = (np.abs(modulus - 1.0) <= modulus_error) & (modulus_error > STABILITY_TOLERANCE)
     codes: NDArray[np.int_] = np.where(undecided, UNDECIDED, modulus <= 1 + STABILITY_TOLERANCE)
     return np.where(np.isnan(modulus), UNKNOWN, codes)
+
+
+def stability_names(codes: NDArray[np.int_], regime: NDArray[np.int8], neutral_regime: int) -> list[str]:
+    """Return the name of the stability of each solution.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (P,)
+        Codes of the stability.
+    regime : ndarray of int8, shape (P, m)
+        Regime code of each element.
+    neutral_regime : int
+        Largest regime code of stable solutions that are neutral; -1 if there are none.
+
+    Returns
+    -------
+    list of str
+        Names of `STABILITY_STATES`.
+    """
+    worst = np.max(regime, axis=1, initial=-1) if regime.ndim == 2 else np.full(len(codes), -1)
+    neutral = (codes == STABLE) & (worst == neutral_regime) & (neutral_regime >= 0)
+    return [STABILITY_STATES[-1 if none else code] for code, none in zip(codes.tolist(), neutral.tolist(), strict=True)]

@@ -324,9 +324,9 @@ class TraceState:
         floor = MIN_SCALE_RATIO * norm(X[: len(X) - unknown]) or 1.0
         scale = np.full(len(X) + 1, max(solution_scale, floor))
         scale[-1] = self.setup.span.width
-        for i in range(unknown):  # a parameter among the unknowns: its largest value so far
+        for i, name in enumerate(self.problem.unknown_parameters):  # the largest value so far
             past = [abs(point.X[-1 - i]) for point in self.points]
-            scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
+            scale[-2 - i] = max([*past, abs(X[-1 - i]), self.problem.smallest_scale(name)]) or 1.0
         self.scale = scale
 
     def scale_for(self, problem: ContinuationProblem) -> Array:

@@ -17,6 +17,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, parameter_direction
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.solvers.corner import step_over_corner
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
 from hbgear.continuation.stepping.control import StepControl
@@ -131,7 +132,23 @@ class Stepper:
                 out,
             )
             found, reason = out[:made], status_message(why, number)
+        if not len(found) and self.problem.is_nonsmooth:
+            found, step = self._corner(recent[0], scale, step)
+            reason = "" if len(found) else reason
         return StepResult(self._points(found, recent[0], scale), step, reason)
+
+    def _corner(self, before: CurvePoint, scale: Array, step: float) -> tuple[Array, float]:
+        """Return the point beyond a corner as a table of one row, empty if there is none, and the next step size."""
+        smallest, turn = self.steps.min_step, self.steps.max_turn_deg
+        found = step_over_corner(
+            self.problem, before.u, before.tangent, before.orientation, scale, smallest, turn, self.name, self.fixed,
+            self.settings,
+        )  # fmt: skip
+        if found is None:
+            return np.empty((0, 2 * len(scale) + 4)), step
+        (solution, direction, orientation), step = found
+        numbers = [step, orientation, solution.iterations, solution.residual]
+        return np.concatenate([solution.X, [solution.value], direction, numbers])[None], step
 
     def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""

@@ -1,9 +1,11 @@
 """Loaded contact of a gear pair over a mesh cycle: mesh stiffness and transmission error from the teeth in contact.
 
-    sum_i F_i = F,   F_i c_i(F_i) = max(delta - g_i, 0)
-    e = min_i g_i,   k = F / (delta - e)
+    sum_i F_i = F,   F_i c_i(F_i) = mean of max(delta - g, 0) over the contact line of i
+    e = min g,   k = F / (delta - e)
 
-The index i counts the pairs of teeth and, for helical or crowned gears, slices of the face width. c_i is the compliance
+The index i counts the pairs of teeth and, for helical or crowned gears, slices of the face width. The gap g is linear
+along the contact line of a slice and continuous between slices, so that a slice comes into contact gradually: the force
+and its derivative have no steps from the division into slices. c_i is the compliance
 of both teeth (`hbgear.gears.drawing.tooth`) and of the contact. g_i is the gap: the material missing there because of
 relief, crowning and pitch error. delta is the displacement along the line of action. k is the secant stiffness of the
 loaded mesh, so that the static force and the loss of contact are correct. The tangent stiffness dF/d(delta), with e =
@@ -43,16 +45,22 @@ from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 
 PATH_POINTS = 160  # points of the path of contact at which the tooth compliance is computed; linear in between
 DISPLACEMENT_TOLERANCE = 1e-12  # relative change of the displacement at which the iteration has converged
+NEWTON_ITERATIONS = 50  # Newton's method for a convex sum of springs needs a few; more only by rounding
+MIN_SPREAD = 1e-13  # half the difference of the gaps at the ends of a slice that is attributed to rounding [m]
 MIN_LOAD_FRACTION = 1e-9  # smallest load of a contact (fraction of the force) and smallest fraction of a slice
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Possible contacts, arrays (N phases, M contacts): presence, tooth compliance, gap, Hertzian contact data."""
+    """Possible contacts, arrays (N phases, M contacts): presence, tooth compliance, gap, Hertzian contact data.
+
+    The gap is the mean over the contact line of a slice, and ``spread`` half the difference between its ends.
+    """
 
     present: Array
     teeth: Array
     gap: Array
+    spread: Array
     depth: tuple[Array, Array]
     rho: Array
     widths: Array
@@ -95,13 +103,13 @@ def loaded_mesh(
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
     crowned = pair.pinion.crowning > 0 or pair.wheel.crowning > 0
     if slices is None:
-        slices = max(48, 48 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if crowned else 1
+        slices = max(24, 24 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if crowned else 1
     counted("GearPair.mesh: slices", slices, 10_000)
     force = pair.transverse_force(torque)
     phase, side = cycle_phases(pair, phases)
     contacts = possible_contacts(pair, phase, side, slices)
     delta, tangent, _ = static_equilibrium(pair, contacts, force)
-    smallest_gap = np.min(np.where(contacts.present, contacts.gap, np.inf), axis=1)
+    smallest_gap = np.min(np.where(contacts.present, contacts.gap - contacts.spread, np.inf), axis=1)
     error = smallest_gap if linearized == "secant" else delta - force / tangent
     return MeshCycle(MeshTable(phase, force / (delta - error)), MeshTable(phase, error), force)
 
@@ -139,17 +147,20 @@ def possible_contacts(pair: GearPair, phase: Array, side: Array, slices: int) ->
     first, last = np.clip(position - half_width, 0.0, length), np.clip(position + half_width, 0.0, length)
     inside = (position + nudge > 0) & (position + nudge < length)
     fraction = (last - first) / (2 * half_width) if half_width else inside.astype(float)
-    s = np.clip(begin + (first + last) / 2 * pair.base_pitch, begin, end)
-    return contacts_at(pair, s, np.tile(z, len(pairs))[None, :], fraction, slices)
+    return contacts_at(pair, first, last, np.tile(z, len(pairs))[None, :], fraction, slices)
 
 
-def contacts_at(pair: GearPair, s: Array, across: Array, fraction: Array, slices: int) -> Contacts:
-    """Return the contacts at positions along the line of action and across the face, see `_gaps`.
+def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fraction: Array, slices: int) -> Contacts:
+    """Return the contacts of slices whose contact line covers a section of the path.
 
-    ``fraction`` is the part of each slice within the path of contact.
+    ``first`` and ``last`` are the ends of the section [base pitch], ``across`` is the middle of the slice, see `_gaps`,
+    and ``fraction`` is the part of the slice within the path of contact.
     """
     begin, end = pair.path
-    gap = _gaps(pair, s, across)
+    middle = (first + last) / 2
+    first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
+    ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
+    gap, spread = (ahead + 4 * _gaps(pair, s, across) + behind) / 6, np.abs(ahead - behind) / 2
     grid = np.linspace(begin, end, PATH_POINTS)
     teeth, depth = np.zeros_like(s), []
     cos_helix = cos(pair.pinion.base_helix_angle)
@@ -162,7 +173,8 @@ def contacts_at(pair: GearPair, s: Array, across: Array, fraction: Array, slices
     width = pair.face_width / slices
     # k_t = k_n cos^2(beta_b), and the length of contact is width / cos(beta_b)
     widths = width * np.maximum(fraction, MIN_LOAD_FRACTION)
-    return Contacts(fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix), gap, (depth[0], depth[1]), rho, widths)
+    present, teeth = fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix)
+    return Contacts(present, teeth, gap, spread, (depth[0], depth[1]), rho, widths)
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
@@ -185,8 +197,19 @@ def relief_length(pair: GearPair, gear: Gear) -> float:
     """Return the length of the tip relief along the line of action [m].
 
     By default the relief ends where the fewest pairs are in contact.
+
+    Raises
+    ------
+    ValueError
+        If a given length exceeds the path of contact.
     """
     if gear.tip_relief_length is not None:
+        path = pair.path[1] - pair.path[0]
+        if gear.tip_relief_length > path:
+            raise ValueError(
+                f"GearPair: the tip relief of the {gear.teeth} teeth is {gear.tip_relief_length * 1e3:.4g} mm long and "
+                f"the path of contact {path * 1e3:.4g} mm; give a shorter tip_relief_length, along the line of action"
+            )
         return gear.tip_relief_length
     return max(pair.contact_ratio % 1.0, 0.1) * pair.base_pitch
 
@@ -195,7 +218,7 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
     """Return the displacement delta (N,) under the force, the tangent stiffness dF/d(delta) (N,) and loads (N, M).
 
     A fixed-point iteration updates the contact compliance with the loads of the last iteration. In each iteration the
-    sum of springs with gaps is piecewise linear in delta and solved exactly.
+    sum of springs is solved for delta by Newton's method from above, where it is convex.
     """
     load = np.where(c.present, force / np.maximum(c.present.sum(axis=1, keepdims=True), 1), 0.0)
     delta = np.zeros(len(load))
@@ -203,15 +226,34 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
         contact, _ = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
         k = np.where(c.present, 1 / (c.teeth + contact), 0.0)
         new_delta = _spring_displacement(k, np.where(c.present, c.gap, np.inf), force)
-        load = np.where(c.present, k * np.maximum(new_delta[:, None] - c.gap, 0.0), 0.0)
+        for _ in range(NEWTON_ITERATIONS if c.spread.any() else 0):
+            closed, part = closed_gap(new_delta[:, None], c)
+            step = (np.sum(k * closed, axis=1) - force) / np.sum(k * part, axis=1)
+            new_delta = new_delta - step
+            if np.all(np.abs(step) <= DISPLACEMENT_TOLERANCE * np.abs(new_delta).max()):
+                break
+        closed, part = closed_gap(new_delta[:, None], c)
+        load = np.where(c.present, k * closed, 0.0)
         change = np.abs(new_delta - delta)
         converged = bool(np.all(change <= DISPLACEMENT_TOLERANCE * np.abs(new_delta).max()))
         delta = new_delta
         if converged:
             break
     contact, decrease = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
-    stiffness = np.where(load > 0, 1 / np.maximum(c.teeth + contact - decrease, 0.5 * c.teeth), 0.0)
+    stiffness = np.where(load > 0, part / np.maximum(c.teeth + contact - decrease, 0.5 * c.teeth), 0.0)
     return delta, np.sum(stiffness, axis=1), load
+
+
+def closed_gap(delta: Array, c: Contacts) -> tuple[Array, Array]:
+    """Return the mean of max(delta - g, 0) over the contact line of each slice, and its derivative.
+
+    The derivative is the part of the contact line on which the gap is closed.
+    """
+    x = delta - c.gap
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = np.where(c.spread > MIN_SPREAD, np.clip((x + c.spread) / (2 * c.spread), 0.0, 1.0), x > 0)
+    partial = (part > 0) & (part < 1)
+    return np.where(partial, part**2 * c.spread, np.maximum(x, 0.0)), part
 
 
 def _spring_displacement(k: Array, gap: Array, force: float) -> Array:

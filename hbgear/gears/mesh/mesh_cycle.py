@@ -21,6 +21,7 @@ from hbgear.common.argument_checks import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.common.ranges import NOT_NEGATIVE, checked
+from hbgear.common.units import to_si
 from hbgear.mechanics.series.fourier import Series, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 
@@ -184,6 +185,27 @@ class MeshCycle:  # numpydoc ignore=PR02
             where = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
             raise ValueError(f"the mesh stiffness is {lowest:g} N/m at {where:g} of the cycle; it must be positive "
                              "throughout: check the column and its unit, and do not subtract the mean")  # fmt: skip
+
+    @classmethod
+    def loaded(cls, stiffness: MeshTable, static_error: MeshTable, force: Any) -> MeshCycle:
+        """Return the cycle of a loaded tooth contact analysis: stiffness and transmission error under a force.
+
+        The error without load is that of the tangent, e(tau) = static_error(tau) - F / k(tau), with which small
+        vibration about the static state is correct.
+
+        Parameters
+        ----------
+        stiffness : MeshTable
+            Slope dF/d(delta) of the mesh force at the load [N/m].
+        static_error : MeshTable
+            Transmission error delta(tau) under the load [m], positive where the driven gear lags behind.
+        force : float or str
+            Mesh force of the analysis [N].
+        """
+        F = to_si("MeshCycle.loaded", "force", force, "N")
+        x = _joined(stiffness.phase, static_error.phase)
+        k, delta = _at(stiffness, x), _at(static_error, x)
+        return cls(stiffness, MeshTable(x, delta - F / k), F)
 
     @property
     def static_error(self) -> MeshTable:

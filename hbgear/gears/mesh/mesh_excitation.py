@@ -11,7 +11,7 @@ the phase; they replace k(tau) and the backlash function.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import pi
 from typing import Any, Literal
 
@@ -64,11 +64,7 @@ class MeshExcitation(Model):
         """Raise an error if contacts are given together with another mesh stiffness."""
         if self.stiffness is not None or self.eps:
             raise ValueError(f"{owner}: contacts and a mesh stiffness are both given; give eps=() and no stiffness")
-        if self.eps_scale != 1.0:
-            raise ValueError(
-                f"{owner}: eps_scale = {self.eps_scale:g} has no meaning for contacts, whose stiffness is that of the "
-                "pairs of teeth: give 1, or a mean-mesh model"
-            )
+        check_contact_scale(owner, self.eps_scale, [self.contacts])
 
     def mesh_law(self, half_backlash: float) -> Law:
         """Return the force law of the mesh with a half backlash."""
@@ -93,6 +89,15 @@ class MeshExcitation(Model):
         if self.error is not None:
             return self.error.scaled(self.e_scale)
         return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
+
+
+def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshContacts | None]) -> None:
+    """Raise an error if the stiffness amplitudes of contacts are scaled, which have none."""
+    if eps_scale != 1.0 and any(one is not None for one in contacts):
+        raise ValueError(
+            f"{owner}: eps_scale = {eps_scale:g} has no meaning for contacts, whose stiffness is that of the pairs of "
+            "teeth: give 1, or a mean-mesh model (mesh='tangent')"
+        )
 
 
 def check_mesh_stiffness(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) -> None:

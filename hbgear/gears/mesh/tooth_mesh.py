@@ -4,7 +4,9 @@
 
 The compliances are those of `hbgear.gears.mesh.loaded_mesh`. The compliance c_h of the contact depends on its load; it
 is evaluated at the load of the pair in the static equilibrium, and at no less than a tenth of an equal share of the
-mesh force. A load three times as large makes a pair of steel teeth about 4 % stiffer.
+mesh force. For steel gears of module 1 to 10 mm, 18 to 200 teeth and 50 to 600 N/mm, the force of a pair at the same
+displacement exceeds that of these contacts by 3.9 to 4.9 % at three times the load and by 5.2 to 6.5 % at 4.2 times;
+at a third of the load it is 3.6 to 4.5 % smaller, at a tenth 7.3 to 8.9 %.
 
 The back flank touches along the other line of action. A pair of teeth is symmetric about its middle: at the phase u_c
 at which the tooth of the pinion lies on the line of centres, both flanks are at the same distance from the base circle.
@@ -13,12 +15,15 @@ The driving flank moves towards the tip of the pinion and the back flank towards
     s(u) = s_A + u p_bt,   s_back(u) = s(2 u_c - u),   s(u_c) = r_b1 (tan(alpha_wt) + s_w1 / (2 r_w1))
 
 s_w1 is the thickness of the tooth of the pinion on its working pitch circle. Slices of helical teeth follow each other
-with a lag. They are not coupled. The part of a slice within the path of contact grows linearly at the ends of the path.
+with a lag. The part of a slice within the path of contact grows linearly at the ends of the path. The gap is the mean
+over the contact line of a slice, so that a slice comes into contact at once; the gradual contact of
+`hbgear.gears.mesh.loaded_mesh` is approached with the number of slices.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, tan
 from typing import TYPE_CHECKING, Any
@@ -39,6 +44,7 @@ from hbgear.gears.mesh.loaded_mesh import (
 from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.plausibility import warn
 
 if TYPE_CHECKING:
     from hbgear.gears.drawing.pair import GearPair
@@ -61,6 +67,10 @@ ONE_SIDED = 1e-8
 SLICES_PER_OVERLAP, MIN_HELICAL_SLICES = 10, 10
 """Slices of helical teeth for an overlap ratio of one, and their smallest number. With 10 slices the jumps of a pair
 with overlap ratio 0.55 and tip relief differ from those with 40 slices by less than 0.2 %."""
+
+MIN_SHARED_PART = 0.15
+"""Part of the contact ratio above one [-] that must carry load; with less the relief is probably too large for the
+load."""
 
 CROWNED_SLICES = 12
 """Slices of the face width of crowned spur gears; those at equal distances from the middle are one contact."""
@@ -124,6 +134,12 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
         helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
         slices = helical or (CROWNED_SLICES if crowned else 1)
     counted("GearPair.model: slices", slices, 1_000)
+    return _tooth_mesh(pair, torque, slices)
+
+
+@lru_cache(maxsize=8)
+def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
+    """Return the contacts; cached, because variants of a model and the mean-mesh models use the same ones."""
     force = pair.transverse_force(torque)
     path = _Path(pair, force, slices)
     folded = not pair.overlap_ratio and slices > 1
@@ -133,6 +149,7 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
         stiffness, gap = path.slice(number, twice)
         flanks.append(Flank(1, stiffness, gap, lag=path.lag[number]))
         flanks.append(Flank(-1, stiffness.mirrored(path.centre), gap.mirrored(path.centre), lag=path.lag[number]))
+    path.check_sharing()
     mean = sum(_integral(flank.stiffness) for flank in flanks if flank.side > 0)
     return ToothMesh(tuple(flanks), mean, force)
 
@@ -159,6 +176,23 @@ class _Path:
         self.loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)[2]
         self.loads = self.loads.reshape(len(phase), -1, slices)
         self.phase = phase
+
+    def check_sharing(self) -> None:
+        """Warn if relief leaves less than a part of the contact ratio of spur teeth under the static load."""
+        carried = self.loads.sum(axis=2) > 0
+        ratio = float(np.mean(carried.sum(axis=1)))
+        if self.pair.overlap_ratio or ratio - 1 >= MIN_SHARED_PART * (self.length - 1):
+            return
+        position = (self.phase[:, None] + np.arange(carried.shape[1]))[carried]
+        radii = [
+            np.hypot(self.pair.path[0] + x * self.pair.base_pitch, self.pair.base_radii[0])
+            for x in (position.min(), min(position.max(), self.length))
+        ]
+        warn(
+            f"GearPair: under the mesh force of {self.force:.4g} N the relief leaves a contact ratio of {ratio:.3f} of "
+            f"{self.length:.3f}: a pair of teeth carries load only on diameters {2e3 * radii[0]:.4f} to "
+            f"{2e3 * radii[1]:.4f} mm of the pinion; reduce the relief or its length, or increase the torque"
+        )
 
     def slice(self, number: int, factor: float) -> tuple[PathFunction, PathFunction]:
         """Return stiffness [N/m] and gap [m] of a slice, the stiffness times a factor."""
@@ -195,11 +229,11 @@ class _Path:
 
     def _at(self, u: Array, number: int, load: Array) -> tuple[Array, Array]:
         """Return stiffness [N/m] and gap [m] of a slice at positions under loads [N]."""
-        pair, begin, h = self.pair, self.pair.path[0], self.half_width
+        pair, h = self.pair, self.half_width
         first, last = np.clip(u - h, 0.0, self.length), np.clip(u + h, 0.0, self.length)
-        s = np.clip(begin + (first + last) / 2 * pair.base_pitch, *pair.path)
         part = (last - first) / (2 * h) if h else np.ones_like(u)
-        c = contacts_at(pair, s[:, None], np.full((len(u), 1), self.z[number]), part[:, None], self.slices)
+        across = np.full((len(u), 1), self.z[number])
+        c = contacts_at(pair, first[:, None], last[:, None], across, part[:, None], self.slices)
         least = MIN_LOAD_SHARE * self.force / self.slices * part
         contact = contact_compliance(pair, c, np.maximum(load, least)[:, None])[0]
         k = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)

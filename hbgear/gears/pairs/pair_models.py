@@ -1,17 +1,9 @@
 """Models of a gear pair from its drawing: torsional, with bearings, or spatial.
 
-    k_mean = mean k(tau),   stiffness = k(tau)/k_mean,   error = e(tau)/b_c,   of the loaded mesh, with their jumps
     b_c = b,   omega_n = sqrt(k_mean/m_c),   F_m = T / (r_b1 k_mean b_c),   c = 2 zeta sqrt(m_c k_0)
 
-All forms use the same mesh, and lengths along the line of action in the transverse plane.
-
-A tooth-resolved mesh ("teeth") has the stiffness and the initial gap of every pair of teeth on both flanks, and k_mean
-is k_0, the mean of the sum of the stiffness of all pairs with closed gaps. The mean-mesh models replace it by one
-stiffness k(tau) and one error e(tau) at the static load. They equal it if no gap opens or closes beyond the static
-state: without relief, or for motions that are small compared with the deflection. "secant" has the correct static force
-and loss of contact, "tangent" the correct small vibration; with tip relief their jumps may be wrong by more than ten
-percent. If the model of the mesh is named, the damping ratio refers to k_0, so that the damper c is the same in all of
-them; otherwise k_0 is k_mean.
+All forms use the same mesh, `hbgear.gears.mesh.mesh_models`, which states k_mean and k_0, and lengths along the line of
+action in the transverse plane.
 """
 
 from __future__ import annotations
@@ -24,7 +16,7 @@ from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import QuantityField, to_si
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
-from hbgear.gears.mesh.tooth_mesh import tooth_mesh
+from hbgear.gears.mesh.mesh_models import MeshModel, mesh_model
 from hbgear.gears.pairs.helical import HelicalPair
 from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
 from hbgear.gears.pairs.spur import SpurPair
@@ -33,9 +25,6 @@ from hbgear.gears.pairs.support import Support
 if TYPE_CHECKING:
     from hbgear.gears.drawing.pair import GearPair
     from hbgear.mechanics.models import Model
-
-MESHES = ("teeth", "secant", "tangent")
-"""Models of the mesh: pairs of teeth, or one stiffness and one error by the secant or tangent of the static load."""
 
 FORMS = ("torsion", "bearings", "spatial")
 """Forms of a model: one degree of freedom; three, with bearings along the line of action; twelve."""
@@ -52,8 +41,6 @@ class _Mesh(NamedTuple):
     b_c: float
     fields: dict[str, Any]
     """Fields stiffness and error, or contacts, of the model."""
-    k_0: float
-    """Stiffness to which the damping ratio refers."""
 
 
 def build_model(
@@ -76,18 +63,17 @@ def build_model(
     torque : float or str
         Torque on the pinion [N m], positive.
     damping : float
-        Damping ratio of the mesh. If ``mesh`` is named, it refers to the mean stiffness of all pairs of teeth with
-        closed gaps, else to the mean stiffness of the model.
+        Damping ratio of the mesh. It refers to the mean stiffness of all pairs of teeth with closed gaps in all models
+        of the mesh, and to the mean stiffness of tables.
     form : {"torsion", "bearings", "spatial"}, optional
         Form of the model: a `SpurPair` (default), a `GearRotorBearing` or a `HelicalPair`.
     supports : tuple of Support or None, optional
         Supports of pinion and wheel; required by the forms "bearings" and "spatial".
     mesh : {"teeth", "secant", "tangent"}, optional
-        Model of the mesh: contacts of every pair of teeth, or one stiffness and one error. Default: one stiffness by
-        the secant. Pairs with tip relief need "teeth" where contact is lost.
+        Model of the mesh: contacts of every pair of teeth (default), or one stiffness and one error by the secant or
+        the tangent of the static load. `hbgear.gears.mesh.mesh_models` states where each is correct.
     cycle : MeshCycle or None, optional
-        Mesh stiffness and transmission error, such as tables of other programs, instead of a computed mesh. The damping
-        ratio then refers to their mean stiffness.
+        Tables of mesh stiffness and transmission error of another program instead of a computed mesh.
     direction : float or str, default 0.0
         Direction from the pinion to the wheel [rad], for the form "spatial".
 
@@ -101,8 +87,14 @@ def build_model(
     torque = to_si("GearPair.model", "torque", torque, "N m")
     zeta = DAMPING.read("GearPair.model", damping)
     check("GearPair.model", "cycle", cycle, MeshCycle | None)
-    given = _mesh(pair, torque, mesh, cycle)
-    zeta *= sqrt(given.k_0 / given.k_mean)
+    b_c = pair.half_backlash
+    if b_c <= 0:
+        raise ValueError(
+            "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
+        )
+    found = mesh_model("GearPair.model", pair, torque, mesh, cycle)
+    zeta *= sqrt(found.k_0 / found.k_mean)
+    given = _Mesh(found.k_mean, b_c, _fields(found, b_c))
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
@@ -115,34 +107,15 @@ def build_model(
     return _spatial(pair, torque, zeta, given, supports, to_si("GearPair.model", "direction", direction, "rad"))
 
 
-def _mesh(pair: GearPair, torque: float, name: str | None, cycle: MeshCycle | None) -> _Mesh:
-    """Return the mesh of a model: given by tables, or computed by the model of this name."""
-    if name is not None and name not in MESHES:
-        raise ValueError(f"GearPair.model: mesh = {quoted(name)} must be one of {', '.join(MESHES)}")
-    if name is not None and cycle is not None:
-        raise ValueError(f"GearPair.model: mesh = {quoted(name)} and a cycle are both given; keep one")
-    b_c = pair.half_backlash
-    if b_c <= 0:
-        raise ValueError(
-            "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
-        )
-    if cycle is not None:
-        return _mean_mesh(cycle, b_c, pair.transverse_force(torque), None)
-    if name is None:
-        return _mean_mesh(pair.mesh(torque), b_c, pair.transverse_force(torque), None)
-    teeth = tooth_mesh(pair, torque)
-    if name == "teeth":
-        return _Mesh(teeth.stiffness, b_c, {"eps": (), "e": (), "contacts": teeth.contacts(b_c)}, teeth.stiffness)
-    return _mean_mesh(pair.mesh(torque, linearized=name), b_c, teeth.force, teeth.stiffness)
-
-
-def _mean_mesh(cycle: MeshCycle, b_c: float, force: float, k_0: float | None) -> _Mesh:
-    """Return a mesh of one stiffness and one error; without k_0 the damping ratio refers to its mean stiffness."""
-    k_mean, stiffness, error = cycle.functions(force)
-    fields: dict[str, Any] = {"eps": (), "stiffness": stiffness, "e": ()}
-    if error.varies:
-        fields["error"] = error.scaled(1 / b_c)
-    return _Mesh(k_mean, b_c, fields, k_0 or k_mean)
+def _fields(mesh: MeshModel, b_c: float) -> dict[str, Any]:
+    """Return the fields of the model, in half backlashes."""
+    fields: dict[str, Any] = {"eps": (), "e": ()}
+    if mesh.contacts is not None:
+        return {**fields, "contacts": mesh.contacts.scaled(1.0, 1 / b_c)}
+    fields["stiffness"] = mesh.stiffness
+    if mesh.error is not None and mesh.error.varies:
+        fields["error"] = mesh.error.scaled(1 / b_c)
+    return fields
 
 
 def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:

@@ -37,12 +37,16 @@ from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
-from hbgear.gears.mesh.mesh_excitation import amplitudes, mesh_stiffness
+from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.mesh.mesh_excitation import amplitudes, check_contact_scale, mesh_stiffness
+from hbgear.gears.trains.planetary_drawing import drawn_fields
 from hbgear.gears.trains.train_components import Mesh, Wheel
 from hbgear.gears.trains.train_kinematics import kinematics
-from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.laws.laws import Backlash, Law
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, Model, System
 from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import SpeedTerms
 
@@ -130,6 +134,10 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         Amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
     e_sp, e_rp : tuple of float, optional
         Amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
+    contacts_sp, contacts_rp : MeshContacts or None, optional
+        Contacts of tooth-resolved meshes instead of eps: stiffness over k_sp or k_rp and initial gaps [m], without
+        backlash, of a gear that drives; a pair of teeth is at the pitch point at tau_n = 0. `PlanetarySet.of` computes
+        them from drawings.
     eps_scale, e_scale, torque_scale : float, default 1.0
         Factors of all eps, all e and the torque, for use as continuation parameters.
     planet_errors : tuple of float, optional
@@ -191,6 +199,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     torque_scale: float = 1.0
     planet_errors: tuple[float, ...] = ()
     carrier_rotation: bool = False
+    contacts_sp: MeshContacts | None = None
+    contacts_rp: MeshContacts | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\sqrt{k_{sp}/m_p}$ [-]",
@@ -228,6 +238,11 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         super().__post_init__()
         for name in ("eps_sp", "eps_rp", "e_sp", "e_rp", "spacing", "planet_errors"):
             object.__setattr__(self, name, amplitudes("PlanetarySet", name, getattr(self, name)))
+        check_contact_scale("PlanetarySet", self.eps_scale, [self.contacts_sp, self.contacts_rp])
+        for mesh in ("sp", "rp"):
+            check("PlanetarySet", f"contacts_{mesh}", getattr(self, f"contacts_{mesh}"), MeshContacts | None)
+            if getattr(self, f"contacts_{mesh}") is not None and getattr(self, f"eps_{mesh}"):
+                raise ValueError(f"PlanetarySet: contacts_{mesh} and eps_{mesh} are both given; give eps_{mesh}=()")
         counted("PlanetarySet: planets", self.planets, 40, least=1)
         for name in ("teeth_s", "teeth_p", "teeth_r"):
             counted(f"PlanetarySet: {name}", getattr(self, name), 10_000, least=4)
@@ -247,6 +262,24 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
                 )
         self._check_teeth()
         self._check_assembly()
+
+    @classmethod
+    def of(cls, sun: GearPair, ring: GearPair, torque: Any, **others: Any) -> PlanetarySet:
+        """Return the set of the pairs of sun and planet and of planet and ring, with meshes resolved into tooth pairs.
+
+        Teeth, base radius of the sun, masses and inertias of the gears, meshes, backlashes and angles follow from the
+        pairs.
+
+        Parameters
+        ----------
+        sun, ring : GearPair
+            Pair of sun and planet, and pair of planet and ring.
+        torque : float or str
+            Torque on the sun [N m], which all planets share equally.
+        **others : object
+            Other fields, such as planets, zeta, and the mass and inertia of the carrier.
+        """
+        return cls(**{**drawn_fields(sun, ring, torque, others.get("planets", cls.planets)), **others})
 
     def _check_teeth(self) -> None:
         expected = self.teeth_s + 2 * self.teeth_p
@@ -460,12 +493,11 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             k = getattr(self, f"k_{which}")
             alpha = radians(getattr(self, f"alpha_{which[0]}_deg"))
             error = Series(cosine=getattr(self, f"e_{which}")).shifted(self._lags[j]).scaled(self.e_scale / length)
-            stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(self._lags[j])
             joined = 1 / (1 / self.J_p + 1 / (self.J_r if which == "rp" else self.J_s))
             gaps.append(
                 Element(
                     direction=w,
-                    law=Backlash(b=getattr(self, f"b_{which}") / length, stiffness=stiffness.scaled(k / self.k_sp)),
+                    law=self._mesh_law(which, self._lags[j]),
                     displacement=Series(errors[n] * cos(alpha) / length, error.cosine, error.sine),
                     damping=2 * self.zeta * sqrt(k * joined) / sqrt(self.k_sp * self.m_p),
                     name=name,
@@ -480,6 +512,21 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             dof_names=self.dof_names,
             speed=self._rotation() if self.carrier_rotation else None,
         )
+
+    def _mesh_law(self, which: str, lag: float) -> Law:
+        """Return the dimensionless force law of a mesh with the sun ("sp") or the ring ("rp")."""
+        b, ratio = getattr(self, f"b_{which}") / self.b_c, getattr(self, f"k_{which}") / self.k_sp
+        contacts = getattr(self, f"contacts_{which}")
+        if contacts is None:
+            stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(lag)
+            return Backlash(b=b, stiffness=stiffness.scaled(ratio))
+        backward = self.speeds["sun"] < self.speeds["carrier"]
+
+        def turned(one: Phased) -> Phased:
+            function: Phased = one.reversed() if backward and isinstance(one, Periodic) else one
+            return function.shifted(lag) if lag else function
+
+        return contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
 
     def _rotation(self) -> SpeedTerms | None:
         """Return the dimensionless Coriolis and centripetal terms of the frame of the carrier."""

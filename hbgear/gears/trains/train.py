@@ -28,12 +28,13 @@ from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.gears.mesh.mesh_excitation import check_contact_scale
 from hbgear.gears.pairs.support import AXES
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
-from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.models import Element, Load, Model, Reaction, System
 from hbgear.mechanics.series.fourier import Series, stretch, to_complex
 from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
@@ -139,6 +140,7 @@ class Train(Model):  # numpydoc ignore=PR02
             raise ValueError(f"Train: two wheels have the name '{duplicate}'; give each wheel its own name")
         self._check_places(names)
         object.__setattr__(self, "beams", tuple(self._placed(beam) for beam in self.beams))
+        check_contact_scale("Train", self.eps_scale, [mesh.contacts for mesh in self.meshes])
         self._kinematics  # noqa: B018 raises an error for trains that cannot turn
 
     def _check_places(self, names: list[str]) -> None:
@@ -406,12 +408,7 @@ class Train(Model):  # numpydoc ignore=PR02
         gaps = [
             Element(
                 direction=S * w,
-                law=Backlash(
-                    b=self.backlash_scale * mesh.half_backlash / self.b_c,
-                    stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(
-                        mesh.k_mean / self.k_mean
-                    ),
-                ),
+                law=self._mesh_law(mesh, order, lag),
                 displacement=in_order(mesh.error_used().scaled(self.e_scale / self.b_c), order, lag),
                 damping=2 * mesh.damping * sqrt(self._equivalent_mass(mesh) * mesh.k_mean) / (m_c * omega_n),
                 name=mesh.name,
@@ -431,6 +428,14 @@ class Train(Model):  # numpydoc ignore=PR02
             dof_names=[f"{AXES[axis]}_{name}" if name else housing[axis] for name, axis in self._coordinates],
             speed=self._speed_terms(S),
         )
+
+    def _mesh_law(self, mesh: Mesh, order: int, lag: float) -> Law:
+        """Return the dimensionless force law of a mesh."""
+        b, ratio = self.backlash_scale * mesh.half_backlash / self.b_c, mesh.k_mean / self.k_mean
+        if mesh.contacts is None:
+            return Backlash(b=b, stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(ratio))
+        turned = mesh.contacts.changed(*[lambda one: in_order(one, order, lag)] * 2)
+        return turned.scaled(ratio, 1 / self.b_c).widened(b)
 
     def _clearances(self, scale: Array) -> list[Element]:
         """Return the elements of bearings with a clearance: a spring beyond a gap and a damper, for each direction."""

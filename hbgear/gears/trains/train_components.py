@@ -6,8 +6,8 @@ shafts act on these coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import pi
+from dataclasses import dataclass, replace
+from math import pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -16,13 +16,15 @@ from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
-from hbgear.common.units import OptionalQuantityField, QuantityField
+from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import shaft_stiffness
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
 from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagged_series, mesh_stiffness
+from hbgear.gears.mesh.mesh_models import mesh_model
 from hbgear.mechanics.laws.laws import checked_contact
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 
@@ -324,6 +326,9 @@ class Mesh:  # numpydoc ignore=PR02
         Amplitudes of the transmission error [m] and their phase lags [rad].
     stiffness, error : Phased or None, optional
         Functions instead of the amplitudes, a `Series` or a `Periodic`: k(tau)/k_mean and e(tau) [m].
+    contacts : MeshContacts or None, optional
+        Contacts of a tooth-resolved mesh instead of eps and stiffness: stiffness over k_mean and initial gaps [m],
+        without backlash. `Mesh.of` computes them from a drawing.
     damping : float or str, default 0.05
         Damping ratio of the mesh with the equivalent mass of the two wheels.
     pressure_angle : float or str, optional
@@ -341,7 +346,7 @@ class Mesh:  # numpydoc ignore=PR02
     Raises
     ------
     ValueError
-        If a quantity has another unit or is out of range, or both amplitudes and a function are given.
+        If a quantity has another unit or is out of range, or the stiffness or the error is given twice.
 
     Examples
     --------
@@ -367,6 +372,7 @@ class Mesh:  # numpydoc ignore=PR02
     direction: OptionalQuantityField = OptionalQuantityField("rad", ANY, Range(-100, 100))
     lag: OptionalQuantityField = OptionalQuantityField("rad", ANY, Range(-1e4, 1e4))
     pitch_phase: QuantityField = QuantityField("rad", ANY, Range(-1e4, 1e4), 0.0)
+    contacts: MeshContacts | None = None
 
     def __post_init__(self) -> None:
         _check_names("Mesh", self.first, self.second)
@@ -383,28 +389,34 @@ class Mesh:  # numpydoc ignore=PR02
                 raise ValueError(f"Mesh: {name} and {other} are both given; keep one")
         if self.stiffness is not None:
             checked_contact("Mesh", self.stiffness)
+        check("Mesh", "contacts", self.contacts, MeshContacts | None)
+        if self.contacts is not None and (self.stiffness is not None or self.eps):
+            raise ValueError("Mesh: contacts and a stiffness are both given; give eps=() and no stiffness")
         if any(abs(x) > 5e-3 for x in self.e):
             raise ValueError(f"Mesh: e = {self.e} is in m and too large for any machine; give 5e-6 for 5 um")
 
     @classmethod
     def of(cls, first: str, second: str, pair: GearPair, torque: Any, damping: Any = 0.05, *,
-           cycle: MeshCycle | None = None, **others: Any) -> Mesh:  # fmt: skip
+           mesh: str | None = None, cycle: MeshCycle | None = None, **others: Any) -> Mesh:  # fmt: skip
         """Return the mesh of a `GearPair` whose pinion is the first wheel, under a torque on the pinion.
 
-        Stiffness, error, backlash, angles and the phase of the pitch point follow from ``pair.mesh(torque)``, or from
-        ``cycle`` if it is given.
+        Contacts or stiffness and error, backlash, angles and the phase of the pitch point follow from the pair. The
+        options ``mesh``, the model of the mesh, and ``cycle``, tables of it, are those of `GearPair.model`. The damping
+        ratio refers to the same stiffness in all models of the mesh.
         """
         check("Mesh.of", "pair", pair, GearPair)
-        cycle = pair.mesh(torque) if cycle is None else cycle
-        k_mean, stiffness, error = cycle.functions(pair.transverse_force(torque))
+        check("Mesh.of", "cycle", cycle, MeshCycle | None)
+        found = mesh_model("Mesh.of", pair, to_si("Mesh.of", "torque", torque, "N m"), mesh, cycle)
         begin = pair.path[0]
         pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
         own: dict[str, Any] = {
-            "k_mean": k_mean, "half_backlash": pair.half_backlash, "stiffness": stiffness,
-            "error": error if error.varies else None, "pressure_angle": pair.working_pressure_angle,
+            "k_mean": found.k_mean, "half_backlash": pair.half_backlash, "stiffness": found.stiffness,
+            "error": found.error if found.error is not None and found.error.varies else None,
+            "contacts": found.contacts, "pressure_angle": pair.working_pressure_angle,
             "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * float(pitch), "damping": damping,
         }  # fmt: skip
-        return cls(first, second, **{**own, **others})
+        made = cls(first, second, **{**own, **others})
+        return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean))
 
     @property
     def name(self) -> str:

@@ -220,7 +220,7 @@ class HarmonicEquations(ContinuationProblem):
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in a parameter; the latter is exact in Omega."""
         evaluator = self.compiled(parameters)
-        if name != "Omega" or evaluator.aft_laws:
+        if name != "Omega" or evaluator.aft_laws or evaluator.sliders:
             return super().curvature(X, v, name, **parameters)
         return evaluator.curvature(X, v, directional_step(X, v), float(parameters["Omega"]))
 
@@ -246,8 +246,9 @@ class HarmonicEquations(ContinuationProblem):
 
     @property
     def smooth(self) -> bool:  # type: ignore[override]
-        """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint."""
-        return not any(law.breakpoints for _, law in self.compiled({}).aft_laws)
+        """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint, and there is no friction."""
+        compiled = self.compiled({})
+        return not compiled.sliders and not any(law.breakpoints for _, law in compiled.aft_laws)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""
@@ -275,10 +276,11 @@ class HarmonicEquations(ContinuationProblem):
     def compiled_locator(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
         """Return compiled Newton iterations for motions at fixed Omega, folds, or zeros of a `clearance`.
 
-        None as of `compiled_continuation`, and for folds of laws in Python, whose second derivatives are unknown.
+        None as of `compiled_continuation`, and for folds with compiled laws of the user or friction, whose second
+        derivatives are computed in Python.
         """
         packed = self._packed_model(name, parameters)
-        if packed is None or (which == FOLD and packed.own is not None):
+        if packed is None or (which == FOLD and (packed.own is not None or packed.sliders is not None)):
             return None
         from hbgear.harmonic.equations.newton_kernels import locate
 

@@ -96,9 +96,10 @@ class PeriodicMotions(HarmonicEquations):
 
     @checked_arguments()
     def regime(self, X: Array, **parameters: float) -> np.ndarray:
-        """Return the impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
+        """Return the regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided; friction 3 to 5.
 
-        It is the number of breakpoints of the law that the motion crosses, at most 2.
+        It is the number of breakpoints of the law that the motion crosses, at most 2. With friction it is 3 if no
+        slider of the element slips, 4 if some of them slip, and 5 if all slip.
         """
         return motion.regime(self.compiled(parameters), X)
 
@@ -113,6 +114,25 @@ class PeriodicMotions(HarmonicEquations):
     def grazing_distance(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """Return one entry of `clearance`, and the phase at which its extremum lies."""
         return motion.grazing_distance(self.compiled(parameters), X, which)
+
+    @checked_arguments()
+    def slip_margins(self, X: Array, **parameters: float) -> Array:
+        """Return, for each friction slider, the range of its displacement minus 2 limit / k: positive if it slips."""
+        X = self._checked_unknowns(X, parameters)
+        margins: Array = motion.slip_margins(self.compiled(parameters), X[None])[0]
+        return margins
+
+    @checked_arguments()
+    def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:
+        """Return the positions of the friction sliders (Q,) at a basis phase theta."""
+        X = self._checked_unknowns(X, parameters)
+        return motion.slider_positions(self.compiled(parameters), X, theta)
+
+    @property
+    def slider_names(self) -> tuple[str, ...]:
+        """Names of the friction sliders: those of their elements, numbered if an element has several."""
+        elements = [(e.name, len(e.law.sliders)) for e in self.compiled({}).system.elements]
+        return tuple(f"{name}[{i}]" if count > 1 else name for name, count in elements for i in range(count))
 
     @property
     def clearance_names(self) -> tuple[str, ...]:
@@ -195,8 +215,8 @@ class PeriodicMotions(HarmonicEquations):
         return 128 if self.reduce else min(max(int(_MONITORING_WORK / (2 * structure.n) ** 3), 2), 128)
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """Return period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
-        return motion_events(self.nu) if self.pins is None else (FirstContact(),)
+        """Return period doublings, Neimark-Sacker points, grazing contacts, slips, ends of subharmonic branches."""
+        return (FirstContact(),) if self.pins else motion_events(self.nu, bool(self.compiled({}).sliders))
 
     def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],

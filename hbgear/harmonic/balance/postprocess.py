@@ -17,14 +17,15 @@ from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.floquet import is_reduced
 from hbgear.harmonic.multipliers.floquet import reduction as stability_reduction
 from hbgear.harmonic.structure.measured import STABILITY_NOT_AVAILABLE, MeasuredStructure
-from hbgear.mechanics.plausibility import check_gaps, check_truncation
+from hbgear.mechanics.plausibility import check_gaps, check_sliders, check_truncation
 from hbgear.mechanics.reduction import Reduction
 
 
 def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
     """Return a branch of a `HarmonicBalance` with the errors of its reductions.
 
-    Warn if automatic harmonics leave points above the tolerance, or if no motion comes near a breakpoint of a law.
+    Warn if automatic harmonics leave points above the tolerance, if no motion comes near a breakpoint of a law, or if
+    no friction slider slips.
     """
     if problem.auto:
         _warn_of_truncation(problem, branch)
@@ -34,6 +35,7 @@ def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, An
     clearances = [one["clearance"] for one in observed if "clearance" in one]
     if branch.parameter == "Omega" and branch.status.complete and problem.pins is None:
         check_gaps(problem.clearance_names, np.array(clearances))
+        check_sliders(problem.slider_names, np.array([one["slip"] for one in observed if "slip" in one]))
     evaluator = problem.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
     return _with_stability_error(branch, evaluator)
 

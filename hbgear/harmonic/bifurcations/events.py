@@ -9,6 +9,7 @@ NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker).
     changes sign: bracketed root of their modulus.
 GR  an extremum of an element grazes a breakpoint of its law: the impact regime changes.
     Located by Newton's method on {R = 0, extremum = breakpoint}, or as a bracketed root.
+SL  a friction slider begins to slip, see `slip`.
 EP  a subharmonic branch ends on the branch of shorter period.
 
 References
@@ -55,6 +56,7 @@ from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.bifurcations.grazing import GrazingProblem
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.multipliers.multiplier_collisions import (
     collisions,
@@ -326,7 +328,7 @@ class NeimarkSackerEvent(Event):
         if not problem.smooth:
             return None
         compiled = problem.compiled({})
-        known = not compiled.aft_laws and not compiled.structure.large
+        known = not compiled.aft_laws and not compiled.sliders and not compiled.structure.large
         return NeimarkSackerProblem(problem, parameter, self.near) if known else None
 
 
@@ -596,10 +598,11 @@ class TracedPeakEvent(AmplitudePeakEvent):
         return float(motion @ change) / 2
 
 
-def motion_events(nu: int) -> tuple[Event, ...]:
+def motion_events(nu: int, sliders: bool) -> tuple[Event, ...]:
     """Return the events of periodic motions of subharmonic order nu, in addition to folds and branch points."""
     ends = (PeriodDoublingMergeEvent(),) if nu > 1 else ()
-    return PeriodDoublingEvent(), NeimarkSackerEvent(), GrazingEvent(), *ends
+    slips = (SlipEvent(),) if sliders else ()
+    return PeriodDoublingEvent(), NeimarkSackerEvent(), GrazingEvent(), *slips, *ends
 
 
 def _has_peaks(problem: ContinuationProblem, parameter: str) -> bool:
@@ -615,6 +618,7 @@ EVENTS.update(
         NeimarkSackerEvent,
         BranchPointEvent,
         GrazingEvent,
+        SlipEvent,
         CuspEvent,
         PeriodDoublingMergeEvent,
     )

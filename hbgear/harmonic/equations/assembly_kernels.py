@@ -31,6 +31,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.aft_kernels import samples_of, spectrum
 from hbgear.harmonic.forces.projection_kernels import ProjectionWorkspace, coefficient, project, projection_workspace
+from hbgear.harmonic.forces.slider_kernels import add_memory
 from hbgear.harmonic.forces.toeplitz_kernel import add_product
 from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
 from hbgear.mechanics.series.fourier_kernels import put_waves
@@ -93,6 +94,7 @@ def assemble(
     spread(numbers, X, rows)
     project(numbers, rows, space)
     size = _fill_forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
+    add_memory(numbers.sliders, space.slides, numbers.linear.orders, J)
     size += _add_compiled_laws(numbers.own, numbers, rows, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 

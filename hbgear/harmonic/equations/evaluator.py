@@ -17,7 +17,7 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws
 from hbgear.harmonic.forces.breakpoints import corners_of, gap
 from hbgear.harmonic.forces.packed_laws import pack_laws
-from hbgear.harmonic.forces.packed_model import PackedModel, own_of
+from hbgear.harmonic.forces.packed_model import PackedModel, own_of, sliders_of
 from hbgear.harmonic.instants.equations import Equations
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
 from hbgear.harmonic.structure.receptance import LinearPart, LinearStructure, Receptance
@@ -77,6 +77,8 @@ class Evaluator:
     aft_laws : tuple of (int, Law)
         All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
         closed form.
+    sliders : int
+        Number of friction sliders.
     breakpoints, element, displacement : ndarray, shape (K,)
         Breakpoints of all laws, the element of each, and the displacement of which it is a value.
     """
@@ -107,7 +109,9 @@ class Evaluator:
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
         has_corners = bool(len(corners.phases) or packing.levels)
-        self.numbers = PackedModel(laws, linear, transform.basis, corners if has_corners else None, own)
+        sliders = sliders_of(self.laws)
+        self.numbers = PackedModel(laws, linear, transform.basis, corners if has_corners else None, own, sliders)
+        self.sliders = 0 if sliders is None else len(sliders.element)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.breakpoints = laws.level[: packing.public]
         self.displacement = laws.owner[: packing.public]
@@ -200,7 +204,11 @@ class Evaluator:
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
         """Return R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
-        R, J, dR, size = self._balance(X, Omega, self.linear(Omega))
+        return self.linearise_with(X, Omega, self.linear(Omega))
+
+    def linearise_with(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
+        """Return `linearise` with a given linear part and its derivative."""
+        R, J, dR, size = self._balance(X, Omega, linear)
         if not self.structure.constrained:
             return R, J, dR, size
         ties = self.structure.ties

@@ -60,8 +60,12 @@ def harmonic(X: Array, k: int) -> Array:
     return np.hypot(X[..., 2 * k - 1], X[..., 2 * k])
 
 
-REGIMES = ("no_impact", "single_sided", "double_sided")
-"""Names of the regime codes 0, 1, 2: number of sides of an element that the motion meets and leaves. -1 is unknown."""
+REGIMES = ("no_impact", "single_sided", "double_sided", "stick", "partial_slip", "gross_slip")
+"""Names of the regime codes. 0, 1, 2: number of sides of an element that the motion meets and leaves. 3, 4, 5: none,
+some, or all of the friction sliders of an element slip. -1 is unknown."""
+
+STICK_REGIME = REGIMES.index("stick")
+"""Regime code of an element whose sliders stick; larger codes are those of slip."""
 
 
 # ---- registry of measures
@@ -486,6 +490,11 @@ class Layout:
     def regimes(self) -> tuple[str, ...]:
         """Names of the regime codes."""
         return REGIMES
+
+    @property
+    def neutral_regime(self) -> int:
+        """Regime code of motions that depend on residual slider positions: no slider slips."""
+        return STICK_REGIME
 
     def index(self, element: int | str) -> int:
         """Return the index of an element given by index or name; the KeyError lists the elements."""

@@ -31,6 +31,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.layout import STICK_REGIME
 from hbgear.harmonic.forces.real_basis import derivative
 from hbgear.mechanics.reduction import Reduction
 from hbgear.mechanics.series.fourier import to_complex, to_real
@@ -62,9 +63,49 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 
 
 def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
-    """Return the number of breakpoints (m,) of each law that the motion crosses, at most 2."""
-    regime: np.ndarray = evaluator.extrema_and_regime(X[None])[1][0]
-    return regime
+    """Return the regime codes (m,) of each law, see `REGIMES`."""
+    regimes = evaluator.extrema_and_regime(X[None])[1]
+    _put_friction_regimes(evaluator, slip_margins(evaluator, X[None]), regimes)
+    codes: np.ndarray = regimes[0]
+    return codes
+
+
+def _put_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
+    """Replace the regime codes (P, m) of elements with friction by those of their slider margins (P, Q)."""
+    sliders = evaluator.numbers.sliders
+    if sliders is None:
+        return
+    for j in sorted(set(sliders.element.tolist())):
+        slips = margins[:, sliders.element == j] > 0
+        regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)
+
+
+def slip_margins(evaluator: Evaluator, X: Array) -> Array:
+    """Return the ranges (P, Q) of the displacements of motions X (P, n) minus those in which sliders stick."""
+    out = np.empty((len(X), evaluator.sliders))
+    if evaluator.sliders:
+        from hbgear.harmonic.forces.slider_kernels import slider_states
+
+        slider_states(evaluator.numbers, evaluator.spread(X), evaluator.m, out)
+    return out
+
+
+def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
+    """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
+    out, sliders = np.empty(evaluator.sliders), evaluator.numbers.sliders
+    if sliders is None:
+        return out
+    from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
+
+    rows = _rows(evaluator, X)
+    motion = slider_motion(evaluator.numbers, rows)
+    for i, j in enumerate(sliders.element.tolist()):
+        begin = motion.begin[i, : motion.number[i]]
+        p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
+        d = float(evaluator.gap(j, rows[j], np.array([theta]))[0])
+        kind = int(motion.kind[i, p])
+        out[i] = motion.position[i, p] if kind == STICK else d - kind * sliders.limit[i] / sliders.k[i]
+    return out
 
 
 def clearance(evaluator: Evaluator, X: Array) -> Array:
@@ -127,14 +168,20 @@ def largest_amplitudes(problem: Any, curve: Branch) -> Array:
 
 
 def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[list[dict[str, Any]], Array]:
-    """Return clearance, regime and truncation error of motions X (P, n), and the motions with their truncated part.
+    """Return clearance, slip margins, regime and truncation error of motions X (P, n), and the motions to order 2H.
 
     The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
     """
     clearances, regimes = evaluator.extrema_and_regime(X)
     extended = evaluator.with_driven_harmonics(X, Omega)
     each = zip(clearances, regimes, evaluator.truncation_error(extended).tolist(), strict=True)
-    return [{"clearance": c, "regime": r, "error": e} for c, r, e in each], extended
+    observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in each]
+    if evaluator.sliders:
+        margins = slip_margins(evaluator, X)
+        _put_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
+        for one, margin in zip(observed, margins, strict=True):
+            one["slip"] = margin
+    return observed, extended
 
 
 # ---- sampling

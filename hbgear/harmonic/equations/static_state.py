@@ -15,6 +15,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.mechanics.laws.slider import first_loading
 from hbgear.mechanics.reference_stiffness import bend
 
 
@@ -119,7 +120,9 @@ def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
 def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     """Return lengths (m,) at which laws change: breakpoints, bends of smooth laws, or load displacements."""
     springs = compiled.structure.kr
-    reach = np.array([max(np.abs(law.breakpoints), default=0.0) for law in compiled.laws])
+    reach = np.array(
+        [max([*map(abs, law.breakpoints), *(one.reach for one in law.sliders)], default=0.0) for law in compiled.laws]
+    )
     if reach.all():
         return reach
     own = np.abs(
@@ -154,11 +157,14 @@ def _load_signs(compiled: Evaluator, Omega: float) -> Array:
 
 
 def _mean_force_and_stiffness(laws: Any, d: Array) -> tuple[Array, Array]:
-    """Return the mean force and stiffness of each law over the phase at constant d (m,)."""
+    """Return the mean force and stiffness of each law over the phase at constant d (m,), reached from rest."""
     tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
     with np.errstate(all="ignore"):  # a law may be undefined at large displacements
         out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(laws, d, strict=True)]
     p, k = np.array(out).sum(axis=2).T / 64
+    for j, law in enumerate(laws):
+        friction, stiffness = first_loading(law.sliders, d[j : j + 1])
+        p[j], k[j] = p[j] + friction[0], k[j] + stiffness[0]
     return p, k
 
 

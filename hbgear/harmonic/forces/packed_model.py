@@ -33,6 +33,18 @@ class Own(NamedTuple):
     given: Array
 
 
+class Sliders(NamedTuple):
+    """Friction sliders.
+
+    element (Q,), k, limit, residual (Q,) : element of each slider, ascending, and its numbers.
+    """
+
+    element: np.ndarray
+    k: Array
+    limit: Array
+    residual: Array
+
+
 class PackedLinearPart(NamedTuple):
     """Linear part of a model.
 
@@ -59,8 +71,8 @@ class PackedModel(NamedTuple):
     """Model for kernels.
 
     basis (2H + 1, N) : real Fourier basis at N samples.
-    corners, own : None for a model without breakpoints in the phase or without compiled laws. Kernels are then compiled
-        without the code for them, in two thirds of the time.
+    corners, own, sliders : None for a model without breakpoints in the phase, compiled laws or friction. Kernels are
+        then compiled without the code for them, in two thirds of the time.
     """
 
     laws: PackedLaws
@@ -68,6 +80,16 @@ class PackedModel(NamedTuple):
     basis: Array
     corners: Corners | None
     own: Own | None
+    sliders: Sliders | None
+
+
+def sliders_of(laws: Sequence[Law]) -> Sliders | None:
+    """Return the friction sliders of a model, None if there are none."""
+    found = [(j, slider) for j, law in enumerate(laws) for slider in law.sliders]
+    if not found:
+        return None
+    numbers = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).T.copy()
+    return Sliders(np.array([j for j, _ in found], dtype=np.int64), *numbers)
 
 
 def own_of(laws: Sequence[Law]) -> Own | None:

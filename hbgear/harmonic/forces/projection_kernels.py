@@ -45,6 +45,7 @@ from hbgear.harmonic.forces.piecewise_kernels import (
     sizes_of,
     spans,
 )
+from hbgear.harmonic.forces.slider_kernels import SliderWorkspace, add_sliders, slider_workspace
 
 
 class ProjectionWorkspace(NamedTuple):
@@ -74,6 +75,8 @@ class ProjectionWorkspace(NamedTuple):
         kappa and chi of each spring without its stiffness series.
     ends : ndarray, shape (2, Q)
         Working memory for derivatives of polynomials.
+    slides : SliderWorkspace or None
+        Arrays of the friction sliders, if there are any.
     """
 
     theta: Array
@@ -91,6 +94,7 @@ class ProjectionWorkspace(NamedTuple):
     pull: ComplexArray
     both: ComplexArray
     ends: Array
+    slides: SliderWorkspace | None
 
 
 @kernel
@@ -106,6 +110,7 @@ def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
         coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]),
         np.empty((2, numbers.basis.shape[1])), waves, square,
         part[0], part[1], both, np.empty((2, degrees)),
+        slider_workspace(numbers.sliders, H, numbers.basis.shape[1], order + 1),
     )  # fmt: skip
 
 
@@ -180,6 +185,7 @@ def project(numbers: Any, rows: Any, space: Any) -> None:
     if laws.of.shape[0]:
         cross(numbers, rows, np.bool_(True), space)  # a literal would compile `cross` a second time
         _add_springs(laws, corners, space)
+    add_sliders(numbers.sliders, numbers.basis, rows, space.slides, kappa, chi)
     for j in range(rows.shape[0]):
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
             put_gap(corners, rows[j], j, c)

@@ -328,6 +328,10 @@ def _require_piecewise_linear(system: System) -> None:
                 f"the law of {element.name}, {type(element.law).__name__}, is not piecewise linear: contact instants "
                 "are computed for Unilateral, Backlash, PiecewiseLinear and sums of them"
             )
+        if element.law.sliders:
+            raise NotPiecewiseLinear(
+                f"the law of {element.name} has friction: contact instants need laws without memory"
+            )
     if system.n > MAX_COORDINATES:
         raise NotPiecewiseLinear(
             f"{system.n} coordinates are too many for contact instants; at most {MAX_COORDINATES}: reduce the model "

@@ -22,6 +22,8 @@ modulations at the Gauss points, u = D (R z_0 - A u), and
 
 A, R and B belong to a segment, D to a step. The loops over segments, steps and modes are in `monodromy_kernels`.
 
+A friction slider adds one state to the variational equation, see `monodromy_kernels`.
+
 A mode that no element excites or observes has a multiplier that does not depend on the motion: the exponential of its
 pole. Where identical elements move identically, modes in which they move in phase and in antiphase do not couple. Each
 such block of modes is then integrated separately, at a fraction of the cost.
@@ -145,7 +147,9 @@ def floquet_multipliers(
     Returns
     -------
     ndarray, shape (P, r)
-        Complex multipliers; r is twice the number of coordinates without free motions.
+        Complex multipliers; r is twice the number of coordinates without free motions, plus the number of friction
+        sliders. Sliders that slip forget their position: their multipliers are 0. So are those of sliders that never
+        slip, whose positions are prescribed; see `Jenkins`.
 
     Raises
     ------
@@ -205,7 +209,7 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     so the stiffness is returned as zero and no such mode is used.
     """
     most: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
-    if compiled.aft_laws:
+    if compiled.aft_laws or compiled.sliders:
         return most, np.zeros((len(X), compiled.m))
     from hbgear.harmonic.multipliers import monodromy_kernels
 
@@ -240,16 +244,17 @@ def _multipliers_of_blocks(
     listed: int | None = None,
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
-    alike = _move_identically(compiled, parts, X) if len(parts.split) > 1 else np.zeros(len(X), dtype=bool)
+    divisible = len(parts.split) > 1 and not compiled.sliders  # each slider would belong to one of the blocks
+    alike = _move_identically(compiled, parts, X) if divisible else np.zeros(len(X), dtype=bool)
     idle = parts.idle[:listed]
-    mu = np.empty((len(X), len(idle) + parts.whole.size), dtype=complex)
+    mu = np.empty((len(X), len(idle) + parts.whole.size + compiled.sliders), dtype=complex)
     mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
     for some, each in ((alike, parts.split), (~alike, (parts.whole,))):
         if some.any():
             at = len(idle)
             for part in each:
                 matrices = monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
-                mu[some, at : at + part.size] = _eigenvalues(matrices)
+                mu[some, at : at + matrices.shape[1]] = _eigenvalues(matrices)
                 at += part.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
 
@@ -300,13 +305,13 @@ def monodromies(
     points: int | None,
     width: float | None,
 ) -> Array:
-    """Return the real monodromy matrices (P, r, r) of the modes of a block.
+    """Return the real monodromy matrices (P, r + Q, r + Q) of the modes of a block and the Q friction sliders.
 
     mobility (m,) : inverse modal masses of the elements. Other parameters as in `floquet_multipliers`.
     """
     from hbgear.harmonic.multipliers import monodromy_kernels
 
-    out = np.empty((len(X), part.size, part.size))
+    out = np.empty((len(X), part.size + compiled.sliders, part.size + compiled.sliders))
     short = points or 6
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
@@ -363,13 +368,13 @@ def _monodromy_with_python_laws(
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(numbers, space)
     count, steps = monodromy_kernels.partition_period(numbers, rows, longest, space, theta, segments)
-    work = monodromy_kernels.monodromy_workspace(part.modes, part.size, len(x), steps, 2)
-    monodromy_kernels.fill_stiffness_modulation(numbers, rows, ports, segments, count, x, space.waves, work)
+    work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
+    monodromy_kernels.fill_stiffness_modulation(numbers, rows, ports, segments, count, x, space, work)
     points = work.phases[0, : steps * len(x)]
     dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
-    monodromy_kernels.monodromy(part.modes, segments, count, omega, x, L, work, out)
+    monodromy_kernels.monodromy(numbers.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
 
 
 def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:

@@ -5,6 +5,11 @@ In a step of length h from the state z_0 of the modes, with u = D d at s Gauss p
     d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j - rest u_i
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
     z_1 = e^{poles h} z_0 - sum_j (int_0^h e^{poles (h - x)} input L_j(x) dx) u_j
+
+A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
+constant. While it slips, its force does not change. Where it begins to stick, y = d; no other saltation is needed,
+because the force is continuous and d' = 0 there. The last columns and rows of the matrix are those of the sliders. A
+slider that never slips has a prescribed position: its column is zero instead of a multiplier +1.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from hbgear.common.process.compiling import kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
 from hbgear.harmonic.forces.piecewise_kernels import add_contact, add_pieces, put_gap, put_phases, sizes_of, weigh
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
+from hbgear.harmonic.forces.slider_kernels import put_events, sticks_at
 from hbgear.harmonic.multipliers.phi_functions import moments
 
 MODULATION_SAMPLES = 32
@@ -53,6 +59,10 @@ class MonodromyWorkspace(NamedTuple):
         Matrices of a step, see `_fill_step_matrices`.
     M, shown, u : ndarray, shapes (s g, s g + r), (s g, 2q) and (s g, r)
         System of equations of a step, D R, and the solution u, see `_solve_collocation`.
+    memory, pull : ndarray, shapes (Q, r) and (g, r)
+        Disturbances of the sliders, and their constant forces k y in a step.
+    stuck : ndarray, shape (Q,)
+        Whether each slider sticks.
     """
 
     phases: Array
@@ -70,11 +80,14 @@ class MonodromyWorkspace(NamedTuple):
     M: Array
     shown: Array
     u: Array
+    memory: Array
+    pull: Array
+    stuck: np.ndarray
 
 
 @kernel
-def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int) -> Any:
-    """Return a `MonodromyWorkspace` for matrices with ``size`` columns and ``steps`` steps of s points."""
+def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int, number: Any) -> Any:
+    """Return a `MonodromyWorkspace` for ``size`` columns, ``steps`` steps of s points and a ``number`` of sliders."""
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
     return MonodromyWorkspace(
         np.empty((3, T)), np.empty(T), np.empty((6, T)), np.empty((orders, steps, s, g)),
@@ -82,14 +95,31 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int) 
         np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
         np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q)), np.empty((2 * q, s * g)),
         np.empty((s * g, s * g + size)), np.empty((s * g, 2 * q)), np.empty((s * g, size)),
+        np.empty((number, size)), np.zeros((g, size)), np.empty(number, np.bool_),
     )  # fmt: skip
 
 
 @kernel
 def segment_arrays(numbers: Any, space: Any) -> Any:
     """Return empty arrays of breakpoint phases (C,) and of the segments (C + 1, 3); see `partition_period`."""
-    C = sizes_of(numbers.corners)[0] + space.theta.size
+    C = sizes_of(numbers.corners)[0] + space.theta.size + _event_count(space.slides)
     return np.empty(C), np.empty((C + 1, 3))
+
+
+@kernel
+def _event_count(slides: Any) -> int:
+    """Return the largest number of slider events of a period."""
+    if slides is None:
+        return 0
+    return int(slides.begin.size)
+
+
+@kernel
+def slider_count(sliders: Any) -> int:
+    """Return the number of sliders."""
+    if sliders is None:
+        return 0
+    return int(sliders.element.shape[0])
 
 
 @kernel
@@ -105,7 +135,8 @@ def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta:
 def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Fill ``out`` with the ascending phases in [0, 2 pi) of all breakpoints, and return their number.
 
-    At such a phase an element crosses a breakpoint of its law, or the excitation has one.
+    At such a phase an element crosses a breakpoint of its law, a slider slips or sticks, or the excitation has a
+    breakpoint.
     """
     cross(numbers, rows, np.bool_(False), space)
     theta, count = space.theta, space.number
@@ -118,7 +149,7 @@ def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
                 k -= 1
             out[k] = at
             n += 1
-    return n
+    return put_events(numbers.sliders, numbers.basis, rows, space.slides, out, n)
 
 
 @kernel
@@ -264,10 +295,10 @@ def slopes(numbers: Any, X: Any, out: Any) -> None:
 
 @kernel
 def fill_stiffness_modulation(
-    numbers: Any, rows: Any, ports: Any, segments: Any, count: int, x: Any, c: Any, workspace: Any
+    numbers: Any, rows: Any, ports: Any, segments: Any, count: int, x: Any, space: Any, workspace: Any
 ) -> None:
-    """Fill D = dp/dd - kr of the ports at the Gauss points x of all steps; c as in `steps_per_segment`."""
-    s, phases, k = x.shape[0], workspace.phases, workspace.stiffness
+    """Fill D = dp/dd - kr of the ports at the Gauss points x of all steps; ``space`` as of `partition_period`."""
+    s, phases, k, c = x.shape[0], workspace.phases, workspace.stiffness, space.waves
     at: Any = np.int64(0)  # a literal would compile each called kernel a second time
     for i in range(count):
         a, b = math.cos(segments[i, 1]), math.sin(segments[i, 1])
@@ -285,42 +316,143 @@ def fill_stiffness_modulation(
             k[i] = -numbers.linear.springs[0, ports[p]]
         put_gap(numbers.corners, rows[ports[p]], ports[p], c)
         add_stiffness(numbers, c, ports[p], phases, at, workspace.work, k)
+        _add_stuck(numbers.sliders, space.slides, ports[p], segments, count, s, k)
         for i in range(at):
             workspace.D[0, i // s, i % s, p] = k[i]
 
 
 @kernel
-def monodromy(modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, workspace: Any, out: Any) -> None:
-    """Compute the real monodromy matrix (r, r) into ``out``.
+def _add_stuck(sliders: Any, slides: Any, j: int, segments: Any, count: int, s: int, k: Any) -> None:
+    """Add the stiffness of the sliders of element j that stick to k, at the s Gauss points of all steps."""
+    if sliders is None:
+        return
+    for q in range(sliders.element.shape[0]):
+        at: Any = np.int64(0)
+        for i in range(count if sliders.element[q] == j else 0):
+            points = int(segments[i, 2]) * s
+            if sticks_at(slides, q, _middle(segments, i)):
+                for n in range(at, at + points):
+                    k[n] += sliders.k[q]
+            at += points
+
+
+@kernel
+def _middle(segments: Any, i: int) -> float:
+    """Return the phase in the middle of a segment."""
+    return float(segments[i, 0] + 0.5 * segments[i, 1] * segments[i, 2])
+
+
+@kernel
+def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: Any) -> None:
+    """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors."""
+    if sliders is None:
+        return
+    workspace.memory[:, :] = 0.0
+    for i in range(sliders.element.shape[0]):
+        workspace.stuck[i] = sticks_at(slides, i, phase)
+        workspace.memory[i, r + i] = 1.0 if slides.slips[i] else 0.0
+
+
+@kernel
+def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspace: Any) -> None:
+    """Set the states of the sliders in a segment, and their forces on the ports."""
+    if sliders is None:
+        return
+    workspace.pull[:, :] = 0.0
+    for i in range(sliders.element.shape[0]):
+        sticks = sticks_at(slides, i, phase)
+        p = _port_of(modes.ports, sliders.element[i])
+        if sticks and not workspace.stuck[i]:
+            _observe(modes, p, workspace, workspace.memory[i])
+        workspace.stuck[i] = sticks
+        for n in range(workspace.pull.shape[1] if sticks and p >= 0 else 0):
+            workspace.pull[p, n] += sliders.k[i] * workspace.memory[i, n]
+
+
+@kernel
+def _port_of(ports: Any, j: int) -> int:
+    """Return the number of the port of element j, -1 if it has none."""
+    for p in range(ports.shape[0]):
+        if ports[p] == j:
+            return p
+    return -1
+
+
+@kernel
+def _observe(modes: Any, p: int, workspace: Any, out: Any) -> None:
+    """Store the displacement of a port in all columns of the state."""
+    q, state = modes.poles.shape[0], workspace.state
+    for n in range(out.shape[0]):
+        out[n] = 0.0
+    for k in range(q if p >= 0 else 0):
+        a, b = modes.output[p, k].real, modes.output[p, k].imag
+        for n in range(out.shape[0]):
+            out[n] += a * state[k, n] - b * state[q + k, n]
+
+
+@kernel
+def _end_memory(sliders: Any, modes: Any, r: int, factor: float, workspace: Any, out: Any) -> None:
+    """Store the disturbances of the sliders at the end of the period in the last rows of the monodromy matrix."""
+    if sliders is None:
+        return
+    for i in range(sliders.element.shape[0]):
+        if not workspace.stuck[i]:
+            _observe(modes, _port_of(modes.ports, sliders.element[i]), workspace, workspace.memory[i])
+        for n in range(out.shape[1]):
+            out[r + i, n] = factor * workspace.memory[i, n]
+
+
+@kernel
+def _subtract_pull(sliders: Any, workspace: Any) -> None:
+    """Subtract the forces k y of the sliders from D R z_0."""
+    if sliders is None:
+        return
+    u, pull = workspace.u, workspace.pull
+    for i in range(u.shape[0]):
+        for n in range(u.shape[1]):
+            u[i, n] -= pull[i % pull.shape[0], n]
+
+
+@kernel
+def monodromy(
+    sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, workspace: Any,
+    out: Any,
+) -> None:  # fmt: skip
+    """Compute the real monodromy matrix (r + Q, r + Q) of r modal states and Q sliders into ``out``.
 
     D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps. Where disturbances
-    grow beyond 1e300 the matrix is scaled, so that its largest entry is about that number.
+    grow beyond 1e300 the matrix is scaled, so that its largest entry is about that number; not with sliders.
     """
-    s, q, r = x.shape[0], modes.poles.shape[0], out.shape[0]
+    s, q, size = x.shape[0], modes.poles.shape[0], out.shape[0]
+    r = size - slider_count(sliders)
     ends, state, turns = workspace.ends, workspace.state, workspace.turns
     ends[s] = 1.0
     for i in range(s):
         ends[i] = x[i]
     for k in range(2 * q):
-        for n in range(r):
-            state[k, n] = 1.0 if k == n else 0.0
+        for n in range(size):
+            state[k, n] = 1.0 if k == n and n < r else 0.0
     step: Any = np.int64(0)
     log = 0.0
+    _begin_memory(sliders, slides, _middle(segments, count - 1), r, workspace)
     for i in range(count):
+        _enter_segment(sliders, slides, _middle(segments, i), modes, workspace)
         moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
         _fill_step_matrices(modes, L, workspace)
         for _ in range(int(segments[i, 2])):
-            _solve_collocation(workspace, step)
+            _solve_collocation(sliders, workspace, step)
             _propagate(turns[s], state)
             _add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
-            if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0:
+            if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0 and size == r:
                 log += _rescale(state, STATE_SCALING_THRESHOLD)
-    log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
+    if size == r:
+        log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
     factor = math.exp(min(log, math.log(MAX_MONODROMY_ENTRY))) if log > 0.0 else 1.0
     for k in range(r):
-        for n in range(r):
+        for n in range(size):
             out[k, n] = factor * state[k, n]
+    _end_memory(sliders, modes, r, factor, workspace, out)
 
 
 @kernel
@@ -393,8 +525,8 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
 
 @kernel
-def _solve_collocation(workspace: Any, step: int) -> None:
-    """Solve (1 + D A) u = D R z_0 of a step; M holds [1 + D A  D R z_0] and ``shown`` D R."""
+def _solve_collocation(sliders: Any, workspace: Any, step: int) -> None:
+    """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``shown`` D R."""
     D, A, R, M, shown, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.shown, workspace.u
     n, g = u.shape[0], D.shape[3]
     for i in range(n):
@@ -408,6 +540,7 @@ def _solve_collocation(workspace: Any, step: int) -> None:
         for j in range(u.shape[1]):
             u[i, j] = 0.0
     _add_product(shown, workspace.state, 1.0, u)
+    _subtract_pull(sliders, workspace)
     for i in range(n):
         for j in range(u.shape[1]):
             M[i, n + j] = u[i, j]
@@ -495,8 +628,9 @@ def monodromies(
     )
     work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
     theta, segments = segment_arrays(numbers, space)
-    short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1)
-    long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1)
+    number = slider_count(numbers.sliders)
+    short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
+    long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(m, -1), Omega[p] / nu
         rate = steps_per_segment(numbers, rows, mobility, samples, space.waves, work, stiffness)
@@ -507,12 +641,12 @@ def monodromies(
             return count
         segment_count, steps = partition_period(numbers, rows, longest, space, theta, segments)
         if which == 0 and steps > short.D.shape[1]:
-            short = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
+            short = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1, number)
         if which == 1 and steps > long.D.shape[1]:
-            long = monodromy_workspace(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
+            long = monodromy_workspace(modes, size, schemes[1][0].shape[0], 2 * steps, 1, number)
         workspace, x, L = short, schemes[0][0], schemes[0][1]
         if which == 1:
             workspace, x, L = long, schemes[1][0], schemes[1][1]
-        fill_stiffness_modulation(numbers, rows, modes.ports, segments, segment_count, x, space.waves, workspace)
-        monodromy(modes, segments, segment_count, omega, x, L, workspace, out[p])
+        fill_stiffness_modulation(numbers, rows, modes.ports, segments, segment_count, x, space, workspace)
+        monodromy(numbers.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
     return 0.0

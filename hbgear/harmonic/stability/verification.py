@@ -240,9 +240,12 @@ MAX_EXACT_COORDINATES = 2
 
 
 def _has_constant_stiffness(problem: Any, here: Mapping[str, float]) -> bool:
-    """Return whether all laws are piecewise linear with a stiffness that does not vary over the period."""
-    springs = [law.piecewise for law in problem.compiled(dict(here)).laws]
-    return not any(each is None or any(one.stiffness.varies for one in each) for each in springs)
+    """Return whether all laws are piecewise linear without memory, with a stiffness that does not vary."""
+    compiled = problem.compiled(dict(here))
+    springs = [law.piecewise for law in compiled.laws]
+    return not compiled.sliders and not any(
+        each is None or any(one.stiffness.varies for one in each) for each in springs
+    )
 
 
 def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:

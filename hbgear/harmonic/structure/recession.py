@@ -33,6 +33,8 @@ def recession(law: Law) -> Law | None:
     """Return the limit of a law for large motions; None if the force is not proportional to them, as of a cubic law."""
     if law.piecewise is not None:
         springs = tuple(_spring(spring) for spring in law.piecewise)
+        if not springs:  # friction alone: a bounded force
+            return PiecewiseLinear((), (0.0,))
         return springs[0] if len(springs) == 1 else Parallel(springs)
     contacts = contacts_of(law)
     if contacts:

@@ -128,7 +128,7 @@ def _schema() -> Any:
 
     support = table("support", Support, ("stiffness",))
     supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
-    mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None))
+    mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None), static_error=(str, None))
     whole: dict[str, Any] = {
         "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
         "mesh_model": (_KINDS["mesh_model"], None),
@@ -160,11 +160,11 @@ class _Reader:
         pinion = self._made(("pinion",), Gear, data["pinion"])
         wheel = None if pinion is None else self._made(("wheel",), Gear, _completed(pinion, data["wheel"]))
         supports = [self._made(("support", name), Support, table) for name, table in data.get("support", {}).items()]
-        cycle = self._cycle(data.get("mesh"))
-        if self.problems or pinion is None or wheel is None:
+        if pinion is None or wheel is None:
             return None
         pair = self._made(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
-        if pair is None:
+        cycle = None if pair is None else self._cycle(data.get("mesh"), pair.transverse_force(own["torque"]))
+        if self.problems or pair is None:
             return None
         held: Any = tuple(supports) or None
         machine = Machine(
@@ -187,11 +187,17 @@ class _Reader:
         """Return an instance; None if a value was refused, which is recorded."""
         return made(self.problems, place, cls, values)
 
-    def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
+    def _cycle(self, table: Mapping[str, str] | None, force: float) -> MeshCycle | None:
         if table is None:
             return None
         try:
             stiffness = read_mesh_table(self.folder / table["stiffness"])
+            if "static_error" in table:
+                if "error" in table:
+                    raise ValueError("error and static_error are both given; keep the error without or under load")
+                return MeshCycle.loaded(
+                    stiffness, read_mesh_table(self.folder / table["static_error"], unit="m"), force
+                )
             error = MeshTable([0.0, 1.0], [0.0, 0.0])
             if "error" in table:
                 error = read_mesh_table(self.folder / table["error"], unit="m")

@@ -103,7 +103,10 @@ def _schema() -> Any:
 
     gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
     pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
-    mesh = form("mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None))
+    mesh = form(
+        "mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None),
+        mesh_model=(Literal["teeth", "secant", "tangent"], None),
+    )  # fmt: skip
     table = create_model(
         "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
     )
@@ -129,7 +132,7 @@ def _schema() -> Any:
 _TABLES = ("table", "damping_table")
 """Fields of a bearing that are tables over speed."""
 
-_FUNCTIONS = ("stiffness", "error")
+_FUNCTIONS = ("stiffness", "error", "contacts")
 """Fields of a mesh that a file cannot hold."""
 
 
@@ -199,8 +202,11 @@ def _mesh(
     place: Place, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[Place, str]]
 ) -> Mesh | None:
     """Return a mesh given by its fields, or by a pair of two of the gears under a torque."""
-    own = {name: value for name, value in table.items() if name not in ("pair", "torque")}
+    own = {name: value for name, value in table.items() if name not in ("pair", "torque", "mesh_model")}
     if "pair" not in table and "torque" not in table:
+        if "mesh_model" in table:
+            problems.append(((*place, "mesh_model"), "a model of the mesh is computed from pair and torque; give them"))
+            return None
         if "k_mean" not in own:
             problems.append((place, "a mesh needs its k_mean, or pair and torque, which determine it"))
             return None
@@ -215,5 +221,6 @@ def _mesh(
     if pair is None:
         return None
     return made(  # type: ignore[no-any-return]
-        problems, place, Mesh, own, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
-    )
+        problems, place, Mesh, own,
+        lambda **given: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"), **given),
+    )  # fmt: skip

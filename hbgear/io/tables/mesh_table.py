@@ -94,5 +94,6 @@ def _closed(path: object, lines: Sequence[int], phase: Array, value: Array) -> t
             )
         return phase, np.append(value[:-1], value[0])
     if not (length < 1 and 1 - length <= 1.5 * step):
-        raise ValueError(f"{path}: its phases span {length:.4g} mesh cycles; need one whole cycle, periodic")
+        raise ValueError(f"{path}: its phases span {length:.4g} mesh cycles; need one whole cycle, periodic: from "
+                         "one pair of teeth to the next, 1/z of a revolution")  # fmt: skip
     return np.append(phase, 1.0), np.append(value, value[0])

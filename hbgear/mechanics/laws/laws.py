@@ -17,7 +17,9 @@ Contract for a new law:
    Then harmonic balance projects it exactly instead of sampling it, folds are located by Newton's method, and time
    integration of a single spring uses its linear segments. Rules 4 and 5 then follow from the springs.
 7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is divided there, too.
-8. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
+8. ``sliders`` lists the friction sliders of a law with memory. Their forces, which depend on the history of d, are
+   added to ``force``, and they are projected exactly.
+9. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
    the choice of a time step, and change no result.
 
 Examples
@@ -56,6 +58,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.common.text.messages import quoted
+from hbgear.mechanics.laws.slider import Slider
 from hbgear.mechanics.series.fourier import Series, is_listed, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 
@@ -139,12 +142,18 @@ class Law(ABC):
     @property
     def reference(self) -> float:
         """Typical stiffness [force / length]; 0 if it is to be computed from the structure and its loads."""
-        return max((spring.reference for spring in self.piecewise or ()), default=0.0)
+        springs = max((spring.reference for spring in self.piecewise or ()), default=0.0)
+        return springs + sum(slider.k for slider in self.sliders)
 
     @property
     def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
         """Piecewise-linear springs whose sum is the law, p = sum_i k_i(tau) g_i(d); None if there are none."""
         return None
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        """Friction sliders, whose forces are added to ``force``; empty for a law without memory."""
+        return ()
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -411,7 +420,7 @@ class Parallel(Law):  # numpydoc ignore=PR02
         p(d, v, tau) = sum_i laws[i](d, v, tau)
 
     If each law is piecewise linear, so is the sum, and it is projected exactly; springs with proportional stiffness
-    variations are merged into one. With any other law in the sum all of it is sampled.
+    variations are merged into one. With any other law in the sum all of it is sampled, except friction sliders.
 
     Parameters
     ----------
@@ -458,6 +467,10 @@ class Parallel(Law):  # numpydoc ignore=PR02
                 return None
             springs += law.piecewise
         return _merged(springs)
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        return tuple(slider for law in self.laws for slider in law.sliders)
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

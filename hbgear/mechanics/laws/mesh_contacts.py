@@ -132,6 +132,16 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
             for contact in self.contacts
         ))  # fmt: skip
 
+    def scaled(self, stiffness: float, length: float) -> MeshContacts:
+        """Return the contacts with stiffness and levels times factors."""
+        return self.changed(lambda k: k.scaled(stiffness), lambda level: level.scaled(length))
+
+    def changed(self, stiffness: Callable[[Phased], Phased], level: Callable[[Phased], Phased]) -> MeshContacts:
+        """Return the contacts with changed functions of the phase, such as shifted ones."""
+        return MeshContacts(tuple(
+            ToothContact(stiffness(contact.stiffness), level(contact.level), contact.side) for contact in self.contacts
+        ))  # fmt: skip
+
     @property
     def reference(self) -> float:
         """Mean stiffness of the flank with the larger one, with all of its gaps closed."""

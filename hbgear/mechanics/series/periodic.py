@@ -363,6 +363,12 @@ class Periodic:  # numpydoc ignore=PR02
         """Return the function delayed by a phase: ``f(tau - phase)``."""
         return _from_start(phase, np.array(self.phases), self.coefficients)
 
+    def reversed(self) -> Periodic:
+        """Return the function of the negative phase: ``f(-tau)``."""
+        ends = np.array(self.phases) + self._widths
+        rows = _shifted(self._rows, self._widths) * (-1.0) ** np.arange(self._rows.shape[1])
+        return _from_start(0.0, -ends, rows.tolist())
+
     @checked_arguments()
     def scaled(self, factor: float) -> Periodic | Series:
         """Return the function times a factor; with the factor zero it is a `Series`."""

@@ -1,0 +1,64 @@
+"""Fields of a planetary set from the drawings of its two gear pairs.
+
+    F = T / (N r_bs) on every mesh,   tau_n = 0 where a pair of teeth is at the pitch point
+
+All planets are equal, so that every mesh with the sun has the same contacts, delayed by its phase, and likewise every
+mesh with the ring.
+"""
+
+from __future__ import annotations
+
+from math import degrees, pi, sqrt
+from typing import Any
+
+from hbgear.common.argument_checks import check
+from hbgear.common.units import to_si
+from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_mesh
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+
+
+def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> dict[str, Any]:
+    """Return the fields of a `PlanetarySet`.
+
+    Parameters
+    ----------
+    sun, ring : GearPair
+        Pair of sun and planet, and pair of planet and ring.
+    torque : float or str
+        Torque on the sun [N m], which the planets share equally.
+    planets : int
+        Number of planets.
+
+    Raises
+    ------
+    ValueError
+        If the pairs do not have the same planet, or the wheel of the second pair is not a ring.
+    """
+    check("PlanetarySet.of", "sun", sun, GearPair)
+    check("PlanetarySet.of", "ring", ring, GearPair)
+    if not ring.wheel.internal or sun.wheel.internal:
+        raise ValueError("PlanetarySet.of: give the pair of sun and planet, then the pair of planet and ring, whose "
+                         "wheel is internal")  # fmt: skip
+    if sun.wheel.teeth != ring.pinion.teeth:
+        raise ValueError(f"PlanetarySet.of: the planet has {sun.wheel.teeth} teeth at the sun and {ring.pinion.teeth} "
+                         "at the ring; give the same planet in both pairs")  # fmt: skip
+    force = to_si("PlanetarySet.of", "torque", torque, "N m") / planets / sun.base_radii[0]
+    found = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
+    members = {"s": sun.pinion, "p": ring.pinion, "r": ring.wheel}
+    return {
+        "teeth_s": sun.pinion.teeth, "teeth_p": ring.pinion.teeth, "teeth_r": ring.wheel.teeth,
+        "r_s": sun.base_radii[0], "torque": force * planets * sun.base_radii[0],
+        **{f"m_{name}": gear.mass_used for name, gear in members.items()},
+        **{f"J_{name}": 4 * gear.inertia_used / gear.base_diameter**2 for name, gear in members.items()},
+        "alpha_s_deg": degrees(sun.working_pressure_angle), "alpha_r_deg": degrees(ring.working_pressure_angle),
+        "eps_sp": (), "eps_rp": (), "k_sp": found[0].stiffness, "k_rp": found[1].stiffness,
+        "b_sp": sun.half_backlash, "b_rp": ring.half_backlash,
+        "contacts_sp": _at_pitch_point(sun, found[0]), "contacts_rp": _at_pitch_point(ring, found[1]),
+    }  # fmt: skip
+
+
+def _at_pitch_point(pair: GearPair, mesh: ToothMesh) -> MeshContacts:
+    """Return contacts whose phase is zero where a pair of teeth is at the pitch point."""
+    pitch = (sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - pair.path[0]) / pair.base_pitch
+    return mesh.contacts(1.0).changed(*[lambda one: one.shifted(-2 * pi * pitch)] * 2)

@@ -1,0 +1,1 @@
+"""Motions without periodic excitation: backbones, equilibria with Hopf points, limit cycles."""

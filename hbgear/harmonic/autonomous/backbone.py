@@ -1,0 +1,363 @@
+"""Backbones: periodic motions of a nonlinear mode over its amplitude (extended periodic motions).
+
+    M q'' + C q' - 2 D Omega M q' + K q + W p(d) = F_0         unknowns (X, D, Omega)
+    <x_ref', x> = 0,   rms(X) = amplitude
+
+The artificial damping -2 D Omega M q' replaces the excitation that would sustain the motion, so D is the modal damping
+ratio and Omega the modal frequency at this amplitude. Without dissipation D is zero and the motion is a nonlinear
+normal mode. The balance is that of `hbgear.harmonic.harmonic_balance`, with receptances of
+
+    D_k = K + i k Omega C - (k Omega)^2 M - 2 i D k Omega^2 M
+
+References
+----------
+Krack (2015), Comput. Struct. 154, 59-71, https://doi.org/10.1016/j.compstruc.2015.03.008.
+Krack and Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+"""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import POSITIVE, Range, checked, counted
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
+from hbgear.harmonic.autonomous.phase import phase_vector
+from hbgear.harmonic.autonomous.unforced import Unforced
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.layout import Layout
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.structure.receptance import LinearPart
+from hbgear.mechanics.models import Model, describe
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
+from hbgear.mechanics.series.fourier import to_complex, to_real
+
+_LOWEST_START_RATIO = 1e-3
+"""Amplitude at which the linear mode is a good guess, over the amplitude at which it is not."""
+
+_SMALLEST_DAMPING_SCALE = 1e-2
+"""Change of the modal damping ratio that counts as much as the whole motion in the arclength of a backbone."""
+
+AMPLITUDE = "amplitude"
+"""Name of the continuation parameter of a backbone: rms of the alternating part of all elements together."""
+
+
+class BackboneProblem(ContinuationProblem):
+    """Extended periodic motions of one mode: a problem for `trace` in ``amplitude``, with Omega and D unknown.
+
+    Parameters
+    ----------
+    model : Model
+        Model; its excitation is left out, mean loads remain.
+    mode : int, optional
+        Number of the linear mode at which the backbone begins, in ascending frequency. 1 by default.
+    harmonics : int, optional
+        H, number of harmonics. 16 by default.
+
+    Raises
+    ------
+    ValueError
+        If the model has fewer modes, a law varies with the phase and has no mean, or the structure depends on Omega, is
+        measured or is too large.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.harmonic.BackboneProblem(hb.Duffing(), harmonics=5)
+    >>> curve = hb.trace(problem, "amplitude", (0.01, 1.0))
+    >>> bool(curve.tracked["Omega"][-1] > curve.tracked["Omega"][0])
+    True
+    """
+
+    usual_parameter = AMPLITUDE
+    unknown_parameters = ("Omega", "modal_damping")
+    singular_hint = "an internal resonance, or a gap that stays open"
+
+    @checked_arguments()
+    def __init__(self, model: Model, mode: int = 1, harmonics: int = 16) -> None:
+        counted("mode", mode, 10_000)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
+            self.balance = HarmonicBalance(Unforced(model), harmonics, reduce=False)
+        self.model, self.mode = model, int(mode)
+        evaluator = self.balance.compiled({})
+        if evaluator.structure.large:
+            raise ValueError(
+                f"{evaluator.structure.n} coordinates are too many for a backbone: reduce the model first, "
+                "hb.mechanics.reduce(model, modes=60)"
+            )
+        self._phase = _phase_of(linear_mode(evaluator, self.mode), self.balance)
+
+    def __repr__(self) -> str:
+        return f"BackboneProblem({self.model!r}, mode={self.mode}, harmonics={self.balance.H})"
+
+    # ---- parameters and unknowns
+
+    @property
+    def size(self) -> int:  # type: ignore[override]
+        """Number of unknowns: those of the balance, D and Omega."""
+        return self.balance.size + 2
+
+    @property
+    def smooth(self) -> bool:  # type: ignore[override]
+        """Whether the Jacobian is differentiable."""
+        return self.balance.smooth
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the model."""
+        return self.balance.parameters
+
+    @property
+    def layout(self) -> Layout:
+        """Names and measures of the unknowns of the motion."""
+        return self.balance.layout
+
+    def check_parameter(self, name: str) -> None:
+        """Raise KeyError for a name other than ``amplitude`` and the parameters of the model."""
+        if name != AMPLITUDE:
+            self.balance.check_parameter(name)
+        if name == "Omega":
+            raise ValueError("Omega is an unknown of a backbone; trace it in amplitude or in a parameter of the model")
+
+    def range_of(self, name: str) -> Range:
+        """Return the valid values of a parameter; amplitudes are positive."""
+        return POSITIVE if name == AMPLITUDE else self.balance.range_of(name)
+
+    def unit_of(self, name: str, value: float) -> float:
+        """Return the size relative to which a parameter change is small."""
+        return abs(value) if name == AMPLITUDE else self.balance.unit_of(name, value)
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """Return ``amplitude`` if it is not given."""
+        return () if AMPLITUDE in known else (AMPLITUDE,)
+
+    def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """Return the unknowns of the motion, and D and Omega by name."""
+        return X[:-2], {"modal_damping": float(X[-2]), "Omega": float(X[-1])}
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """Return the unknowns of this problem from the unknowns of a motion and all parameters."""
+        return np.concatenate([X, [parameters["modal_damping"], parameters["Omega"]]])
+
+    def from_point(self, point: Point) -> Array:
+        """Return the unknowns of the motion of a point."""
+        return self.balance.from_point(point)
+
+    def resized(self, X: Array) -> Array:
+        """Return unknowns of any number of harmonics, cut or padded to this number."""
+        return X if len(X) == self.size else np.concatenate([self.balance.resized(X[:-2]), X[-2:]])
+
+    def smallest_scale(self, name: str) -> float:
+        """Return the smallest scale of an unknown; the damping of a conservative system is rounding."""
+        return _SMALLEST_DAMPING_SCALE if name == "modal_damping" else 0.0
+
+    def solution_norm(self, X: Array) -> float:
+        """Return the norm of the alternating part, which scales the arclength."""
+        return self.balance.solution_norm(X[:-2])
+
+    def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """Return the problem with the phase condition relative to a motion, if ``renew``; else itself."""
+        return self._with(_phase=phase_vector(X[:-2], self.balance.m)) if renew else self
+
+    def _with(self, **changes: Any) -> Self:
+        out = copy.copy(self)
+        vars(out).update(changes)
+        return out
+
+    @property
+    def refined_problem(self) -> Self | None:
+        """The problem with 2H harmonics."""
+        finer = self.balance.refined_problem
+        return None if finer is None else self._on(finer)
+
+    @property
+    def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
+        """Problems with other numbers of harmonics, with their weights in error estimates."""
+        return tuple((self._on(other), weight) for other, weight in self.balance.comparisons)
+
+    def _on(self, balance: Any) -> Self:
+        """Return the problem with another balance."""
+        return self._with(balance=balance, _phase=balance.resized(self._phase))
+
+    # ---- equations
+
+    @checked_arguments()
+    def start(self, amplitude: float, **parameters: float) -> Array:  # type: ignore[override]
+        """Return the motion of an amplitude: from the linear mode, or traced from a thousandth of the amplitude.
+
+        Raises
+        ------
+        NoConvergence
+            If Newton's method does not converge.
+        """
+        checked("start", AMPLITUDE, amplitude, POSITIVE)
+        here = {**parameters, AMPLITUDE: float(amplitude)}
+        mode = linear_mode(self.balance.compiled(parameters), self.mode)
+        try:
+            return solve(self, self._linear_motion(mode, amplitude), here).X
+        except NoConvergence:
+            low = _LOWEST_START_RATIO * amplitude
+            guess = self._linear_motion(mode, low)
+            curve = trace(self, AMPLITUDE, (low, amplitude), guess, at=parameters, cover=False, stability=False)
+            if not curve.status.complete:
+                raise
+            return self.join(curve[-1].X, curve[-1].parameters)
+
+    def _linear_motion(self, mode: LinearMode, amplitude: float) -> Array:
+        """Return the unknowns of a motion of a linear mode."""
+        d = np.zeros((self.balance.m, self.balance.H + 1), dtype=complex)
+        d[:, 0], d[:, 1] = mode.rest, np.sqrt(2.0) * amplitude * mode.shape
+        return np.concatenate([to_real(d).ravel(), [mode.damping, mode.omega]])
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """Return the residual (n,), its Jacobian (n, n), its derivative in a parameter and the size of its terms."""
+        d, own = self.split(X)
+        evaluator, n = self.balance.compiled(_of_model(parameters)), self.balance.size
+        linear, rate = _linear_part(evaluator, own["Omega"], own["modal_damping"])
+        R, J, dR_dOmega, size = evaluator.linearise_with(d, own["Omega"], linear)
+        amplitude = parameters[AMPLITUDE]
+        moving = d * self._alternating
+        rms = norm(moving) / np.sqrt(2.0)
+        weight = size / amplitude
+        out, A = np.empty(n + 2), np.zeros((n + 2, n + 2))
+        out[:n], out[n], out[n + 1] = R, weight * (self._phase @ d), weight * (rms - amplitude)
+        A[:n, :n], A[:n, n + 1] = J, dR_dOmega
+        A[:n, n] = to_real(_applied(rate, to_complex(d.reshape(evaluator.m, -1)), evaluator)).ravel()
+        A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * moving / (rms or 1.0)
+        return Evaluation(out, A, self._rate(X, name, parameters, weight), size)
+
+    @property
+    def _alternating(self) -> Array:
+        """Return ones (n,) at the alternating unknowns and zeros at the means."""
+        out = np.ones(self.balance.size)
+        out[self.balance.means] = 0.0
+        return out
+
+    def _rate(self, X: Array, name: str, parameters: dict[str, float], weight: float) -> Array:
+        """Return the derivative of the residual in a parameter, zeros without a name."""
+        out = np.zeros(len(X))
+        if name == AMPLITUDE:
+            out[-1] = -weight
+        elif name:
+            d, own = self.split(X)
+
+            def residual(at: dict[str, float]) -> tuple[Array]:
+                evaluator = self.balance.compiled(_of_model(at))
+                linear, _ = _linear_part(evaluator, own["Omega"], own["modal_damping"])
+                return (evaluator.linearise_with(d, own["Omega"], linear)[0],)
+
+            (out[:-2],) = parameter_derivatives(self, name, parameters, residual)
+        return out
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
+        """Return the residual and the Jacobian."""
+        now = self.linearise(X, "", **parameters)
+        return now.R, np.asarray(now.dR_dX)
+
+    # ---- monitored quantities
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return the regime and the truncation error of the motion."""
+        d, own = self.split(X)
+        here = _of_model(parameters)
+        seen = self.balance.observe_many(d[None], "Omega", np.array([own["Omega"]]), False, **here)[0]
+        return {name: seen[name] for name in ("regime", "error")}
+
+    def describe(self) -> dict[str, Any]:
+        """Return the data for the header of a file."""
+        balance = self.balance.discretization.describe(None)
+        return {
+            "model": describe(self.model),
+            "balance": balance,
+            "curve": {"of": type(self).__name__, "mode": self.mode},
+        }
+
+    def motion(self, point: Point) -> Array:
+        """Return the harmonics of all coordinates at a point of a backbone, as real rows (n, 2H + 1)."""
+        evaluator = self.balance.compiled(_of_model(point.parameters))
+        Omega, D = point.parameters["Omega"], point.parameters["modal_damping"]
+        d = to_complex(point.X.reshape(evaluator.m, -1))
+        f = to_complex(evaluator.forces(point.X, Omega))
+        rows: Array = to_real(_coordinates(evaluator, Omega, D, d, f).T)
+        return rows
+
+
+def _of_model(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of the model alone."""
+    return {name: x for name, x in parameters.items() if name not in (AMPLITUDE, "Omega", "modal_damping")}
+
+
+def _phase_of(mode: LinearMode, balance: HarmonicBalance) -> Array:
+    """Return the phase condition relative to a linear mode."""
+    d = np.zeros((balance.m, balance.H + 1), dtype=complex)
+    d[:, 1] = mode.shape
+    return phase_vector(to_real(d).ravel(), balance.m)
+
+
+_SPRING_FACTOR = np.sqrt(3.0)
+"""Springs of the receptances over the reference springs. With a factor of one the receptance of an undamped structure
+would be infinite at the linear frequency, where backbones with backlash begin."""
+
+
+def _springs(evaluator: Evaluator) -> Array:
+    """Return the springs (m,) that the receptances include."""
+    springs: Array = _SPRING_FACTOR * evaluator.structure.kr
+    return springs
+
+
+def _dynamic_stiffness(evaluator: Evaluator, Omega: float, D: float) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return D_k of the orders above zero and its derivatives in Omega and in D, (K, n, n) each."""
+    s, k = evaluator.structure, evaluator.orders[1:, None, None]
+    w = k * Omega
+    K = s.K + (s.W * (_springs(evaluator) - s.kr)) @ s.W.T
+    value = K + 1j * w * s.C - w**2 * s.M - 2j * D * k * Omega**2 * s.M
+    in_Omega = 1j * k * s.C - 2 * k * w * s.M - 4j * D * k * Omega * s.M
+    return value, in_Omega, -2j * k * Omega**2 * s.M
+
+
+def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPart, ComplexArray]:
+    """Return the linear part of the balance with its derivative in Omega, and dZ_k/dD (K + 1, m, m)."""
+    s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
+    value, in_Omega, in_D = _dynamic_stiffness(evaluator, Omega, D)
+    W = np.broadcast_to(s.W, (len(value), *s.W.shape))
+    Q, Lt = np.linalg.solve(value, W), np.linalg.solve(value.transpose(0, 2, 1), W).transpose(0, 2, 1)
+    G = W.transpose(0, 2, 1) @ Q
+    out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
+    out.matrices[0, 0], out.constants[0, 0] = rest.Z[0], rest.g[0]
+    own = np.ix_(np.arange(len(value)), s.own, s.own) if s.constrained else ...
+    Y, dY, dD = out.matrices[0, 1:], out.matrices[1, 1:], rate[1:]
+    Y[own] = np.linalg.inv(G[own])
+    dY[own] = Y[own] @ (Lt @ (in_Omega @ Q))[own] @ Y[own]
+    dD[own] = Y[own] @ (Lt @ (in_D @ Q))[own] @ Y[own]
+    Y -= np.diag(_springs(evaluator))
+    return out, rate
+
+
+def _applied(rate: ComplexArray, d: ComplexArray, evaluator: Evaluator) -> ComplexArray:
+    """Return the derivative (m, K + 1) of the balance in D from dZ/dD (K + 1, m, m) and displacements (m, K + 1)."""
+    out: ComplexArray = evaluator.structure.joint @ np.einsum("kij,jk->ik", rate, d)
+    return out
+
+
+def _coordinates(evaluator: Evaluator, Omega: float, D: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
+    """Return the harmonics (K + 1, n) of the coordinates from displacements and law forces, (m, K + 1) each."""
+    s = evaluator.structure
+    q = np.zeros((len(evaluator.orders), s.n), dtype=complex)
+    q[0] = evaluator.receptance.motion(STATIC_FREQUENCY, d.T, f.T)[0]
+    u = (f.T - _springs(evaluator) * d.T)[1:]
+    q[1:] = np.linalg.solve(_dynamic_stiffness(evaluator, Omega, D)[0], -(u @ s.W.T)[..., None])[..., 0]
+    return q

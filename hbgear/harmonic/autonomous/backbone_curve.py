@@ -1,0 +1,142 @@
+"""Backbone curves: modal frequency and damping over amplitude, and their energy.
+
+    E = 1/2 q'^T M q' + 1/2 q^T K q - F_0^T q + sum_j int_0^d_j p_j        mean over a period
+
+Without dissipation E is constant during the motion.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.models import Model
+from hbgear.mechanics.series.fourier import evaluate
+
+_ENERGY_SAMPLES = 64
+"""Instants of a period over which the energy is averaged; it varies only by the dissipation within a period."""
+
+
+@checked_arguments()
+def backbone(
+    model: Model, mode: int = 1, span: tuple[float, float] = (0.01, 10.0), *, harmonics: int = 16, **options: Any
+) -> Branch:
+    """Trace the backbone of a mode: the frequency and damping of free motions over their amplitude.
+
+        M q'' + C q' - 2 D Omega M q' + K q + W p(d) = F_0,   rms(d) = amplitude
+
+    Periodic excitation is left out; mean loads, mean prescribed displacements and mean stiffness remain. The artificial
+    damping -2 D Omega M q' sustains the motion (extended periodic motion concept), so D is the modal damping ratio.
+
+    Parameters
+    ----------
+    model : Model
+        Any gear pair, oscillator, train or `System` with constant matrices.
+    mode : int, optional
+        Number of the linear mode about the static state, in ascending frequency. 1 by default.
+    span : (float, float), optional
+        First and last amplitude: rms of the alternating displacements of all elements together [length of the model].
+    harmonics : int, optional
+        H, number of harmonics. 16 by default.
+    **options
+        Arguments of `trace`; here ``cover`` is False by default, because a span may exceed the amplitudes of a mode.
+
+    Returns
+    -------
+    Branch
+        Curve in ``amplitude``, with the arrays ``tracked["Omega"]`` and ``tracked["modal_damping"]``. Turning points in
+        amplitude and branch points belong to internal resonances.
+
+    Raises
+    ------
+    ValueError
+        If the model has fewer modes, a law varies with the phase and has no mean, or the structure depends on Omega, is
+        measured or is too large.
+    NoConvergence
+        If no motion is found at either end of the span.
+
+    References
+    ----------
+    Krack (2015), Comput. Struct. 154, 59-71, https://doi.org/10.1016/j.compstruc.2015.03.008.
+
+    Examples
+    --------
+    The frequency of the unloaded backlash oscillator is 1 / (1 + 2 / (pi (A - 1))), with A the largest displacement
+    over the half backlash.
+
+    >>> import hbgear as hb
+    >>> import math
+    >>> free = hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash())])
+    >>> curve = hb.analysis.backbone(free, span=(4.0, 2.0))
+    >>> A = float(curve[0].amplitude("max"))
+    >>> bool(abs(curve.tracked["Omega"][0] - 1 / (1 + 2 / (math.pi * (A - 1)))) < 1e-5)
+    True
+    """
+    return trace(BackboneProblem(model, mode, harmonics), AMPLITUDE, span, **({"cover": False} | options))
+
+
+@checked_arguments()
+def backbone_energy(curve: Branch) -> Array:
+    """Return the energy of each motion of a backbone: kinetic, elastic, and of the mean loads.
+
+    Parameters
+    ----------
+    curve : Branch
+        Curve of `backbone`, with its problem.
+
+    Returns
+    -------
+    ndarray, shape (P,)
+        Energy relative to the state q = 0, mean over a period [force times length of the model].
+
+    Raises
+    ------
+    ValueError
+        If the curve is not a backbone or has no problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1), harmonics=3)
+    >>> energy = hb.analysis.backbone_energy(curve)
+    >>> bool(abs(energy[0] / 0.01**2 - 1.0) < 1e-3)
+    True
+    """
+    problem = curve.problem
+    if not isinstance(problem, BackboneProblem):
+        raise ValueError("the energy is that of a backbone: give the curve of hb.analysis.backbone(model)")
+    return np.array([_energy(problem, curve[i]) for i in range(len(curve))])
+
+
+def _energy(problem: BackboneProblem, point: Point) -> float:
+    """Return the mean energy of the motion of a point."""
+    system = problem.balance.model.at(point.parameters).system()
+    rows, theta = problem.motion(point), 2 * np.pi * np.arange(_ENERGY_SAMPLES) / _ENERGY_SAMPLES
+    q, v = evaluate(rows, theta), point.parameters["Omega"] * evaluate(rows, theta, 1)
+    load = np.asarray(system.loads[0].constant)
+    quadratic = 0.5 * np.sum(v * (system.M @ v), axis=0) + 0.5 * np.sum(q * (system.K @ q), axis=0) - load @ q
+    total = float(np.mean(quadratic))
+    for j, element in enumerate(system.elements):
+        d = system.W[:, j] @ q - element.displacement.mean
+        total += float(np.mean([_potential(element.law, x) for x in d]))
+    return total
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def _potential(law: Law, d: float) -> float:
+    """Return the integral of the force of a law from 0 to d, by Gauss quadrature between its breakpoints."""
+    ends = np.array([0.0, *sorted((x for x in law.breakpoints if 0 < x / d < 1), key=abs), d]) if d else np.zeros(2)
+    half, middle = 0.5 * np.diff(ends)[:, None], 0.5 * (ends[1:] + ends[:-1])[:, None]
+    x = (middle + half * _NODES).ravel()
+    force = law.force(x, np.zeros_like(x), np.zeros_like(x))[0]
+    return float(np.sum(half * (np.reshape(force, (len(ends) - 1, -1)) @ _WEIGHTS)[:, None]))

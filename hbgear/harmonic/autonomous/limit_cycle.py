@@ -1,0 +1,218 @@
+"""Limit cycles: periodic motions without excitation, of unknown frequency.
+
+    R(X, Omega, p) = 0,   <x_ref', x> = 0          unknowns (X, Omega)
+
+R is the harmonic balance without periodic excitation. One multiplier is +1, because the phase is arbitrary; the others
+decide stability.
+
+References
+----------
+Krack and Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+Doedel, Keller and Kernevez (1991), Int. J. Bifurcation Chaos 1(4), https://doi.org/10.1142/S0218127491000555.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem, Evaluation
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.equilibrium import HopfPoint
+from hbgear.harmonic.autonomous.phase import phase_vector, without_trivial
+from hbgear.harmonic.autonomous.unforced import Unforced
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.mechanics.models import Model, describe
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
+from hbgear.mechanics.series.fourier import to_real
+
+
+class LimitCycleProblem(MinimallyAugmentedProblem):
+    """Limit cycles in a parameter of the model: a problem for `trace`, with the frequency Omega unknown.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Balance of a model without periodic excitation.
+    parameter : str, optional
+        The unknown frequency, "Omega".
+
+    Examples
+    --------
+    See `hbgear.analysis.limit_cycles`.
+
+    >>> import hbgear as hb
+    >>> hb.harmonic.LimitCycleProblem(hb.HarmonicBalance(hb.Duffing(), 3)).unknown_parameters
+    ('Omega',)
+    """
+
+    smooth = True
+    problem: Any
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "Omega") -> None:
+        super().__init__(problem, parameter)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        """Return the phase condition relative to a motion."""
+        size = linearise(self.problem, X, "", here).size
+        return Borders(size / max(norm(X), 1e-300), b=phase_vector(X, self.problem.m))
+
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Return the phase condition relative to another motion, with the same weight."""
+        return replace(base, b=phase_vector(X, self.problem.m))
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """Return the phase condition with its derivatives; see `MinimallyAugmentedProblem.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        b = base.weight * np.asarray(base.b)
+        derivatives = tuple((linearise(self.problem, X, name, here).dR_dp, 0.0) for name in names)
+        return AugmentedResidual(now, float(b @ X), b, 0.0, derivatives)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the data for the header of a file."""
+        model, balance = self.problem.model, self.problem.discretization.describe(None)
+        described = describe(model.model if isinstance(model, Unforced) else model)
+        return {"model": described, "balance": balance, "curve": {"of": type(self).__name__, "in": self.parameter}}
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return regime, truncation error and the multipliers without the one of the arbitrary phase."""
+        X, own = self.split(X)
+        here = {**parameters, **own}
+        Omega = np.array([here.pop(self.parameter)])
+        seen = self.problem.observe_many(X[None], self.parameter, Omega, stability, **here)[0]
+        out = {name: seen[name] for name in ("regime", "error")}
+        if "multipliers" in seen:
+            out["multipliers"] = without_trivial(seen["multipliers"])
+        return out
+
+
+class _StartEquations(MinimallyAugmentedProblem):
+    """Limit cycles of a given amplitude near a Hopf point: a parameter of the model is the last unknown.
+
+    {R, phase condition} = 0,   s^T X = amplitude
+    """
+
+    problem: LimitCycleProblem
+    shape: Array
+    amplitude: float
+
+    def __init__(self, problem: LimitCycleProblem, parameter: str, shape: Array, amplitude: float) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(shape=shape, amplitude=amplitude)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", here).size / self.amplitude)
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        now: Evaluation = linearise(self.problem, X, self.parameter, here)
+        g = base.weight * (self.shape @ X[:-1] - self.amplitude)
+        return AugmentedResidual(now, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
+
+
+_FIRST_AMPLITUDE = 5e-2
+"""Amplitude of the first limit cycle, relative to the length at which a law changes: small, but far above rounding."""
+
+
+@checked_arguments()
+def limit_cycles(
+    model: Model, hopf: HopfPoint, span: tuple[float, float], *, harmonics: int = 16, length: float = 1.0,
+    **options: Any,
+) -> Branch:  # fmt: skip
+    """Trace the limit cycles that bifurcate from a Hopf point of an equilibrium.
+
+        R(X, Omega, p) = 0,   <x_ref', x> = 0
+
+    The branch begins at a small amplitude and leaves the Hopf point in the direction in which the amplitude grows, also
+    if the bifurcation is subcritical. It ends at either end of the span.
+
+    Parameters
+    ----------
+    model : Model
+        Model; its periodic excitation is left out.
+    hopf : HopfPoint
+        Point of `hopf_points`.
+    span : (float, float)
+        Values of the parameter between which the branch is traced, in any order.
+    harmonics : int, optional
+        H, number of harmonics. 16 by default.
+    length : float, optional
+        Displacement at which the nonlinearity matters; the first cycle has a twentieth of it. 1 by default.
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        Curve in the parameter of the Hopf point, with the frequencies ``tracked["Omega"]``. The multiplier +1 of the
+        arbitrary phase is left out.
+
+    Raises
+    ------
+    NoConvergence
+        If no limit cycle is found near the Hopf point: it may be degenerate, or ``length`` too large.
+    ValueError
+        If the Hopf point lies outside the span.
+
+    Examples
+    --------
+    The van der Pol oscillator with eps = 0.2 has the frequency 0.99750885636:
+
+    >>> import hbgear as hb
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class VanDerPol(hb.mechanics.Law):
+    ...     eps: float
+    ...
+    ...     def force(self, d, v, tau):
+    ...         return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
+    >>> @hb.mechanics.model
+    ... def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
+    ...     return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
+    >>> (hopf,) = hb.analysis.hopf_points(oscillator(), "damping", (0.5, -0.5))
+    >>> cycles = hb.analysis.limit_cycles(oscillator(), hopf, (0.0, 0.4), harmonics=7, stability=False)
+    >>> round(float(cycles.tracked["Omega"][-1]), 8)
+    0.99750886
+    """
+    low, high = sorted(map(float, span))
+    if not low <= hopf.value <= high:
+        raise ValueError(
+            f"the Hopf point has {hopf.parameter} = {hopf.value:.6g}, outside the span ({low:g}, {high:g}); widen it"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
+        balance = HarmonicBalance(Unforced(model), harmonics)
+    problem = LimitCycleProblem(balance)
+    U, fixed = _first_cycle(problem, hopf, _FIRST_AMPLITUDE * length)
+    value = float(U[-1])
+    ends = (low, high) if value >= hopf.value else (high, low)
+    at = {**fixed, hopf.parameter: value, "Omega": float(U[-2])}
+    none = np.zeros(0, dtype=np.int8)
+    start = Point(U[:-2], at, 0.0, 0, None, none, math.nan, problem.layout, problem=problem)
+    return trace(problem, hopf.parameter, ends, start, **({"cover": False} | options))
+
+
+def _first_cycle(problem: LimitCycleProblem, hopf: HopfPoint, amplitude: float) -> tuple[Array, dict[str, float]]:
+    """Return the unknowns (X, Omega, p) of a limit cycle of small amplitude near a Hopf point, and fixed parameters."""
+    m, H = problem.problem.m, problem.problem.H
+    d = np.zeros((m, H + 1), dtype=complex)
+    d[:, 1] = hopf.shape
+    shape = to_real(d).ravel()
+    d[:, 0], d[:, 1] = hopf.rest, amplitude * hopf.shape
+    guess = np.concatenate([to_real(d).ravel(), [hopf.Omega, hopf.value]])
+    fixed = {name: value for name, value in problem.parameters.items() if name != hopf.parameter}
+    started = problem.with_borders_at(guess[:-1], {**fixed, hopf.parameter: hopf.value})
+    return solve(_StartEquations(started, hopf.parameter, shape, amplitude), guess, fixed).X, fixed

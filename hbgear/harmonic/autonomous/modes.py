@@ -1,0 +1,119 @@
+"""Linear modes of a model about its static state under mean loads.
+
+    (K + i omega C + W k W^T) phi = omega^2 (1 + 2 i D) M phi,    k_j the stiffness of the laws at the static state
+
+omega is the modal frequency and D the modal damping ratio. Damping need not be proportional.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.static_state import statics
+from hbgear.harmonic.structure.receptance import dense
+
+STATIC_FREQUENCY = 0.7390851332151607
+"""Frequency at which the static terms are evaluated, which do not depend on it. It is not a round number, so that it is
+not a natural frequency of an undamped model."""
+
+_ZERO_MODE_RATIO = 1e-9
+"""Squared frequency or displacement, relative to the largest, below which a mode is a rigid-body motion, an open gap,
+or not measured by the elements."""
+
+
+class LinearMode(NamedTuple):
+    """A linear mode about a static state.
+
+    Attributes
+    ----------
+    omega : float
+        Natural frequency.
+    damping : float
+        Modal damping ratio.
+    shape : ndarray of complex, shape (m,)
+        Displacements of the elements.
+    rest : ndarray, shape (m,)
+        Static displacements of the elements.
+    """
+
+    omega: float
+    damping: float
+    shape: ComplexArray
+    rest: Array
+
+
+def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
+    """Return the mode of a number, counted from 1 in ascending frequency, about the static state under mean loads.
+
+    Without a load that closes a gap the static state has no stiffness. The elements then have their reference
+    stiffness, which is the limit of large motions with backlash.
+
+    Raises
+    ------
+    ValueError
+        If the structure has fewer modes that the elements measure.
+    """
+    held = [state for state in statics(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
+    rest, stiffness = (held[0].d, held[0].stiffness) if held else (np.zeros(evaluator.m), evaluator.structure.kr)
+    modes = _modes(evaluator, rest, stiffness)
+    if number > len(modes):
+        raise ValueError(
+            f"mode = {number}: the elements measure {len(modes)} mode(s); give a number up to {len(modes)}"
+        )
+    return modes[number - 1]
+
+
+def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMode]:
+    """Return the modes that the elements measure, in ascending frequency, without rigid-body and overdamped ones."""
+    structure = evaluator.structure
+    M, C, W = (np.asarray(dense(A)) for A in (structure.M, structure.C, structure.W))
+    K = np.asarray(dense(structure.K)) + (W * (stiffness - structure.kr)) @ W.T
+    squares, vectors = scipy.linalg.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
+    sizes = np.linalg.norm(W.T @ vectors, axis=0)
+    found: list[LinearMode] = []
+    for r in np.flatnonzero(squares > _ZERO_MODE_RATIO * squares[-1]):
+        if sizes[r] <= _ZERO_MODE_RATIO * sizes.max():
+            continue
+        eigenvalue, v = _damped_mode(M, C, K, float(squares[r]), vectors[:, r])
+        if eigenvalue.real <= 0 or abs(eigenvalue.imag) >= 2 * eigenvalue.real:
+            continue
+        omega, damping = float(np.sqrt(eigenvalue.real)), float(eigenvalue.imag / (2 * eigenvalue.real))
+        if all(abs(omega - one.omega) + abs(damping - one.damping) > _EQUAL_MODES * omega for one in found):
+            shape = W.T @ v
+            found.append(LinearMode(omega, damping, shape / np.linalg.norm(shape), rest))
+    return sorted(found, key=lambda mode: mode.omega)
+
+
+_DAMPING_STEPS = 10
+"""Steps in which damping is added to an undamped mode, so that modes do not change places."""
+
+_MODE_ITERATIONS = 6
+"""Inverse iterations for each of these steps; the error falls at least tenfold with each."""
+
+_EQUAL_MODES = 1e-6
+"""Relative difference of frequency and damping below which two modes are the same."""
+
+
+def _damped_mode(M: Array, C: Array, K: Array, square: float, v: Array) -> tuple[complex, ComplexArray]:
+    """Return omega^2 (1 + 2 i D) and the shape of a mode of (K + i omega C) v = omega^2 (1 + 2 i D) M v.
+
+    An undamped mode is corrected by inverse iteration while the damping grows from zero.
+    """
+    eigenvalue, u = complex(square), v.astype(complex)
+    if not np.any(C):
+        return eigenvalue, u
+    for part in np.linspace(0.0, 1.0, _DAMPING_STEPS + 1)[1:]:
+        for _ in range(_MODE_ITERATIONS):
+            A = K + 1j * part * np.sqrt(max(eigenvalue.real, 0.0)) * C
+            try:
+                u = np.linalg.solve(A - eigenvalue * M, M @ u)
+            except np.linalg.LinAlgError:
+                break  # the eigenvalue is exact
+            u = u / np.linalg.norm(u)
+            eigenvalue = complex((u @ (A @ u)) / (u @ (M @ u)))
+    return eigenvalue, u * np.exp(-1j * np.angle(u[np.argmax(np.abs(u))]))

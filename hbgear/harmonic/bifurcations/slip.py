@@ -1,0 +1,66 @@
+"""Event of friction: a slider begins to slip, or sticks throughout the period.
+
+    max d - min d = 2 limit / k      over the period of the steady motion
+
+A slider that never slips allows the displacement of its element this range. See
+`hbgear.harmonic.forces.slider_kernels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.problem.base import ContinuationProblem
+
+SAME_SLIP_FRACTION = 1e-6
+"""Fraction of a segment up to which several sliders begin to slip at the same point."""
+
+
+class SlipEvent(Event):
+    """First slip: a friction slider begins to slip somewhere in the period, or slips no longer.
+
+    Sliders that begin to slip at the same value of the parameter are one point.
+    """
+
+    kind, meaning, marker = "SL", "first slip: a friction slider begins to slip", "1"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return the margins of the sliders, positive where they slip; nan where they are unknown."""
+        known = [point.observed.get("slip") for point in points]
+        example = next((one for one in known if one is not None), np.empty(0))
+        return np.array([np.full_like(example, np.nan) if one is None else one for one in known])
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the zeros of the margins as bracketed roots."""
+        ends = [point.observed.get("slip") for point in (segment.a, segment.b)]
+        if ends[0] is None or ends[1] is None:
+            return []
+        problem: Any = segment.problem
+        located: list[LocatedEvent] = []
+        for i in np.flatnonzero(ends[0] * ends[1] < 0).tolist():
+
+            def test(point: CurvePoint, which: int = i) -> float:
+                known = point.observed.get("slip")
+                if known is None:
+                    known = problem.slip_margins(point.X, **{**segment.parameters, segment.name: point.value})
+                return float(known[which])
+
+            event = locate_root(segment, self, test, problem.slider_names[i])
+            if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
+                located.append(event)
+        return located
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return None

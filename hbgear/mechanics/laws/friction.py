@@ -1,0 +1,215 @@
+"""Dry friction: force laws with memory, each a sum of sliders.
+
+    f = k (d - z),   |f| <= limit      the position z of a slider rests while it sticks, and follows d while it slips
+
+A slider is a spring of stiffness k in series with a rigid Coulomb slider (Jenkins element). It slips while
+|k (d - z)| = limit, and sticks again where the velocity d' changes its sign. The force does not depend on the size of
+the velocity. Sums of sliders are Iwan models.
+
+Any law may have sliders: its property `Law.sliders` lists them, and their forces are added to ``force(d, v, tau)``,
+which is the part without memory. Harmonic balance projects sliders exactly, see
+`hbgear.harmonic.forces.slider_kernels`; stability has one more state per slider.
+
+References
+----------
+Jenkins (1962), ASME paper 62-MECH; Iwan (1966), J. Appl. Mech. 33(4), https://doi.org/10.1115/1.3625199.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, checked
+from hbgear.common.text.messages import quoted
+from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear
+from hbgear.mechanics.laws.slider import Slider
+from hbgear.mechanics.series.fourier import real_numbers
+
+
+class _Sliders(Law):
+    """Law that consists of sliders only."""
+
+    @property
+    def piecewise(self) -> tuple[PiecewiseLinear, ...]:
+        return ()
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        """Return the part of the force without memory, zero."""
+        rest = np.zeros_like(d)
+        return rest, rest, rest
+
+
+@dataclass(frozen=True)
+class Jenkins(_Sliders):  # numpydoc ignore=PR02
+    """Elastic dry friction: a spring in series with a Coulomb slider.
+
+        f = k (d - z),   |f| <= limit
+
+    The position z of the slider rests while it sticks. While it slips, z follows d with |f| = limit.
+
+    Parameters
+    ----------
+    k : float
+        Stiffness while the slider sticks, > 0 [force / length].
+    limit : float
+        Friction limit (coefficient of friction times normal force), > 0 [force].
+    residual : float, optional
+        Position of the slider before the motion [length]. A motion in which the slider never slips depends on it.
+        Default 0: the motion is reached from rest without a residual force.
+
+    Raises
+    ------
+    ValueError
+        If k or the limit is not positive, or a number is not finite.
+
+    Notes
+    -----
+    Where a slider slips, the periodic motion does not depend on the residual position. Where it never slips, each
+    residual position has its own motion: they are a family, and the stability of the motion is "neutral".
+
+    References
+    ----------
+    Jenkins (1962), ASME paper 62-MECH.
+    Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> damper = hb.Element([1.0], hb.Jenkins(k=1.0, limit=0.04), name="damper")
+    >>> blade = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.05]}))
+    >>> curve = hb.trace(hb.HarmonicBalance(blade, 3), "Omega", (0.8, 1.6))
+    >>> sorted(set(curve.regimes))
+    ['gross_slip', 'stick']
+    """
+
+    k: float
+    limit: float
+    residual: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked("Jenkins", "k", self.k, POSITIVE)
+        checked("Jenkins", "limit", self.limit, POSITIVE)
+        checked("Jenkins", "residual", self.residual)
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        return (Slider(self.k, self.limit, self.residual),)
+
+
+def Coulomb(limit: float, k: float, residual: float = 0.0) -> Jenkins:
+    """Return dry friction with a stiff contact: Coulomb's law with a stated stiffness.
+
+        f = limit sign(d')   for   limit / k << amplitude
+
+    Parameters
+    ----------
+    limit : float
+        Friction limit, > 0 [force].
+    k : float
+        Stiffness of the contact while it sticks, > 0 [force / length]. The displacement differs from that of a rigid
+        contact by at most limit / k.
+    residual : float, optional
+        Position of the slider before the motion [length], see `Jenkins`. Default 0.
+
+    Returns
+    -------
+    Jenkins
+        The law.
+
+    Raises
+    ------
+    ValueError
+        If the limit or k is not positive, or a number is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> hb.mechanics.Coulomb(limit=0.1, k=1e3)
+    Jenkins(k=1000.0, limit=0.1, residual=0.0)
+    """
+    checked("Coulomb", "k", k, POSITIVE)
+    checked("Coulomb", "limit", limit, POSITIVE)
+    return Jenkins(k, limit, residual)
+
+
+@dataclass(frozen=True)
+class Iwan(_Sliders):  # numpydoc ignore=PR02
+    """Distributed dry friction: several Jenkins elements in parallel, which begin to slip one after the other.
+
+        f = sum_i k_i (d - z_i),   |k_i (d - z_i)| <= limit_i
+
+    Parameters
+    ----------
+    k : tuple of float
+        Stiffness of each slider, > 0 [force / length].
+    limit : tuple of float
+        Friction limit of each slider, > 0 [force].
+
+    Raises
+    ------
+    ValueError
+        If the tuples have different lengths or are empty, or a number is not positive and finite.
+
+    References
+    ----------
+    Iwan (1966), J. Appl. Mech. 33(4), https://doi.org/10.1115/1.3625199.
+    Segalman (2005), J. Appl. Mech. 72(5), https://doi.org/10.1115/1.1989355, for joints.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> joint = hb.mechanics.Iwan.uniform(k=2.0, limit=0.3, number=4)
+    >>> [round(one.limit / one.k, 4) for one in joint.sliders]
+    [0.0375, 0.1125, 0.1875, 0.2625]
+    >>> round(sum(one.limit for one in joint.sliders), 12)
+    0.3
+    """
+
+    k: tuple[float, ...]
+    limit: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("k", "limit"):
+            row = real_numbers(f"Iwan: {name}", getattr(self, name), "a sequence of numbers")
+            if row.ndim != 1 or not row.size or not (np.isfinite(row) & (row > 0)).all():
+                raise ValueError(f"Iwan: {name} = {quoted(getattr(self, name))} must be a sequence of positive numbers")
+            object.__setattr__(self, name, tuple(row.tolist()))
+        if len(self.k) != len(self.limit):
+            raise ValueError(f"Iwan: {len(self.k)} stiffnesses k and {len(self.limit)} limits; give one of each slider")
+
+    @staticmethod
+    def uniform(k: float, limit: float, number: int = 10) -> Iwan:
+        """Return sliders of equal stiffness whose slip displacements are spread evenly from zero.
+
+        Parameters
+        ----------
+        k : float
+            Stiffness of all sliders together, > 0 [force / length].
+        limit : float
+            Friction limit of all sliders together, > 0 [force].
+        number : int, optional
+            Number of sliders, at least 1. Default 10.
+
+        Returns
+        -------
+        Iwan
+            The law; the sliders slip at (i - 1/2) 2 limit / (number k), i = 1 .. number.
+
+        Raises
+        ------
+        ValueError
+            If k or the limit is not positive, or the number is below 1.
+        """
+        checked("Iwan.uniform", "k", k, POSITIVE)
+        checked("Iwan.uniform", "limit", limit, POSITIVE)
+        if number < 1:
+            raise ValueError(f"Iwan.uniform: number = {number} sliders; give at least 1")
+        shares = (2 * np.arange(number) + 1) / number**2
+        return Iwan((k / number,) * number, tuple((limit * shares).tolist()))
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        return tuple(Slider(k, limit) for k, limit in zip(self.k, self.limit, strict=True))

@@ -1,0 +1,199 @@
+"""Backbones, Hopf points and limit cycles against closed forms and shooting."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+
+def unloaded(b: float = 1.0, k: float = 1.0) -> hb.System:
+    return hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash(b=b, k=k))])
+
+
+def backlash_frequency(A: np.ndarray) -> np.ndarray:
+    """Return the frequency of the unloaded backlash oscillator, half gap and stiffness 1, at a largest displacement."""
+    return 1 / (1 + 2 / (math.pi * (A - 1)))
+
+
+def test_the_unloaded_backlash_oscillator_has_its_closed_form():
+    curve = hb.analysis.backbone(unloaded(), span=(6.0, 2.0), harmonics=32)
+    A = curve.amplitude("max")
+    assert np.abs(curve.tracked["Omega"] - backlash_frequency(A)).max() < 2e-6
+    assert np.abs(curve.tracked["modal_damping"]).max() < 1e-12
+
+
+def test_the_backbone_converges_with_the_harmonics():
+    errors = []
+    for H in (8, 16, 32):
+        curve = hb.analysis.backbone(unloaded(), span=(3.0, 2.9), harmonics=H)
+        errors.append(abs(curve.tracked["Omega"][0] - backlash_frequency(curve.amplitude("max")[0])))
+    assert errors[0] > 8 * errors[1] > 64 * errors[2]
+
+
+@pytest.mark.parametrize("F, A", [(0.1, 1.4), (0.3, 2.8)])
+def test_a_loaded_backlash_oscillator_leaves_the_linear_frequency_where_contact_is_lost(F, A):
+    """x = 1 + F + a cos in contact; free flight under the force F until the flank is met again."""
+    system = hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash())], hb.Load(constant=[F]))
+    curve = hb.analysis.backbone(system, span=(0.01, 1.6), harmonics=40)
+    at = np.interp(A, curve.amplitude("max"), np.arange(len(curve)))
+    near = curve[int(at)]
+    a = float(near.amplitude("max")) - 1 - F
+    assert abs(near.parameters["Omega"] - flight_frequency(F, a)) < 5e-6
+    closed = curve.amplitude("max") < 1 + 2 * F
+    assert np.abs(curve.tracked["Omega"][closed] - 1).max() < 1e-9
+
+
+def flight_frequency(F: float, a: float) -> float:
+    """Return the frequency for x = 1 + F + a cos in contact at x > 1, and no stiffness for -1 < x < 1."""
+    leave = math.acos(-F / a)
+    v = a * math.sin(leave)  # speed at x = 1; the force F returns the mass
+    if v**2 / (2 * F) <= 2:  # it does not reach the other flank
+        return 2 * math.pi / (2 * leave + 2 * v / F)
+    w = math.sqrt(v**2 - 4 * F)  # speed at x = -1
+    across = (v - w) / F
+    r = math.hypot(F, w)  # x = -1 + F - r cos(t - t0) at the other flank
+    back = 2 * (math.pi - math.acos(-F / r)) if r > F else 0.0
+    return 2 * math.pi / (2 * leave + 2 * across + back)
+
+
+def test_a_cubic_oscillator_has_the_frequency_of_its_elliptic_integral():
+    k3, zeta = 0.5, 0.0
+    system = hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3))])
+    curve = hb.analysis.backbone(system, span=(0.05, 2.0), harmonics=20)
+    x, w = np.polynomial.legendre.leggauss(60)
+    angle = math.pi / 4 * (x + 1)
+    for A, Omega in zip(curve.amplitude("max"), curve.tracked["Omega"], strict=True):
+        quarter = math.pi / 4 * np.sum(w / np.sqrt(1 + 0.5 * k3 * A**2 * (1 + np.sin(angle) ** 2)))
+        assert abs(Omega - math.pi / (2 * quarter)) < 1e-10
+
+
+@pytest.mark.parametrize("mode, q1, omega, energy", [
+    (1, 2.0, 1.5169614506422335, 8.78823145791752), (2, 2.0, 2.011087756939591, 9.617487479919205),
+])  # fmt: skip
+def test_two_masses_with_cubic_springs_agree_with_shooting(mode, q1, omega, energy):
+    problem = hb.harmonic.BackboneProblem(two_masses(), mode, 13)
+    hit = hb.Event("amplitude", lambda point: point.amplitude("max", 0) - q1)
+    curve = hb.trace(problem, "amplitude", (1.0, 3.0), cover=False, events=[hit])
+    point = curve["amplitude1"]
+    assert abs(point.parameters["Omega"] - omega) < 1e-8
+    own = hb.trace(problem, "amplitude", (point.parameters["amplitude"], 3.0), point, cover=False,
+                   steps=hb.StepControl(max_points=2))  # fmt: skip
+    assert abs(hb.analysis.backbone_energy(own)[0] / energy - 1) < 1e-8
+
+
+def two_masses() -> hb.System:
+    springs = [hb.Element([1, 0], hb.Cubic(0.5)), hb.Element([0, 1], hb.Cubic(0.3))]
+    return hb.System(np.eye(2), None, [[2.0, -1.0], [-1.0, 2.0]], springs)
+
+
+def test_energy_grows_with_the_action():
+    """dE = Omega dJ with the action J = int v^2 dt / 2 pi, computed from the harmonics of the coordinates alone."""
+    curve = hb.analysis.backbone(two_masses(), span=(0.5, 1.0), harmonics=9)
+    k = np.repeat(np.arange(1, 10), 2)
+    rows = np.array([curve.problem.motion(point)[:, 1:] * k for point in curve])
+    action, Omega = 0.5 * curve.tracked["Omega"] * np.sum(rows**2, axis=(1, 2)), curve.tracked["Omega"]
+    slope = np.diff(hb.analysis.backbone_energy(curve)) / np.diff(action)
+    assert np.abs(slope / (0.5 * (Omega[1:] + Omega[:-1])) - 1).max() < 1e-4
+
+
+def test_resonance_lies_on_the_backbone_of_a_lightly_damped_pair():
+    model = hb.Duffing(zeta=0.005, F=0.02)
+    response = hb.trace(hb.HarmonicBalance(model, 9), "Omega", (0.8, 1.8))
+    peak = hb.analysis.peaks(response, "rms")[0]
+    curve = hb.analysis.backbone(model, span=(0.01, 2.0), harmonics=9)
+    Omega = np.interp(peak.amplitude("rms"), curve.values, curve.tracked["Omega"])
+    assert abs(Omega - peak.parameters["Omega"]) < 2e-4
+    # F cos at phase resonance: F = 2 D Omega^2 q_1
+    D = np.interp(peak.amplitude("rms"), curve.values, curve.tracked["modal_damping"])
+    assert abs(2 * D * Omega**2 * peak.amplitude("H1") / 0.02 - 1) < 2e-3
+
+
+def test_backbones_do_not_depend_on_units():
+    length, time = 1e-6, 1e3
+    curve = hb.analysis.backbone(unloaded(), span=(3.0, 2.0), harmonics=12)
+    scaled = hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash(b=length, k=1 / time**2))])
+    other = hb.analysis.backbone(scaled, span=(3.0 * length, 2.0 * length), harmonics=12)
+    assert abs(other.tracked["Omega"][-1] * time - curve.tracked["Omega"][-1]) < 1e-9
+
+
+def test_a_model_without_a_mode_of_the_number_is_refused():
+    with pytest.raises(ValueError, match="give a number up to 1"):
+        hb.analysis.backbone(hb.Duffing(), mode=2)
+
+
+@dataclass(frozen=True)
+class VanDerPol(hb.mechanics.Law):
+    eps: float
+
+    def force(self, d, v, tau):
+        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
+
+
+@hb.mechanics.model
+def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
+    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
+
+
+@pytest.mark.parametrize("eps, omega, amplitude, multiplier", [
+    (0.2, 0.9975088563587282, 2.000413678992092, 0.282826994188057),
+    (1.0, 0.94295584744161, 2.0086198608748598, 0.0008596950636079459),
+])  # fmt: skip
+def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, multiplier):
+    model = oscillator(eps)
+    (hopf,) = hb.analysis.hopf_points(model, "damping", (2 * eps, -0.5))
+    assert abs(hopf.value - eps) < 1e-10
+    assert abs(hopf.Omega - 1) < 1e-10
+    cycles = hb.analysis.limit_cycles(model, hopf, (0.0, 2 * eps), harmonics=8 if eps < 1 else 20)
+    last = cycles[-1]
+    assert last.parameters["damping"] == 0
+    assert abs(last.parameters["Omega"] - omega) < 1e-9
+    assert abs(last.amplitude("pp2") - amplitude) < 1e-6
+    assert abs(last.multipliers[0] - multiplier) < 1e-6
+    assert last.stable
+
+
+@dataclass(frozen=True)
+class Quartic(hb.mechanics.Law):
+    eps: float = 0.1
+
+    def force(self, d, v, tau):
+        g = d**4 - 2 * d**2
+        return self.eps * g * v, self.eps * (4 * d**3 - 4 * d) * v, self.eps * g
+
+
+@hb.mechanics.model
+def subcritical(damping: float = 0.1) -> hb.System:
+    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], Quartic())])
+
+
+def test_a_subcritical_hopf_point_leads_to_a_fold_of_cycles():
+    """x'' + eps (c - 2 x^2 + x^4) x' + x = 0: averaging gives c = A^2 / 2 - A^4 / 8, a fold at A^2 = 2, c = 1/2."""
+    (hopf,) = hb.analysis.hopf_points(subcritical(), "damping", (0.1, -0.1))
+    cycles = hb.analysis.limit_cycles(subcritical(), hopf, (-0.02, 0.1), harmonics=7)
+    fold = cycles["LP1"]
+    assert abs(fold.parameters["damping"] / 0.1 - 0.5) < 2e-3  # averaging has an error of order eps^2
+    assert abs(fold.amplitude("H1") ** 2 - 2) < 1e-2
+    assert not cycles[3].stable
+    assert cycles[-1].stable
+    assert abs(cycles[-1].parameters["damping"] + 0.02) < 1e-12
+
+
+def test_flutter_of_two_coordinates_begins_where_frequencies_meet():
+    """K = [[2, -p], [p, 1]] without damping: s^4 + 3 s^2 + 2 + p^2 = 0 has complex s^2 for p > 1/2."""
+
+    @hb.mechanics.model
+    def panel(p: float = 0.1) -> hb.System:
+        springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([0.0, 1.0], hb.Cubic(1.0))]
+        return hb.System(np.eye(2), 0.02 * np.eye(2), [[2.0, -p], [p, 1.0]], springs)
+
+    (hopf,) = hb.analysis.hopf_points(panel(), "p", (0.1, 1.0))
+    # s (s + .02) = lambda, the eigenvalue -3/2 +- i sqrt(p^2 - 1/4): imaginary s = i w needs w^2 = 3/2, .02 w = sqrt(.)
+    assert abs(hopf.Omega**2 - 1.5) < 1e-9
+    assert abs(hopf.value - math.sqrt(0.25 + 0.02**2 * 1.5)) < 1e-9
+
+
+def test_an_equilibrium_that_stays_stable_has_no_hopf_point():
+    assert hb.analysis.hopf_points(hb.Duffing(), "zeta", (0.01, 0.3)) == ()
