@@ -1,7 +1,7 @@
 """Curves in contact instants against references that were computed without hbgear, and against closed forms.
 
 The special points of the stop (k = 1000, damping .1, load .3, gap .5) were solved with 30 digits by an independent code
-from the same physical model; those of the spur pair were enclosed in interval arithmetic.
+from the same physical model; the folds of the spur pair were enclosed in interval arithmetic.
 """
 
 from __future__ import annotations
