@@ -55,7 +55,7 @@ DEPARTURE = 1e-3
 SHORTER_PERIOD_DISTANCE = 1e-5
 """Distance of the states of two periods, relative to the states, at which a motion has the shorter period."""
 
-MAX_MULTIPLIER_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
+MAX_POLYNOMIAL_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
 """Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
 step, and the step from which it is limited."""
 
@@ -143,7 +143,7 @@ class Follower:
                 point, samples, missed = self._solved(last, length)
                 if self._turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
-                if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_MULTIPLIER_CHANGE:
+                if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_POLYNOMIAL_CHANGE:
                     raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
                 if missed:
                     self._open(last, point, missed)

@@ -18,7 +18,8 @@ from hbgear.harmonic.instants.propagation import growth, growths
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.mechanics.series.fourier import to_real
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""Nodes and weights of the Gauss-Legendre rule of 12 points on [-1, 1], exact for polynomials of degree 23."""
 
 PANEL_ANGLE = 3.0
 """Largest angle by which a mode or a harmonic turns in a panel; 12 nodes integrate 2 * 3 rad to 1e-15."""
@@ -47,7 +48,7 @@ def _nodes(at: EquationsAt, iterate: Iterate, i: int, duration: float, highest: 
     flow = at.flow(contacts)
     panels = max(1, math.ceil(duration * max(flow.rate, highest) / PANEL_ANGLE))
     h = duration / panels
-    offsets = 0.5 * h * (1 + NODES)
+    offsets = 0.5 * h * (1 + GAUSS_NODES)
     y = at.extended(iterate.x[i], start, contacts.section)
     if flow.stiffness:
         state, values = y, []
@@ -64,4 +65,4 @@ def _nodes(at: EquationsAt, iterate: Iterate, i: int, duration: float, highest: 
             y = y + Z[-1] @ y
         nodes = (states[:, None] + np.einsum("gij,pj->pgi", Z[:-1], states)).reshape(-1, len(y))
     tau = (start + h * np.arange(panels)[:, None] + offsets).ravel()
-    return tau, np.tile(0.5 * h * WEIGHTS, panels), nodes @ at.gaps(contacts.section).T
+    return tau, np.tile(0.5 * h * GAUSS_WEIGHTS, panels), nodes @ at.gaps(contacts.section).T
