@@ -58,6 +58,7 @@ from hbgear.cli.support import (
     element_of,
     equation_of,
     exit_code,
+    harmonics_of,
     loaded,
     longer_span,
     model_at,
@@ -301,6 +302,10 @@ def trace(
     sampled: Annotated[
         bool, typer.Option("--sampled", help="Sample contact forces (AFT) instead of projecting them exactly.")
     ] = False,
+    instants: Annotated[
+        bool,
+        typer.Option("--instants", help="Solve in contact instants instead of harmonics: hard stops, no truncation."),
+    ] = False,
     measure: Measure = "pp2",
     element: Element = "0",
     output: Output = None,
@@ -338,9 +343,17 @@ def trace(
         curve, point = start_of(start)
         layout = layout_of(curve)
         machine, nu = model_at(curve, point, model, changes), layout.nu if layout else 1
-    problem = problem_of(
-        machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance, orders=orders or None
-    )
+    if instants:
+        if sampled or samples is not None or orders or harmonics == "auto":
+            raise ValueError(
+                "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and "
+                "give --harmonics as a number"
+            )
+        problem: hb.HarmonicBalance = hb.ContactInstants(machine, int(harmonics_of(harmonics)), nu=nu)
+    else:
+        problem = problem_of(
+            machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance, orders=orders or None
+        )
     parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
     if point is not None:  # otherwise its parameter values would override those of --set
         held = {name: value for name, value in problem.parameters.items() if name != parameter} | held

@@ -27,6 +27,7 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.facade import call
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
@@ -170,6 +171,13 @@ class HarmonicBalance(PeriodicMotions):
         """
         checked("start", "Omega", Omega, FREQUENCIES)
         return find_motion(self, {name: float(value) for name, value in (parameters | {"Omega": Omega}).items()})
+
+    def own_trace(self, span: tuple[float, float], start: Any, settings: Any, cover: bool) -> Branch | None:
+        """Return a curve of hard stops, which H harmonics do not resolve, in contact instants; else None."""
+        found: Branch | None = call(
+            "hbgear.harmonic.contact_instants.trace_hard_stops", self, span, start, settings, cover
+        )
+        return found
 
     # ---- other harmonics
 

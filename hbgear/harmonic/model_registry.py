@@ -24,6 +24,7 @@ from hbgear.gears import (
     Train,
     Wheel,
 )
+from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
@@ -205,6 +206,8 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
     if "model" not in meta or "balance" not in meta:
         raise ValueError("the header of the file has no model and balance; load the file with problem=...")
     settings = _settings(meta["balance"])
+    if meta.get("discretisation") == CONTACT_INSTANTS:
+        return ContactInstants(rebuild_model(meta["model"], cls), int(settings["harmonics"]), int(settings["nu"]))
     auto = settings.pop("auto")
     if settings["orders"] is not None:
         settings["orders"] = HarmonicSelection(**{name: tuple(some) for name, some in settings["orders"].items()})

@@ -25,6 +25,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
 | ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
+| ``own_trace`` | a continuation of its own, where the equations change along a curve | that of `trace` |
 | ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | one point at a time |
 | ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
 | ``postprocess`` | additions to a finished branch | none |
@@ -238,6 +239,13 @@ class ContinuationProblem:
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return the `Event` objects detected along a curve in addition to folds and branch points; by default none."""
         return ()
+
+    def own_trace(self, span: tuple[float, float], start: Any, settings: Any, cover: bool) -> Branch | None:
+        """Return the curve over a span, for problems whose equations change along a curve; by default None.
+
+        ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`. With None the curve is traced by `Tracer`.
+        """
+        return None
 
     # ---- resolution
 

@@ -183,6 +183,9 @@ def trace(
     bound = Work(math.inf if work is None else float(work))
     located = resolved_events(events, requested, parameter)
     given = TraceSettings(parameter, at, steps, settings, stability, special, located, progress, accuracy)
+    own = requested.own_trace(span, start, given, cover)
+    if own is not None:
+        return own
     return _trace_refined(requested, given, span, start, cover, bound)
 
 

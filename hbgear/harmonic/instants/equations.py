@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -56,7 +56,8 @@ class Contacts(NamedTuple):
 class Flow:
     """The flow dy/dtau = (A + sum_s kappa_s(tau) b_s r_s^T) y between two instants.
 
-    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : an upper bound of the norm of the matrix.
+    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : an upper bound of the norm of the matrix;
+    with constant stiffness the largest modulus of an eigenvalue.
     """
 
     A: Array
@@ -88,6 +89,7 @@ class Equations:
         self.system, self.nu, self.m = system, nu, len(system.elements)
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
+        self.constant_flows: dict[Contacts, Flow | None] = {}
 
     @cached_property
     def starts(self) -> Array:
@@ -171,6 +173,14 @@ class Equations:
         """The structure, if it does not depend on Omega."""
         return StateSpace(self.system)
 
+    @cached_property
+    def is_inverse(self) -> bool:
+        """Whether all forces are independent of Omega, so that A is A_1 / Omega + S."""
+        system = self.system
+        moving = any(e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
+                     for e in system.elements)  # fmt: skip
+        return system.speed is None and not moving and all(load.power == 0 for load in system.loads)
+
     def structure(self, Omega: float) -> StateSpace:
         """Return the structure at a frequency."""
         return self.fixed if self.system.speed is None else StateSpace(self.system.at_speed(Omega))
@@ -235,8 +245,28 @@ class EquationsAt:
         """Return the flow for the contacts of all elements."""
         found = self._flows.get(contacts)
         if found is None:
-            found = self._flows[contacts] = self._assemble_flow(contacts)
+            found = self._flows[contacts] = self._constant_flow(contacts) or self._assemble_flow(contacts)
         return found
+
+    def _constant_flow(self, contacts: Contacts) -> Flow | None:
+        """Return A_1 / Omega + S from matrices that are assembled once; None if A has other powers of Omega."""
+        equations = self.equations
+        if not equations.is_inverse:
+            return None
+        if contacts not in equations.constant_flows:
+            unit = equations.at(1.0)._assemble_flow(contacts)
+            fastest = float(np.abs(np.linalg.eigvals(self.structure_matrix(unit))).max(initial=0.0))
+            equations.constant_flows[contacts] = None if unit.stiffness else replace(unit, rate=fastest)
+        unit_flow = equations.constant_flows[contacts]
+        if unit_flow is None:
+            return None
+        A = unit_flow.A.copy()
+        A[: self.size] /= self.Omega
+        return Flow(A, unit_flow.b, unit_flow.r, (), max(unit_flow.rate / self.Omega, *equations.orders, 1.0, 1.0))
+
+    def structure_matrix(self, flow: Flow) -> Array:
+        """Return the part of A that acts on the state of the structure."""
+        return flow.A[: self.size, : self.size]
 
     def _assemble_flow(self, contacts: Contacts) -> Flow:
         """Compute `flow` for the contacts of all elements."""

@@ -10,6 +10,7 @@ coefficients of the stiffness. With constant stiffness the matrix exponential is
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,9 +41,30 @@ def growth(flow: Flow, tau: float, h: float) -> Array:
     return Z
 
 
+def growths(flows: Sequence[Flow], tau: Array, h: Array) -> Array:
+    """Return `growth` (K, N, N) of K flows from phases tau (K,) on, each over its own interval h (K,)."""
+    if any(len(flow.stiffness) for flow in flows):
+        return np.array([growth(flow, float(t), float(d)) for flow, t, d in zip(flows, tau, h, strict=True)])
+    return exponential(np.array([flow.A for flow in flows]) * np.asarray(h)[:, None, None])
+
+
+def growth_rate_slope(flow: Flow, tau: float, h: float, Z: Array) -> Array:
+    """Return the derivative (N, N) of Z(h) / h in h, without cancellation in short intervals.
+
+    d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 constant stiffness, |A h| <= 1
+    """
+    if not len(flow.stiffness) and float(np.abs(flow.A).sum(axis=0).max()) * abs(h) <= 1.0:
+        M, total = flow.A * h, np.zeros_like(flow.A)
+        for k in range(EXPONENTIAL_ORDER + 2, 0, -1):
+            total = total @ M + np.eye(len(M)) * (k / math.factorial(k + 1))
+        return flow.A @ flow.A @ total
+    end = rates(flow, tau + h, (Z + np.eye(len(Z))).T).T
+    return (end - Z / h) / h
+
+
 def exponential(A: Array) -> Array:
-    """Return the matrix exponential of A (N, N) minus the unit matrix."""
-    size = float(np.abs(A).sum(axis=0).max(initial=0.0))
+    """Return the matrix exponential of A (..., N, N) minus the unit matrix."""
+    size = float(np.abs(A).sum(axis=-2).max(initial=0.0))
     halvings = max(0, math.frexp(size)[1] + 1) if math.isfinite(size) else 0
     X = A * 0.5**halvings
     T, out = X, X.copy()

@@ -157,7 +157,7 @@ def solve(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, I
         samples, missed = sample_gaps(at, iterate)
         if not missed:
             return at, iterate, samples
-        iterate = _with_missed_crossings(at, iterate, missed)
+        iterate = with_missed_crossings(at, iterate, missed)
     raise _failure("the order of contacts keeps changing", at.Omega)
 
 
@@ -282,7 +282,7 @@ def _without_segment(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
     return Iterate(pattern.swapped(i), tau, iterate.x)
 
 
-def _with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[MissedCrossing]) -> Iterate:
+def with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[MissedCrossing]) -> Iterate:
     """Return the iterate with switches added at missed crossings."""
     pattern, period = iterate.pattern, at.period
     events = [(float(t), s, x) for t, s, x in zip(iterate.tau, pattern.switches, iterate.x, strict=True)]
@@ -291,7 +291,7 @@ def _with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[Misse
         end = max(end, begin + MIN_CONTACT_DURATION * period)
         back = Switch(first.element, first.breakpoint, -first.sign)
         for t, switch in ((begin, first), (end, back)):
-            events.append((t, switch, _state_at(at, iterate, t)))
+            events.append((t, switch, state_at(at, iterate, t)))
     if artificial:
         events = events[1:]
     start = float(iterate.tau[0])
@@ -305,7 +305,7 @@ def _with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[Misse
     )
 
 
-def _state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
+def state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
     """Return the state of an iterate at a phase."""
     i = int(np.searchsorted(iterate.tau, tau, side="right")) - 1
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])

@@ -22,7 +22,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern
-from hbgear.harmonic.instants.propagation import growth, rates
+from hbgear.harmonic.instants.propagation import growth_rate_slope, growths, rates
 
 SHORT_SEGMENT_RATIO = 0.25
 """Duration of a segment, over its shorter neighbour, below which its second equation is divided by it."""
@@ -69,10 +69,12 @@ def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
     short = divided_equations(iterate, equations.period)
     duration = iterate.durations(equations.period)
     R, J, flows = np.zeros(K * r + len(free)), np.zeros((K * r + len(free),) * 2), []
+    segments = [equations.flow(contacts) for contacts in pattern.contacts]
+    growing = growths(segments, iterate.tau, duration)
     for i in range(K):
         j, contacts, tau = (i + 1) % K, pattern.contacts[i], float(iterate.tau[i])
-        flow, y = equations.flow(contacts), equations.extended(iterate.x[i], tau, contacts.section)
-        Z, rate = growth(flow, tau, duration[i]), rates(flow, tau, y)
+        flow, y, Z = segments[i], equations.extended(iterate.x[i], tau, contacts.section), growing[i]
+        rate = rates(flow, tau, y)
         change = Z @ y
         end = rates(flow, tau + duration[i], y + change)
         here, there = slice(i * r, i * r + r), slice(j * r, j * r + r)
@@ -93,11 +95,11 @@ def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
             J[column[i], column[i]] = row[r:] @ rate[r:]
         if short.get(j) == i:
             row, delta = equations.gaps(contacts.section)[pattern.switches[j].element], duration[i]
-            G = float(row @ change) / delta
-            R[column[j]] = G
+            slope = float(row @ growth_rate_slope(flow, tau, float(delta), Z) @ y)
+            R[column[j]] = float(row @ change) / delta
             J[column[j], here] = row @ Z[:, :r] / delta
-            J[column[j], column[j]] += (float(row @ end) - G) / delta
-            J[column[j], column[i]] += (G - float(row @ (rate + Z @ back))) / delta
+            J[column[j], column[j]] += slope
+            J[column[j], column[i]] += float(row @ Z @ (rate - back)) / delta - slope
     return Linearisation(R, J, flows)
 
 

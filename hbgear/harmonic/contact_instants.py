@@ -1,0 +1,425 @@
+"""Periodic motions in contact instants: the second discretisation of models with piecewise-linear laws.
+
+    x_{i+1} = Psi_i x_i + ...,   h(tau_i) = 0          states and phases at the contact instants, see `instants`
+
+There is no truncation: the only tolerance is rounding. Points of a branch hold the exact Fourier coefficients of the
+elements up to H, so that measures, files and figures are the same as with `HarmonicBalance`. H has no influence on the
+curve.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.process.progress import Progress
+from hbgear.continuation.curve.segment import BranchStart
+from hbgear.continuation.events.detector import events_of
+from hbgear.continuation.events.event import Event
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.work import Work
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.tracing.coverage import coverage_message
+from hbgear.continuation.tracing.jumps import find_jumps
+from hbgear.continuation.tracing.state import set_up
+from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.instants.checking import sample_gaps
+from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
+from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
+from hbgear.harmonic.instants.following import ExactCurve, Follower
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.refine import Approximation, ExactMotion, exact_motion_of, initial, solve
+from hbgear.harmonic.instants.results import build_exact_branch
+from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.spectrum import coefficients
+from hbgear.mechanics.models import Model
+
+CONTACT_INSTANTS = "contact instants"
+"""Name of this discretisation in the headers of files."""
+
+MAX_REFINEMENT_DISTANCE = 0.3
+"""Distance of an exact motion from given coefficients, relative to them, beyond which it is another motion."""
+
+NEIGHBOURS = 3
+"""Number of known points from which Newton's method starts."""
+
+
+class KnownStates(NamedTuple):
+    """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states."""
+
+    name: str
+    fixed: dict[str, float]
+    values: Array
+    X: Array
+    states: list[CurveState]
+
+
+class DoublingStart(NamedTuple):
+    """Period doubling at which a branch begins: coefficients and known points of its branch."""
+
+    X: Array
+    known: KnownStates | None
+
+
+class ExactPeriodDoubling(PeriodDoublingEvent):
+    """Period doubling of exact motions: the branch of twice the period is traced in contact instants as well."""
+
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
+        """Return the problem of twice the period and the start at the point; both sides are the same motion."""
+        problem = point.problem or branch.require_problem()
+        doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
+        doubled.known = None
+        X = np.zeros(doubled.size)
+        return doubled, BranchStart(
+            X, dict(point.parameters), np.append(X, 0.0), event=DoublingStart(point.X, problem.known)
+        )
+
+
+class ContactInstants(HarmonicBalance):
+    """Periodic motions of a model with piecewise-linear laws in contact instants: a problem for `trace`.
+
+    Unknowns are the phases of all contacts and the states there; between them the flow is linear. The motion has no
+    truncation error, curves pass every grazing point, and multipliers are products of the flows. It is no time
+    integration: there is no time step and no transient. Use it for hard stops and short contacts, which need many
+    harmonics; `HarmonicBalance` is faster for soft contacts, many contacts in a period and structures with many modes.
+
+    Parameters
+    ----------
+    model : Model
+        A model whose laws are piecewise linear, with at most 60 coordinates.
+    harmonics : int, optional
+        H, number of harmonics of the results, 16 by default. The curve does not depend on it; ``Branch.error`` is the
+        rms of the harmonics that the results leave out.
+    nu : int, optional
+        Subharmonic order, 1 by default.
+
+    Raises
+    ------
+    NotPiecewiseLinear
+        A ValueError, if a law is not piecewise linear or the structure is too large.
+
+    Notes
+    -----
+    ``evaluate(X, ...)`` returns X minus the coefficients of the exact motion near X, with the unit matrix as its
+    derivative, so that Newton's method returns an exact motion. `follow` uses the equations of the harmonic balance
+    with H harmonics.
+
+    References
+    ----------
+    Stoer & Bulirsch, Introduction to Numerical Analysis (2002), section 7.3, https://doi.org/10.1007/978-0-387-21738-3.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element([1.0], hb.Unilateral(k=1e3, gap=0.5))
+    >>> model = hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.3]}))
+    >>> curve = hb.trace(hb.ContactInstants(model), "Omega", (1.9, 1.5))
+    >>> curve.status.complete, curve["LP1"].kind, round(curve["LP1"].parameters["Omega"], 6)
+    (True, 'LP', 1.731365)
+    """
+
+    known: KnownStates | None = None
+    """Points of the branch to which the problem belongs."""
+
+    @checked_arguments()
+    def __init__(self, model: Model, harmonics: int = 16, nu: int = 1) -> None:
+        super().__init__(model, harmonics=harmonics, nu=nu)
+        self.compiled({}).contact_equations  # noqa: B018  raises NotPiecewiseLinear
+
+    def __repr__(self) -> str:
+        return f"ContactInstants({self.model!r}, harmonics={self.H}, nu={self.nu})"
+
+    def describe(self) -> dict[str, Any]:
+        """Return model and settings as plain data, for the header of a saved branch."""
+        return {**super().describe(), "discretisation": CONTACT_INSTANTS}
+
+    # ---- equations
+
+    def exact_motion(self, X: Array, **parameters: float) -> ExactMotion:
+        """Return the exact motion near coefficients X: contact instants, states and multipliers.
+
+        Raises
+        ------
+        NoConvergence
+            If there is no motion near X.
+        """
+        equations = self.compiled(dict(parameters)).contact_equations
+        at, iterate = equations.at(float(parameters["Omega"])), self._exact_state(X, "Omega", parameters).iterate
+        return exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
+
+    def _exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
+        """Return the exact motion near coefficients X as the state of a curve in a parameter.
+
+        Newton's method starts from the nearest points of the branch of this problem, if it has one, whose short
+        contacts are not visible in X; else from the switching times of X.
+        """
+        equations = self.compiled(dict(parameters)).contact_equations
+        at = equations.at(float(parameters["Omega"]))
+        for state in self._nearest_states(X, parameters):
+            with suppress(NoConvergence, InconsistentPatternError):
+                iterate = solve(at, state.iterate, False)[1]
+                if float(np.linalg.norm(coefficients(at, iterate, self.H)[0].ravel() - X)) <= (
+                    MAX_REFINEMENT_DISTANCE * (float(np.linalg.norm(X)) or 1.0)
+                ):
+                    return CurveState.of(iterate, float(parameters[name]))
+        try:
+            iterate = solve(at, self._guess(at, X, parameters), False)[1]
+        except InconsistentPatternError as error:
+            raise NoConvergence(f"no exact motion found: {error}", X, dict(parameters), []) from error
+        return CurveState.of(iterate, float(parameters[name]))
+
+    def _guess(self, at: EquationsAt, X: Array, parameters: Mapping[str, float]) -> Iterate:
+        """Return the switches and states of coefficients X."""
+        compiled = self.compiled(dict(parameters))
+        crossings = compiled.crossings(X)
+        number = np.concatenate([np.arange(len(b)) for b in at.equations.breakpoints]).astype(int)
+        found = [
+            (float(theta * self.nu), int(compiled.element[row]), int(number[row]), int(sign))
+            for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
+        ]
+        return initial(at, Approximation(self.motion(X, **parameters), found))
+
+    def _nearest_states(self, X: Array, parameters: Mapping[str, float]) -> list[CurveState]:
+        """Return the states of the known points nearest to coefficients X; none at other fixed parameters."""
+        known = self.known
+        if known is None or {k: v for k, v in parameters.items() if k != known.name} != known.fixed:
+            return []
+        distance = np.linalg.norm(known.X - X, axis=1) / (float(np.linalg.norm(X)) or 1.0)
+        distance = distance + np.abs(known.values - parameters[known.name]) / float(np.ptp(known.values) or 1.0)
+        return [known.states[i] for i in np.argsort(distance, kind="stable")[:NEIGHBOURS]]
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """Return X minus the coefficients of the exact motion near X, and the unit matrix."""
+        at = self.compiled(dict(parameters)).contact_equations.at(float(parameters["Omega"]))
+        exact = coefficients(at, self._exact_state(X, "Omega", parameters).iterate, self.H)[0].ravel()
+        return Evaluation(X - exact, np.eye(len(X)), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
+        """Return X minus the coefficients of the exact motion near X, and the unit matrix."""
+        now = self.linearise(X, "", **parameters)
+        return now.R, np.asarray(now.dR_dX)
+
+    def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
+        """Return the coefficients of an exact motion at Omega, near a solution of the harmonic balance."""
+        X = self.balance.start(Omega=Omega, **parameters)
+        return X - self.linearise(X, "", **{**parameters, "Omega": Omega}).R
+
+    @property
+    def balance(self) -> HarmonicBalance:
+        """The harmonic balance of the same model with the same number of harmonics."""
+        return HarmonicBalance(self.model, self.H, nu=self.nu)
+
+    def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> None:
+        """Return None: curves are followed by `own_trace`."""
+
+    def compiled_locator(self, name: str, parameters: Mapping[str, float], which: int) -> None:
+        """Return None: special points are located by `own_trace`."""
+
+    @property
+    def refined_problem(self) -> None:
+        """None: exact motions have no resolution."""
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return multipliers, regime and contact instants of the exact motion near X."""
+        exact = self.exact_motion(X, **parameters)
+        found: dict[str, Any] = {"regime": self.regime(X, **parameters), "instants": exact.instants}
+        return found | ({"multipliers": exact.multipliers} if stability else {})
+
+    def observe_many(
+        self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
+    ) -> list[dict[str, Any]]:
+        """Return `observe` of solutions X (k, n) at values (k,) of a parameter."""
+        return [
+            self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
+        ]
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Return the events of periodic motions; a period doubling leads to a curve in contact instants."""
+        return tuple(
+            ExactPeriodDoubling() if isinstance(event, PeriodDoublingEvent) else event
+            for event in super().events(parameter)
+        )
+
+    # ---- curves
+
+    def family(self, name: str, fixed: Mapping[str, float]) -> Family:
+        """Return the equations as a function of a parameter, the others fixed."""
+        if name == "Omega":
+            equations = self.compiled(dict(fixed)).contact_equations
+            return _remembering(lambda value: equations.at(value))
+
+        def equations_at(value: float) -> EquationsAt:
+            model = self.model_at({**fixed, name: value})
+            return Equations(model.system(), self.nu).at(float(fixed["Omega"]))
+
+        return _remembering(equations_at)
+
+    def own_trace(
+        self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool
+    ) -> Branch:
+        """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
+
+        With ``cover``, a curve that turns back to its start is followed from the other end as well.
+        """
+        branch = self._followed(span, start, settings)
+        others: tuple[Branch, ...] = ()
+        if cover and start is None and branch.status is Status.LEFT_SPAN:
+            with suppress(NoConvergence):
+                others = (self._followed(span[::-1], None, settings),)
+        if not cover or start is not None:
+            return branch
+        texts = branch.message, coverage_message(branch, others, span)
+        return replace(branch, others=others, message="; ".join(text for text in texts if text))
+
+    def _followed(self, span: tuple[float, float], start: Any, settings: Any) -> Branch:
+        """Return one curve of exact motions, with its jumps."""
+        setup = set_up(self, settings, span, start, work=Work(math.inf))
+        state, direction = self._first_state(setup, start)
+        ends = setup.span.start, setup.span.end
+        follower = Follower(
+            self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, settings.special,
+            _reporter(settings.progress, setup.name, span),
+        )  # fmt: skip
+        curve = follower.run(state, direction)
+        events = {event.kind: event for event in events_of(self, setup.name)}
+        header = {
+            "span": list(ends), "steps": vars(settings.steps), "newton": vars(settings.newton),
+            "stability": settings.stability, "accuracy": settings.accuracy, "special": settings.special,
+        }  # fmt: skip
+        branch = build_exact_branch(
+            self, follower.family, setup.name, setup.fixed, curve, events, header, settings.stability
+        )
+        problem = copy.copy(self)
+        states = [point.state for point in curve.points]
+        problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states)
+        branch = replace(
+            branch, problem=problem, special=tuple(replace(point, problem=problem) for point in branch.special)
+        )
+        return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
+
+    def _first_state(self, setup: Any, start: Any) -> tuple[CurveState, Array | None]:
+        """Return the first state of a curve, and its direction if the start gives one."""
+        name = setup.name
+        value = (
+            float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
+        )
+        here = setup.parameters_at(value)
+        if start is None:
+            X = self.balance.start(**here)
+        else:
+            X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
+        if isinstance(start, BranchStart) and start.away:
+            return self._doubled_start(start, name, here)
+        return self._exact_state(self.resized(X), name, here), None
+
+    def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
+        """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.
+
+        [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
+        """
+        half = self.with_order(self.nu // 2, max(1, self.H // 2))
+        assert isinstance(half, ContactInstants)
+        half.known = start.event.known if isinstance(start.event, DoublingStart) else None
+        X = start.event.X if isinstance(start.event, DoublingStart) else half.resized(start.X)
+        single = half._exact_state(X, name, here)
+        iterate, period = single.iterate, math.tau * half.nu
+        pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
+        twice = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
+        state = CurveState.of(twice, single.value)
+        J = jacobian(self.family(name, {k: v for k, v in here.items() if k != name}), state)[1]
+        scale = state.scale(1.0)
+        n, free = single.iterate.x.size, len(single.z) - 1 - single.iterate.x.size
+        blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
+        antisymmetric = np.zeros((len(state.z), n + free))
+        antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
+        null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
+        return state, (antisymmetric @ null) * scale
+
+
+def _remembering(make: Callable[[float], EquationsAt]) -> Family:
+    """Return the function with its last results."""
+    known: dict[float, EquationsAt] = {}
+
+    def at(value: float) -> EquationsAt:
+        if value not in known:
+            if len(known) >= 16:
+                known.clear()
+            known[value] = make(value)
+        return known[value]
+
+    return at
+
+
+def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[ExactCurve], None]:
+    """Return a function that reports the progress of a curve."""
+
+    def report(curve: ExactCurve) -> None:
+        if progress is not None:
+            value, step = curve.points[-1].state.value, curve.steps[-1]
+            done = min(max((value - span[0]) / (span[1] - span[0]), 0.0), 1.0)
+            text = f"{name} = {value:.5f}, {len(curve.points)} points, step {step:.1e}"
+            progress(Progress(done, text, {"value": value, "points": len(curve.points), "step": step}))
+
+    return report
+
+
+UNRESOLVED_CONTACT = 2.0
+"""Frequency of the closed contact, over the highest harmonic at the lowest Omega, from which stops are hard."""
+
+
+def trace_hard_stops(
+    balance: HarmonicBalance, span: tuple[float, float], start: Any, settings: Any, cover: bool
+) -> Branch | None:
+    """Return the curve of a harmonic balance in contact instants if its harmonics do not resolve the contacts.
+
+        max sqrt(eig(M^-1 (K + W k W^T))) > 2 H Omega / nu          k reference stiffness of the laws
+
+    Contacts then take less than a quarter of the period of the highest harmonic. None is returned for other models, and
+    if the curve cannot be completed in contact instants.
+    """
+    if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
+        return None
+    system = balance.compiled({}).system
+    if system.n > MAX_HARD_COORDINATES or any(e.law.piecewise is None for e in system.elements):
+        return None
+    fastest = _contact_frequency(system)
+    highest = balance.H * min(map(abs, span)) / balance.nu
+    if not fastest > UNRESOLVED_CONTACT * highest:
+        return None
+    try:
+        exact = ContactInstants(balance.model, balance.H, nu=balance.nu)
+        branch = exact.own_trace(span, start, settings, cover)
+    except (NotPiecewiseLinear, NoConvergence, InconsistentPatternError):
+        return None
+    if not branch.status.complete:
+        return None
+    ratio = fastest / min(map(abs, span))
+    text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"
+    return replace(branch, message=f"{branch.message}; {text}")
+
+
+def _contact_frequency(system: Any) -> float:
+    """Return the highest natural frequency with closed contacts; 0 if contacts do not raise it."""
+    if system.receptances is not None:
+        return 0.0
+    M, K = (np.asarray(A.toarray() if hasattr(A, "toarray") else A, dtype=float) for A in (system.M, system.K))
+    k = np.array([e.law.reference for e in system.elements])
+    closed = np.abs(np.linalg.eigvals(np.linalg.solve(M, K + (system.W * k) @ system.W.T))).max()
+    open_ = np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()
+    return float(np.sqrt(closed)) if closed > 4 * open_ else 0.0
+
+
+MAX_HARD_COORDINATES = 10
+"""Coordinates up to which hard stops are traced in contact instants without a request: some seconds at most."""

@@ -1,0 +1,181 @@
+"""Points of a curve of exact motions with one order of switches: Newton's method with a free parameter, and tangents.
+
+    F(u, p) = 0,   n (z - z_0) = 0        z = (u, p), u = states and contact instants, see `shooting`
+    [F_u F_p] t = 0                       tangent t
+
+The parameter p is Omega or a parameter of the model. Unknowns are scaled: states by the largest of them, instants by
+one radian, the parameter by the width of its span.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.instants.equations import EquationsAt
+from hbgear.harmonic.instants.pattern import Pattern
+from hbgear.harmonic.instants.shooting import Iterate, Linearisation, linearise, residual_scale
+
+Family = Callable[[float], EquationsAt]
+"""The equations as a function of the continuation parameter."""
+
+MAX_CORRECTOR_ITERATIONS = 12
+"""Largest number of corrector iterations; a good prediction needs two to four."""
+
+CORRECTOR_TOLERANCE = 1e-10
+"""Scaled size of the last Newton step; the error after it is a thousandth of it or less."""
+
+PARAMETER_STEP = 1e-6
+"""Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
+
+MAX_SEGMENT_LOSS = 0.6
+"""Largest part of the duration of a contact that one Newton step may take."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveState:
+    """A solution z = (u, p) with its pattern.
+
+    Attributes
+    ----------
+    pattern : Pattern
+        Order of the switches.
+    z : ndarray, shape (K r + F + 1,)
+        States at the K switches, phases of the F free switches, parameter.
+    fixed : ndarray, shape (K,)
+        Phases of the switches whose phase is prescribed; nan for the others.
+    """
+
+    pattern: Pattern
+    z: Array
+    fixed: Array
+
+    @property
+    def value(self) -> float:
+        """The parameter."""
+        return float(self.z[-1])
+
+    @property
+    def iterate(self) -> Iterate:
+        """States and phases of the switches."""
+        K = self.pattern.count
+        free = np.isnan(self.fixed)
+        tau = self.fixed.copy()
+        count = int(free.sum())
+        r = (len(self.z) - 1 - count) // K
+        tau[free] = self.z[K * r : K * r + count]
+        return Iterate(self.pattern, tau, self.z[: K * r].reshape(K, r))
+
+    @staticmethod
+    def of(iterate: Iterate, value: float) -> CurveState:
+        """Return the state of an iterate at a value of the parameter."""
+        free = np.array([not switch.is_fixed for switch in iterate.pattern.switches])
+        z = np.concatenate([iterate.x.ravel(), iterate.tau[free], [value]])
+        return CurveState(iterate.pattern, z, np.where(free, np.nan, iterate.tau))
+
+    def moved(self, z: Array) -> CurveState:
+        """Return the state with other values."""
+        return replace(self, z=z)
+
+    def phase_column(self, i: int) -> int:
+        """Return the entry of z that is the phase of switch i."""
+        free = np.isnan(self.fixed)
+        return len(self.z) - 1 - int(free[i:].sum())
+
+    def scale(self, width: float) -> Array:
+        """Return the scales of z."""
+        count = int(np.isnan(self.fixed).sum())
+        scale = np.ones(len(self.z))
+        scale[: len(self.z) - 1 - count] = residual_scale(self.iterate)
+        scale[-1] = width
+        return scale
+
+
+def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
+    """Return the linearised equations at a state, and [F_u F_p]."""
+    iterate, value = state.iterate, state.value
+    now = linearise(family(value), iterate)
+    h = PARAMETER_STEP * max(abs(value), 1e-3)
+    up, down = (linearise(family(value + d), iterate).R for d in (h, -h))
+    return now, np.column_stack([now.J, (up - down) / (2 * h)])
+
+
+def correct(
+    family: Family, state: CurveState, row: Array, scale: Array
+) -> tuple[CurveState, Linearisation, Array, int]:
+    """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
+
+    F_p is computed at the prediction only. It affects the length of tangents in p, but not the sign of det F_u.
+
+    Returns
+    -------
+    (CurveState, Linearisation, ndarray, int)
+        The solution, the linearised equations and [F_u F_p] there, and the number of iterations.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton's method does not converge.
+    """
+    start = state.z
+    now, J = jacobian(family, state)
+    bordered = np.vstack([J, row / scale])
+    for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
+        if iteration > 1:
+            now = linearise(family(state.value), state.iterate)
+            bordered[:-1, :-1] = now.J
+        rhs = -np.append(now.R, row @ ((state.z - start) / scale))
+        try:
+            step = np.linalg.solve(bordered * scale, rhs) * scale
+        except np.linalg.LinAlgError as error:
+            raise _failed(state) from error
+        size = float(np.abs(step / scale).max())
+        if not np.isfinite(size) or size > 1e3:
+            break
+        factor = _factor(family, state, step)
+        state = state.moved(state.z + factor * step)
+        if factor == 1.0 and size <= CORRECTOR_TOLERANCE:
+            now = linearise(family(state.value), state.iterate)
+            return state, now, np.column_stack([now.J, bordered[:-1, -1]]), iteration
+    raise _failed(state)
+
+
+def _failed(state: CurveState) -> NoConvergence:
+    """Return the error of a corrector without solution."""
+    return NoConvergence(
+        f"the corrector in {state.pattern.count} contact instants does not converge", state.z[:-1], {}, []
+    )
+
+
+def shrinking_contacts(pattern: Pattern) -> list[int]:
+    """Return the segments that begin and end at the same breakpoint, and vanish at a grazing."""
+    K = pattern.count
+    return [i for i in range(K) if K > 1 and pattern.switches[i].opposite(pattern.switches[(i + 1) % K])]
+
+
+def _factor(family: Family, state: CurveState, step: Array) -> float:
+    """Return the factor of a step that takes at most a part of the duration of each contact."""
+    contacts = shrinking_contacts(state.pattern)
+    if not contacts:
+        return 1.0
+    period = family(state.value).period
+    before, after = (s.iterate.durations(period)[contacts] for s in (state, state.moved(state.z + step)))
+    loss = (before - after) / np.maximum(MAX_SEGMENT_LOSS * np.abs(before), np.finfo(float).tiny)
+    return float(1.0 / max(1.0, loss.max()))
+
+
+def tangent_of(J: Array, scale: Array, along: Array) -> Array:
+    """Return the unit null vector of [F_u F_p] in scaled unknowns, in the direction of ``along`` (scaled)."""
+    bordered = np.vstack([J * scale, along])
+    rhs = np.zeros(len(bordered))
+    rhs[-1] = 1.0
+    try:
+        t: Array = np.linalg.solve(bordered, rhs)
+    except np.linalg.LinAlgError:
+        t = np.linalg.svd(J * scale)[2][-1]
+        t = t if t @ along >= 0 else -t
+    return t / float(np.linalg.norm(t))

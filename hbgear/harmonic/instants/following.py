@@ -1,0 +1,386 @@
+"""Pseudo-arclength continuation of exact motions through grazing points.
+
+    curve = piece, grazing point, piece, ...        a piece has one order of switches, `corrector`
+
+A piece ends where a gap reaches a breakpoint that it did not reach before, or a contact vanishes: there the grazing
+point is located, and the next piece begins with the other number of switches (`grazing`). Steps are limited so that a
+short contact keeps a part of its duration. Therefore points approach a grazing geometrically, and special points at a
+distance of 1e-10 from it lie between points. Where contacts of two elements exchange their order, their switches are
+exchanged, which is no special point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.instants.checking import MissedCrossing, Samples, sample_gaps
+from hbgear.harmonic.instants.corrector import CurveState, Family, shrinking_contacts
+from hbgear.harmonic.instants.critical import ExactPoint, exact_point, point_between, special_points
+from hbgear.harmonic.instants.grazing import (
+    GRAZING_DURATION,
+    Grazing,
+    GrazingPoint,
+    locate_grazing,
+    with_contacts,
+    without_contacts,
+)
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.shooting import Iterate
+
+FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
+"""Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
+
+LARGEST_TURN_COSINE = math.cos(math.radians(18.0))
+"""Cosine of the largest angle of successive tangents."""
+
+STEP_GROWTH = 2.0
+"""Growth of the step after a fast convergence on a straight section; the curve leaves a grazing geometrically."""
+
+PREDICTED_LOSS = 0.55
+"""Largest part of its duration that a contact loses in a predicted step."""
+
+FAST_ITERATIONS = 5
+"""Number of corrector iterations up to which the step grows."""
+
+DEPARTURE = 1e-3
+"""Distance, in scaled unknowns, of the first point of a branch from the point at which it leaves another one."""
+
+SHORTER_PERIOD_DISTANCE = 1e-5
+"""Distance of the states of two periods, relative to the states, at which a motion has the shorter period."""
+
+MAX_POLYNOMIAL_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
+"""Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
+step, and the step from which it is limited."""
+
+CLOSED_DISTANCE = 0.5
+"""Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveMark:
+    """Special point of a curve: kind, number of its point, and the contacts of a grazing."""
+
+    kind: str
+    index: int
+    contacts: tuple[Grazing, ...] = ()
+
+
+@dataclass(eq=False)
+class ExactCurve:
+    """Points of a curve, gaps over a period at each of them, special points, and the reason of its end."""
+
+    points: list[ExactPoint] = field(default_factory=list)
+    samples: list[Samples] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)
+    marks: list[CurveMark] = field(default_factory=list)
+    status: Status = Status.STEP_TOO_SMALL
+    message: str = ""
+
+
+class Follower:
+    """Continuation of one curve.
+
+    Parameters
+    ----------
+    family : callable
+        Equations at a value of the parameter.
+    name : str
+        Name of the parameter, for messages.
+    span : (float, float)
+        Section of the parameter.
+    max_points : int
+        Largest number of points.
+    report : callable
+        Called with the curve after each point.
+    """
+
+    def __init__(
+        self, family: Family, name: str, span: tuple[float, float], max_points: int, special: bool,
+        report: Callable[[ExactCurve], None],
+    ) -> None:  # fmt: skip
+        self.family, self.name, self.span = family, name, span
+        self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
+        self.curve, self.step = ExactCurve(), FIRST_STEP
+
+    def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
+        """Follow the curve from a state; towards the end of the span, or in a direction of z."""
+        scale = state.scale(self.width)
+        hold = np.zeros(len(scale))
+        hold[-1] = 1.0
+        along = hold * math.copysign(1.0, self.span[1] - self.span[0])
+        if direction is not None:
+            along = direction / scale
+            along = hold = along / np.linalg.norm(along)
+            state = state.moved(state.z + DEPARTURE * along * scale)  # equations are singular where curves cross
+        try:
+            first = exact_point(self.family, state, hold, scale, along)
+            self._accept(first, sample_gaps(self.family(first.state.value), first.state.iterate)[0], 0.0)
+            while not self._ended():
+                self._advance()
+        except (NoConvergence, InconsistentPatternError) as error:
+            if not self.curve.points:
+                raise NoConvergence(str(error), state.z[:-1], {self.name: state.value}, []) from error
+            reason = error.reason if isinstance(error, _Stop) else str(error)
+            at = self.curve.points[-1].state.value if self.curve.points else state.value
+            self.curve.status, self.curve.message = Status.STEP_TOO_SMALL, f"{reason} at {self.name} = {at:.9g}"
+        return self.curve
+
+    # ---- steps
+
+    def _advance(self) -> None:
+        """Compute the next point, and pass a grazing point if there is one before it."""
+        last = self.curve.points[-1]
+        while True:
+            length = self._limited(last, self.step)
+            try:
+                point, samples, missed = self._solved(last, length)
+                if self._turns(last, point):
+                    raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
+                if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_POLYNOMIAL_CHANGE:
+                    raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
+                if missed:
+                    self._open(last, point, missed)
+                    return
+            except (NoConvergence, InconsistentPatternError) as error:
+                self.step = 0.4 * length
+                if self.step < SMALLEST_STEP:
+                    raise _Stop(str(error)) from error
+                continue
+            break
+        grow = STEP_GROWTH if point.iterations <= FAST_ITERATIONS else 1.0
+        self.step = min(LARGEST_STEP, max(length * grow, self.step if length < self.step else 0.0))
+        if self._leaves(point):
+            self._finish(last, point)
+            return
+        self._add(point, samples, length)
+        vanishing = [] if self.curve.message else self._vanishing(point)
+        if vanishing:
+            self._close(point, vanishing)
+
+    def _solved(self, last: ExactPoint, length: float) -> tuple[ExactPoint, Samples, list[MissedCrossing]]:
+        """Return the point at a distance from the last one, the gaps there and the crossings that it misses."""
+        guess = last.state.moved(last.state.z + length * last.tangent * last.scale)
+        point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
+        at = self.family(point.state.value)
+        durations = point.state.iterate.durations(at.period)
+        exchanged = [int(i) for i in np.flatnonzero(durations < 0)]
+        if exchanged:
+            point = self._exchanged(point, exchanged[0])
+        samples, missed = sample_gaps(at, point.state.iterate)
+        return self._rescaled(point), samples, missed
+
+    def _exchanged(self, point: ExactPoint, i: int) -> ExactPoint:
+        """Return the point with the switches of two elements at the ends of a segment exchanged."""
+        pattern, j = point.state.pattern, (i + 1) % point.state.pattern.count
+        if pattern.switches[i].element == pattern.switches[j].element:
+            raise NoConvergence("a contact vanishes within one step", point.state.z, {}, [])
+        iterate = point.state.iterate
+        if j == 0:
+            iterate, i, j = _rotated(iterate, self.family(point.state.value).period), i - 1, i
+            pattern = iterate.pattern
+        tau, x = iterate.tau.copy(), iterate.x.copy()
+        tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
+        state = CurveState.of(Iterate(pattern.swapped(i), tau, x), point.state.value)
+        hold = np.zeros(len(state.z))
+        hold[-1] = 1.0
+        along = hold * math.copysign(1.0, point.tangent[-1])
+        return exact_point(self.family, state, hold, state.scale(self.width), along)
+
+    def _rescaled(self, point: ExactPoint) -> ExactPoint:
+        """Return the point with scales of its own size."""
+        scale = point.state.scale(self.width)
+        tangent = point.tangent * point.scale / scale
+        return ExactPoint(
+            point.state, point.now, point.J, scale, tangent / float(np.linalg.norm(tangent)), point.iterations
+        )
+
+    def _limited(self, last: ExactPoint, length: float) -> float:
+        """Return the length of a step in which no contact loses too much of its duration."""
+        contacts = shrinking_contacts(last.state.pattern)
+        if not contacts:
+            return length
+        period = self.family(last.state.value).period
+        after = last.state.moved(last.state.z + length * last.tangent * last.scale).iterate.durations(period)[contacts]
+        now = last.state.iterate.durations(period)[contacts]
+        ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
+        return length / max(1.0, ratio)
+
+    def _turns(self, last: ExactPoint, point: ExactPoint) -> bool:
+        """Return whether the tangent turns too far between two points of one pattern."""
+        if last.state.pattern != point.state.pattern:
+            return False
+        t = point.tangent * point.scale / last.scale
+        cosine = float(last.tangent @ t) / float(np.linalg.norm(t))
+        return cosine < LARGEST_TURN_COSINE
+
+    # ---- grazing
+
+    def _open(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
+        """Accept the grazing point at which contacts open between the last point and one without them."""
+        guesses = [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed]
+        found = locate_grazing(self.family, point.state, guesses, point.scale)
+        here = self._grazing_point(found, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
+        if len(here.state.z) == len(last.state.z):
+            ahead = float((here.state.z - last.state.z) / last.scale @ last.tangent)
+            if not -1e-9 < ahead < 1.5 * LARGEST_STEP:
+                raise NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
+        if self._leaves(here):
+            self._finish(last, here)
+            return
+        state, growing = with_contacts(self.family, found, here.scale)
+        scale = state.scale(self.width)
+        first = exact_point(self.family, state, growing, scale, growing)
+        samples = sample_gaps(self.family(first.state.value), first.state.iterate)[0]
+        self._add(here, sample_gaps(self.family(here.state.value), here.state.iterate)[0], 0.0)
+        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
+        self._accept(first, samples, 0.0)
+        self.step = GRAZING_DURATION * self.family(first.state.value).period
+
+    def _close(self, point: ExactPoint, segments: list[int]) -> None:
+        """Accept the grazing point at which contacts vanish, and continue without them."""
+        guess, contacts = without_contacts(self.family, point.state, segments)
+        found = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
+        here = self._grazing_point(found, None)
+        self._accept(here, sample_gaps(self.family(here.state.value), here.state.iterate)[0], 0.0)
+        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
+        self.step = 1e-4
+
+    def _grazing_point(self, found: GrazingPoint, along: Array | None) -> ExactPoint:
+        """Return the point of a grazing, with its tangent; without ``along`` the gap leaves the breakpoint."""
+        scale = found.state.scale(self.width)
+        direction = -found.gradient * scale if along is None else along
+        direction = direction / float(np.linalg.norm(direction))
+        hold = np.zeros(len(scale))
+        hold[-1] = 1.0
+        point = exact_point(self.family, found.state, hold, scale, direction)
+        if along is None and found.gradient * scale @ point.tangent > 0:
+            return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
+        return point
+
+    def _vanishing(self, point: ExactPoint) -> list[int]:
+        """Return the contacts that vanish along the curve."""
+        period = self.family(point.state.value).period
+        contacts = shrinking_contacts(point.state.pattern)
+        if not contacts:
+            return []
+        now = point.state.iterate.durations(period)
+        after = point.state.moved(point.state.z + 1e-3 * point.tangent * point.scale).iterate.durations(period)
+        return [i for i in contacts if now[i] < GRAZING_DURATION * period and after[i] < now[i]]
+
+    # ---- acceptance
+
+    def _add(self, point: ExactPoint, samples: Samples, length: float) -> None:
+        """Accept a point after the special points between the last point and it."""
+        last = self.curve.points[-1]
+        if self.special and last.state.pattern == point.state.pattern:
+            for kind, _, found in special_points(self.family, last, point):
+                if kind == "BP" and _has_shorter_period(found.state):
+                    self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
+                    self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
+                    self.curve.status = Status.MERGED
+                    self.curve.message = (
+                        f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
+                    )
+                    return
+                self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
+                self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
+        self._accept(point, samples, length)
+
+    def _accept(self, point: ExactPoint, samples: Samples, length: float) -> None:
+        """Store a point."""
+        self.curve.points.append(point)
+        self.curve.samples.append(samples)
+        self.curve.steps.append(length)
+        self.report(self.curve)
+
+    def _leaves(self, point: ExactPoint) -> bool:
+        """Return whether a point lies outside the span."""
+        low, high = sorted(self.span)
+        return not low <= point.state.value <= high
+
+    def _finish(self, last: ExactPoint, point: ExactPoint) -> None:
+        """Accept the point at the end of the span, and set the status."""
+        low, high = sorted(self.span)
+        end = high if point.state.value > high else low
+        scale = last.scale
+        hold = np.zeros(len(scale))
+        hold[-1] = 1.0
+        s = (end - last.state.value) / (point.state.value - last.state.value)
+        between = point_between(self.family, last, point, s).state if s > 0 else last.state
+        z = between.z.copy()
+        z[-1] = end
+        final = exact_point(self.family, between.moved(z), hold, scale, last.tangent)
+        self._add(final, sample_gaps(self.family(end), final.state.iterate)[0], self.step)
+        reached = end == self.span[1]
+        self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
+        self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (
+            f"the curve turned back to {self.name} = {end:.6g}"
+        )  # fmt: skip
+
+    def _ended(self) -> bool:
+        """Return whether the curve has ended, and set status and message."""
+        curve = self.curve
+        if curve.message:
+            return True
+        if len(curve.points) >= self.max_points:
+            curve.status = Status.MAX_POINTS
+            curve.message = f"{len(curve.points)} points, at {self.name} = {curve.points[-1].state.value:.6g}"
+        elif self._is_closed():
+            curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
+        return bool(curve.message)
+
+    def _is_closed(self) -> bool:
+        """Return whether the last step passed the first point in its direction."""
+        points = self.curve.points
+        if len(points) < 5 or points[0].state.pattern != points[-1].state.pattern or (
+            points[-2].state.pattern != points[-1].state.pattern
+        ):  # fmt: skip
+            return False
+        first, last, before = points[0], points[-1], points[-2]
+        offset, chord = ((p.state.z - before.state.z) / last.scale for p in (first, last))
+        length = float(np.linalg.norm(chord))
+        s = float(offset @ chord) / length**2
+        away = float(np.linalg.norm(offset - s * chord))
+        return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+
+def _rotated(iterate: Iterate, period: float) -> Iterate:
+    """Return the iterate with its first switch as the last one."""
+    switches, contacts = iterate.pattern.switches, iterate.pattern.contacts
+    pattern = Pattern(switches[1:] + switches[:1], contacts[1:] + contacts[:1])
+    tau = np.append(iterate.tau[1:], iterate.tau[0] + period)
+    return Iterate(pattern, tau, np.roll(iterate.x, -1, axis=0))
+
+
+def _has_shorter_period(state: CurveState) -> bool:
+    """Return whether a motion of an even number of switches repeats after half of its period."""
+    iterate, K = state.iterate, state.pattern.count
+    if K % 2 or state.pattern.switches[: K // 2] != state.pattern.switches[K // 2 :]:
+        return False
+    difference = float(np.abs(iterate.x[: K // 2] - iterate.x[K // 2 :]).max())
+    return difference < SHORTER_PERIOD_DISTANCE * float(np.abs(iterate.x).max())
+
+
+def multiplier_change(a: ExactPoint, b: ExactPoint) -> float:
+    """Return the largest change of a coefficient of the characteristic polynomial of the leading multipliers."""
+    first, second = (np.poly(point.multipliers[:LEADING_MULTIPLIERS]).real for point in (a, b))
+    return float(np.abs(first - second).max()) if len(first) == len(second) else 0.0
+
+
+LEADING_MULTIPLIERS = 4
+"""Number of multipliers, largest modulus first, whose change limits a step."""
+
+
+class _Stop(NoConvergence):
+    """The shortest step failed."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"{reason}; the shortest step was tried", np.empty(0), {}, [])
+        self.reason = f"{reason}; the shortest step was tried"

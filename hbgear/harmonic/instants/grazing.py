@@ -1,0 +1,180 @@
+"""Grazing points of curves of exact motions: contacts that open and close.
+
+    F(u, p) = 0,   h(t; u, p) = 0,   dh/dt = 0          h distance beyond a breakpoint, at phase t
+
+u are the unknowns without the contact. On the other side of the point two switches enter, at t - delta / 2 and
+t + delta / 2. Near the point
+
+    p - p_GR = O(delta^2),   delta >= 0
+
+so a curve leaves the point with prescribed delta, and arrives when delta falls below `GRAZING_DURATION`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.instants.checking import MissedCrossing
+from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian, shrinking_contacts
+from hbgear.harmonic.instants.pattern import Pattern, Switch
+from hbgear.harmonic.instants.propagation import growth, rates
+from hbgear.harmonic.instants.refine import with_missed_crossings
+from hbgear.harmonic.instants.shooting import Iterate
+
+GRAZING_DURATION = 2e-8
+"""Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""
+
+MAX_GRAZING_ITERATIONS = 15
+"""Largest number of Newton iterations for a grazing point."""
+
+GRAZING_TOLERANCE = 1e-9
+"""Scaled size of the last Newton step of a grazing point."""
+
+SIMULTANEOUS_DISTANCE = 1e-9
+"""Distance, over the size of the gap's motion, up to which other contacts graze at the same point."""
+
+
+class Grazing(NamedTuple):
+    """Contact that grazes: phase t, in a segment, and the switch with which it begins."""
+
+    t: float
+    switch: Switch
+
+
+class GrazingPoint(NamedTuple):
+    """Grazing point: state without the contacts, contacts, and the gradient of h in z for the first of them."""
+
+    state: CurveState
+    contacts: list[Grazing]
+    gradient: Array
+
+
+def _segment_at(state: CurveState, period: float, t: float) -> tuple[int, float]:
+    """Return the segment that contains a phase, and the phase in the period that starts with the first switch."""
+    tau = state.iterate.tau
+    t = float(tau[0]) + (t - float(tau[0])) % period
+    return int(np.searchsorted(tau, t, side="right")) - 1, t
+
+
+def _distance(family: Family, state: CurveState, grazing: Grazing) -> tuple[Array, Array, int, float]:
+    """Return (h, dh/dt), their derivatives (2, r) in the state of the segment, its number, and d2h/dt2."""
+    at, iterate = family(state.value), state.iterate
+    i, t = _segment_at(state, at.period, grazing.t)
+    contacts, r = iterate.pattern.contacts[i], at.size
+    flow, tau = at.flow(contacts), float(iterate.tau[i])
+    row = grazing.switch.sign * at.gaps(contacts.section)[grazing.switch.element]
+    level = grazing.switch.sign * at.equations.breakpoints[grazing.switch.element][grazing.switch.breakpoint]
+    Y = np.eye(len(row)) + growth(flow, tau, t - tau)
+    y = Y @ at.extended(iterate.x[i], tau, contacts.section)
+    rate = rates(flow, t, y)
+    value = np.array([row @ y - level, row @ rate])
+    gradient = np.stack([row @ Y[:, :r], row @ rates(flow, t, Y.T).T[:, :r]])
+    bend = 1e-6
+    after, before = (rates(flow, t + d, y + d * rate) for d in (bend, -bend))
+    return value, gradient, i, float(row @ (after - before)) / (2 * bend)
+
+
+def _equations(family: Family, state: CurveState, grazing: Grazing) -> tuple[Array, Array]:
+    """Return (h, dh/dt) and its derivatives (2, n + 2) in z and t."""
+    value, gradient, i, bend = _distance(family, state, grazing)
+    r, J = gradient.shape[1], np.zeros((2, len(state.z) + 1))
+    J[:, i * r : (i + 1) * r] = gradient
+    J[:, -1] = value[1], bend
+    columns = [len(state.z) - 1] + ([state.phase_column(i)] if np.isnan(state.fixed[i]) else [])
+    for column in columns:
+        h = PARAMETER_STEP * max(abs(state.z[column]), 1e-3)
+        up, down = (_distance(family, state.moved(_shifted(state.z, column, d)), grazing)[0] for d in (h, -h))
+        J[:, column] = (up - down) / (2 * h)
+    return value, J
+
+
+def _shifted(z: Array, column: int, by: float) -> Array:
+    """Return z with one entry changed."""
+    out = z.copy()
+    out[column] += by
+    return out
+
+
+def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing], scale: Array) -> GrazingPoint:
+    """Return the grazing point of the first contact near a state without it, and all contacts that graze there.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton's method does not converge.
+    """
+    grazing = contacts[0]
+    scales = np.append(scale, 1.0)
+    for _ in range(MAX_GRAZING_ITERATIONS):
+        now, J = jacobian(family, state)
+        value, more = _equations(family, state, grazing)
+        whole = np.zeros((len(J) + 2, len(scales)))
+        whole[: len(J), :-1] = J
+        whole[len(J) :] = more
+        try:
+            step = np.linalg.solve(whole * scales, -np.concatenate([now.R, value])) * scales
+        except np.linalg.LinAlgError:
+            break
+        size = float(np.abs(step / scales).max())
+        if not np.isfinite(size) or size > 10:
+            break
+        state, grazing = state.moved(state.z + step[:-1]), grazing._replace(t=grazing.t + float(step[-1]))
+        if size <= GRAZING_TOLERANCE:
+            _, gradient = _equations(family, state, grazing)
+            others = [_touching(family, state, other) for other in contacts[1:]]
+            touching = [other for other in others if other is not None]
+            return GrazingPoint(state, [grazing, *touching], gradient[0, :-1])
+    raise NoConvergence("the grazing point does not converge", state.z[:-1], {}, [])
+
+
+def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | None:
+    """Return a contact at the extremum of its gap if it grazes at the state, else None."""
+    for _ in range(MAX_GRAZING_ITERATIONS):
+        value, _, _, bend = _distance(family, state, grazing)
+        step = -float(value[1]) / (bend or 1.0)
+        grazing = grazing._replace(t=grazing.t + max(-0.05, min(0.05, step)))
+        if abs(step) < SIMULTANEOUS_DISTANCE:
+            break
+    size = float(np.abs(state.iterate.x).max())
+    return grazing if abs(float(_distance(family, state, grazing)[0][0])) <= SIMULTANEOUS_DISTANCE * size else None
+
+
+def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
+    """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
+    at = family(point.state.value)
+    delta = GRAZING_DURATION * at.period
+    missed = [MissedCrossing(t - 0.5 * delta, t + 0.5 * delta, switch) for t, switch in point.contacts]
+    guess = CurveState.of(with_missed_crossings(at, point.state.iterate, missed), point.state.value)
+    durations = guess.iterate.durations(at.period)
+    switch = point.contacts[0].switch
+    pair = min(
+        (i for i in shrinking_contacts(guess.pattern) if guess.pattern.switches[i] == switch),
+        key=lambda i: durations[i],
+    )
+    row = np.zeros(len(guess.z))
+    row[guess.phase_column(pair)], row[guess.phase_column((pair + 1) % guess.pattern.count)] = -1.0, 1.0
+    size = guess.scale(scale[-1])
+    state = correct(family, guess, row, size)[0]
+    return state, row
+
+
+def without_contacts(family: Family, state: CurveState, segments: Sequence[int]) -> tuple[CurveState, list[Grazing]]:
+    """Return the state without contacts that vanish, as a guess, and the contacts as they graze."""
+    at, iterate = family(state.value), state.iterate
+    durations = iterate.durations(at.period)
+    grazing = [Grazing(float(iterate.tau[i] + 0.5 * durations[i]), iterate.pattern.switches[i]) for i in segments]
+    for i in sorted(segments, reverse=True):
+        pattern, K = iterate.pattern, iterate.pattern.count
+        kept = [k for k in range(K) if k not in (i, (i + 1) % K)]
+        if kept:
+            iterate = Iterate(pattern.without(i), iterate.tau[kept], iterate.x[kept])
+            continue
+        j = (i + 1) % K
+        empty = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
+        iterate = Iterate(empty, iterate.tau[[j]], iterate.x[[j]])
+    return CurveState.of(iterate, state.value), grazing

@@ -1,0 +1,101 @@
+"""Branches of exact motions: the points of a curve in contact instants as harmonics, multipliers and special points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hbgear.continuation.curve.builder import SpecialPointMark, build_branch
+from hbgear.continuation.curve.segment import CurvePoint
+from hbgear.continuation.events.event import Event, LocatedEvent
+from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.instants.checking import Samples
+from hbgear.harmonic.instants.corrector import Family
+from hbgear.harmonic.instants.critical import ExactPoint
+from hbgear.harmonic.instants.following import ExactCurve
+from hbgear.harmonic.instants.pattern import Pattern
+from hbgear.harmonic.instants.shooting import residual_scale
+from hbgear.harmonic.instants.spectrum import coefficients
+
+GRAZING_NOTE = {1: "highest", -1: "lowest"}
+"""Extremum that grazes a breakpoint, by the direction of the switch."""
+
+
+def build_exact_branch(
+    problem: Any, family: Family, name: str, fixed: dict[str, float], curve: ExactCurve, events: Mapping[str, Event],
+    settings: dict[str, Any], stability: bool,
+) -> Branch:  # fmt: skip
+    """Return the branch of a curve; X are the exact Fourier coefficients of the elements up to the harmonics of X.
+
+    Parameters
+    ----------
+    problem : ContactInstants
+        The problem of the branch.
+    family : callable
+        Equations at a value of the parameter.
+    name : str
+        Continuation parameter.
+    fixed : dict of str to float
+        Values of the other parameters.
+    curve : ExactCurve
+        Points and special points.
+    events : mapping of str to Event
+        Event of each kind of special point.
+    settings : dict
+        Settings of the trace, for the header of a file.
+    stability : bool
+        Whether multipliers are stored.
+
+    Returns
+    -------
+    Branch
+        The branch, without jumps.
+    """
+    points = [
+        _curve_point(problem, family, point, samples, step, stability)
+        for point, samples, step in zip(curve.points, curve.samples, curve.steps, strict=True)
+    ]
+    for before, point in zip([points[0], *points], points, strict=False):
+        if point.parameter_direction == 0:
+            point.parameter_direction = before.parameter_direction
+    marks = []
+    for mark in curve.marks:
+        low, high = points[max(mark.index - 1, 0)], points[min(mark.index + 1, len(points) - 1)]
+        note = ", ".join(_grazing_text(problem, contact.switch) for contact in mark.contacts)
+        found = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", 0.0)
+        marks.append(SpecialPointMark(mark.index, found, (low.value, high.value)))
+    return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)
+
+
+def _grazing_text(problem: Any, switch: Any) -> str:
+    """Return the side and the element of a grazing contact."""
+    element = problem.compiled({}).system.elements[switch.element]
+    return f"{GRAZING_NOTE[switch.sign]} of {element.name} at {element.law.breakpoints[switch.breakpoint]:g}"
+
+
+def _curve_point(
+    problem: Any, family: Family, point: ExactPoint, samples: Samples, step: float, stability: bool
+) -> CurvePoint:
+    """Return a point of a branch: harmonics, multipliers, regime."""
+    at, iterate = family(point.state.value), point.state.iterate
+    rows, rest = coefficients(at, iterate, problem.H)
+    u = np.append(rows.ravel(), point.state.value)
+    observed: dict[str, Any] = {
+        "regime": regime_of(iterate.pattern, at.equations.m), "error": rest, "instants": iterate.tau % at.period,
+        "shortest": float(iterate.durations(at.period).min()),
+    }  # fmt: skip
+    if stability:
+        observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
+    direction = int(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > 1e-12 else 0
+    residual = float(np.abs(point.now.R).max(initial=0.0)) / residual_scale(iterate)
+    tangent = np.append(np.zeros(rows.size), 1.0)
+    return CurvePoint(u, tangent, 1, residual, point.iterations, step, direction, observed)
+
+
+def regime_of(pattern: Pattern, m: int) -> Any:
+    """Return the number of breakpoints (m,) that the gap of each element crosses, at most 2."""
+    crossed = {switch[:2] for switch in pattern.switches if not switch.is_fixed}
+    return np.array([min(2, sum(element == j for element, _ in crossed)) for j in range(m)], dtype=np.int8)

@@ -1,0 +1,111 @@
+"""Curves in contact instants against references that were computed without hbgear, and against closed forms.
+
+The special points of the stop (k = 1000, damping .1, load .3, gap .5) were solved with 30 digits by an independent code
+from the same physical model; the folds of the spur pair were enclosed in interval arithmetic.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.harmonic.instants.equations import NotPiecewiseLinear
+
+SPECIAL_POINTS = [
+    ("GR", 0.6351148661549015, None),
+    ("LP", 0.63511556216024336889, (1.0, 0.3718376438922347)),
+    ("LP", 0.53922921257049587057, (1.0, 0.31185527980758565)),
+    ("GR", 0.5625767552586286, None),
+    ("PD", 0.56257718974461716466, (-1.0, -0.32730675499112594)),
+    ("PD", 0.61535672072453194588, (-1.0, -0.3602115086455919)),
+    ("LP", 0.64218892339878866177, (1.0, 0.37591155742514193)),
+    ("LP", 0.63724087535896512535, (1.0, 0.37306654375295933)),
+    ("GR", 0.6372408763970063, None),
+    ("PD", 0.86396784958531215291, (-1.0, -0.4832372315084473)),
+    ("PD", 0.96254908803479464627, (-1.0, -0.5206042191341322)),
+    ("LP", 1.731365021391413406, (1.0, 0.6956535187699948)),
+    ("LP", 1.2596146258363070128, (1.0, 0.6072479631664087)),
+    ("GR", 1.259614665994741, None),
+]
+"""Kind, Omega and multipliers of all special points from Omega = .5 to 2.2."""
+
+
+def stop(k: float = 1e3, gap: float = 0.5) -> hb.System:
+    """Return a mass with a stop."""
+    element = hb.Element([1.0], hb.Unilateral(k=k, gap=gap), name="stop")
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+
+
+@pytest.fixture(scope="module")
+def curve() -> hb.Branch:
+    """Curve of the stop through four grazing points."""
+    return hb.trace(hb.ContactInstants(stop(), 32), "Omega", (0.5, 2.2))
+
+
+def test_all_special_points_of_a_hard_stop(curve: hb.Branch) -> None:
+    assert curve.status is hb.Status.REACHED_END
+    assert [point.kind for point in curve.special] == [kind for kind, *_ in SPECIAL_POINTS]
+    for point, (_, Omega, multipliers) in zip(curve.special, SPECIAL_POINTS, strict=True):
+        assert abs(point.parameters["Omega"] - Omega) < 1e-9, point
+        if multipliers is not None:
+            assert point.multipliers is not None
+            np.testing.assert_allclose(np.sort_complex(point.multipliers), np.sort(multipliers), atol=1e-8)
+
+
+def test_first_grazing_is_the_linear_response(curve: hb.Branch) -> None:
+    Omega = curve["GR1"].parameters["Omega"]
+    assert abs(abs(0.3 / (1 - Omega**2 + 0.1j * Omega)) - 0.5) < 1e-13
+    assert curve["GR1"].note == "highest of stop at 0.5"
+
+
+def test_coefficients_are_those_of_the_harmonic_balance() -> None:
+    """With a soft stop, harmonics of 64 orders have a truncation error of 1e-9."""
+    balance, exact = hb.HarmonicBalance(stop(5.0), 64), hb.ContactInstants(stop(5.0), 64)
+    X, Y = balance.start(Omega=1.2), exact.start(Omega=1.2)
+    solved = balance.evaluate(X, Omega=1.2)
+    X = X - np.linalg.solve(solved[1], solved[0])
+    np.testing.assert_allclose(Y, X, atol=1e-6)
+    assert np.abs(X).max() > 0.5 and np.abs(X[1::2][2:6]).max() > 1e-3
+
+
+def test_doubled_branch_joins_at_the_second_doubling(curve: hb.Branch) -> None:
+    doubled = hb.switch(curve, "PD3", (0.8, 1.0))
+    assert doubled.status is hb.Status.MERGED and doubled.problem.nu == 2
+    assert abs(doubled["EP1"].parameters["Omega"] - 0.96254908803479464627) < 1e-8
+    assert {"LP", "GR"} <= {point.kind for point in doubled.special}
+
+
+def test_harmonic_balance_covers_a_hard_stop() -> None:
+    found = hb.trace(hb.HarmonicBalance(stop(1e4), 32), "Omega", (1.0, 2.0))
+    assert found.status is hb.Status.REACHED_END and "contact instants" in found.message
+    assert abs(found["LP1"].parameters["Omega"] - 1.76114206319) < 1e-9
+    jump = found.jumps()[0]
+    assert jump.after is not None and jump.after.amplitude("max") < 0.5  # back to the motion without contact
+
+
+def test_soft_stops_are_traced_by_harmonics() -> None:
+    found = hb.trace(hb.HarmonicBalance(stop(5.0), 16), "Omega", (1.0, 1.2))
+    assert "contact instants" not in found.message
+
+
+def test_folds_of_a_spur_pair_lie_in_their_enclosures() -> None:
+    curve = hb.trace(hb.ContactInstants(hb.SpurPair(zeta=0.05, F_m=0.1, e=(0.05,))), "Omega", (1.0, 0.6))
+    assert 0.7080316187218250 <= curve["LP1"].parameters["Omega"] <= 0.7080316187218381
+    assert 0.8284639843882141 <= curve["LP2"].parameters["Omega"] <= 0.8284639843882173
+
+
+def test_curve_from_a_file_is_solved_again(curve: hb.Branch, tmp_path) -> None:
+    path = tmp_path / "stop.npz"
+    curve.save(path)
+    again = hb.load(path)
+    problem = again.require_problem()
+    assert isinstance(problem, hb.ContactInstants)
+    point = again[int(np.argmax(again.values > 1.5))]
+    mu = problem.observe(point.X, **point.parameters)["multipliers"]
+    np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(point.multipliers), atol=1e-9)
+
+
+def test_smooth_law_is_refused() -> None:
+    with pytest.raises(NotPiecewiseLinear, match="is not piecewise linear"):
+        hb.ContactInstants(hb.Duffing())
