@@ -28,8 +28,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.harmonic.equations.static_state import static_stiffness
-from hbgear.harmonic.frequency_units import scales
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import scales
 from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model, System

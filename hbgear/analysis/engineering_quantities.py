@@ -30,9 +30,9 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.equations.layout import derivative, half_peak_to_peak, rms
-from hbgear.harmonic.frequency_units import speeds_at
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.model_registry import rebuild_problem
+from hbgear.harmonic.models.frequency_units import speeds_at
+from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, to_real
 

@@ -45,8 +45,8 @@ from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.equations.layout import Layout
-from hbgear.harmonic.frequency_units import MESH, PINION, scales
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import MESH, PINION, scales
 from hbgear.mechanics.models import Model
 
 LENGTH = "m"

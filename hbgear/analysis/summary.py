@@ -17,10 +17,10 @@ from hbgear.analysis.jump_landings import landings
 from hbgear.common.text.digits import concise, rounded
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.harmonic import model_registry
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import layout_of
-from hbgear.harmonic.frequency_units import model_of, speeds_at
+from hbgear.harmonic.models import model_registry
+from hbgear.harmonic.models.frequency_units import model_of, speeds_at
 from hbgear.mechanics.fields import defaults_of, kinds_of
 from hbgear.mechanics.series.periodic import Phased
 

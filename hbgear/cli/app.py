@@ -80,9 +80,9 @@ from hbgear.cli.support import (
 from hbgear.common.atomic_write import CannotWrite
 from hbgear.common.process.signals import sigterm_like_ctrl_c
 from hbgear.continuation.events.registry import optional_events
-from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import layout_of
-from hbgear.harmonic.frequency_units import model_of
+from hbgear.harmonic.models import model_registry
+from hbgear.harmonic.models.frequency_units import model_of
 from hbgear.mechanics.model_lookup import installed
 
 RENAMED = {

@@ -9,8 +9,8 @@ import os
 
 import hbgear as hb
 from hbgear.continuation.events.registry import optional_events
-from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations import layout as measures
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
 from hbgear.mechanics.model_lookup import installed
 

@@ -25,8 +25,8 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.common.optional import needed
-from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.models import model_registry
 
 if TYPE_CHECKING:
     from hbgear.web.editable_model import EditableModel

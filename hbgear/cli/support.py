@@ -25,7 +25,7 @@ from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import LANDINGS
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.fields import check_names, defaults_of, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:

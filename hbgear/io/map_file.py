@@ -15,7 +15,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.results.status import Status
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.model_registry import is_description
+from hbgear.harmonic.models.model_registry import is_description
 from hbgear.io.branches.npz import load
 from hbgear.mechanics.models import differing_fields
 

@@ -17,7 +17,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import MEASURES, axis_text, is_measure, layout_of
-from hbgear.harmonic.frequency_units import common_scales, model_of, same_scales, scales
+from hbgear.harmonic.models.frequency_units import common_scales, model_of, same_scales, scales
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import (
     BRANCHES,

@@ -8,7 +8,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.equations.layout import axis_text, layout_of
-from hbgear.harmonic.frequency_units import model_of, scales
+from hbgear.harmonic.models.frequency_units import model_of, scales
 from hbgear.plot.style import COLOURS, add_legend, axes_or_new, dress, gap_label, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:

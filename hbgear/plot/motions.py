@@ -11,7 +11,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
-from hbgear.harmonic.frequency_units import MESH, PINION, speeds_at
+from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 from hbgear.plot.style import (
     COLOURS,
     FONT,

@@ -13,7 +13,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.frequency_units import model_of, scales
+from hbgear.harmonic.models.frequency_units import model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response, speed_axes
 from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled

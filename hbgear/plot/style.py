@@ -20,7 +20,7 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
 from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
-from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

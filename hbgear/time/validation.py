@@ -49,7 +49,7 @@ from hbgear.continuation.results.point import LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
-from hbgear.harmonic.model_registry import is_description, rebuild_problem
+from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
 from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.mechanics.models import describe, differing_fields
 from hbgear.mechanics.series.fourier import to_complex

@@ -12,7 +12,7 @@ from hbgear.common.text.symbols import unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.design.fitting.measurements import Measurements
-from hbgear.harmonic.frequency_units import model_of, same_scales
+from hbgear.harmonic.models.frequency_units import model_of, same_scales
 from hbgear.io.branches.columns import label_of
 from hbgear.web.view import plain
 

@@ -21,7 +21,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
-from hbgear.harmonic.frequency_units import MESH, PINION, common_scales
+from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales
 from hbgear.io.branches.columns import bracketed, label_of
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry

@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import describe
 
 K = np.array([[3.0, -1.0, 0.0], [-1.0, 2.5, -1.0], [0.0, -1.0, 2.0]])

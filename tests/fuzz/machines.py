@@ -128,7 +128,7 @@ def ring_file(rng: Random) -> Table:
 
 def planetary_file(rng: Random) -> Table:
     """A study of a planetary set, or of another model of the catalogue, with some of its fields."""
-    from hbgear.harmonic import model_registry
+    from hbgear.harmonic.models import model_registry
 
     name = str(rng.choice([name for name in model_registry.MODELS if "planet" in name] or [*model_registry.MODELS]))
     name = name if rng.random() < 0.6 else str(rng.choice([*model_registry.MODELS]))

@@ -8,7 +8,7 @@ import pytest
 from scipy import sparse
 
 import hbgear as hb
-from hbgear.harmonic.model_registry import MODELS
+from hbgear.harmonic.models.model_registry import MODELS
 
 PUSHED = hb.Load(cosine={1: [1.0]})
 STOP = hb.Element([1.0], hb.Backlash(b=1e3), name="stop")

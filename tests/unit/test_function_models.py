@@ -13,7 +13,7 @@ from machines import Needs, system, two
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics import model_lookup as naming
 from hbgear.mechanics.fields import kinds_of, made, parameters_of, required_of
 from hbgear.mechanics.models import describe

@@ -7,8 +7,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.gears.mesh.mesh_excitation import lagged_series, transmission_error
-from hbgear.harmonic.frequency_units import scales
-from hbgear.harmonic.model_registry import rebuild_model
+from hbgear.harmonic.models.frequency_units import scales
+from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
 
 TORQUE = 200.0

@@ -23,7 +23,7 @@ from hbgear.cli.app import main
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.signals import defer_signals, sigterm_like_ctrl_c
 from hbgear.continuation.tracing.special_points import SpecialPoints
-from hbgear.harmonic.model_registry import rebuild_model
+from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.io.map_file import read_map, save_map
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.steady_state import SteadyStateSettings

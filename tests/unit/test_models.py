@@ -9,7 +9,7 @@ import pytest
 
 from hbgear.gears import DoubleHelicalPair, SpurPair
 from hbgear.gears.drawing.geometry import base_helix_angle, base_radius, shaft_stiffness, transverse_pressure_angle
-from hbgear.harmonic.model_registry import MODELS, build, rebuild_model
+from hbgear.harmonic.models.model_registry import MODELS, build, rebuild_model
 from hbgear.mechanics.models import System, describe
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.series.fourier import evaluate

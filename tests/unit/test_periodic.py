@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.harmonic.model_registry import rebuild_model
+from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.series.fourier import Series, evaluate, to_real
 from hbgear.mechanics.series.periodic import TURN, Pieced, described, undescribed

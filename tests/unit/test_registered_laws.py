@@ -11,7 +11,7 @@ import scipy
 from pages import TEXTS, blocks
 
 import hbgear as hb
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.io.machines.structure_file import StructureFileError, read_structure
 from hbgear.mechanics.laws import registry
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact

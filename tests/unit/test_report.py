@@ -16,7 +16,7 @@ from hbgear.common import optional
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.design.studies.results import Results, read_results
-from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script

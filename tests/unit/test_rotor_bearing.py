@@ -183,7 +183,7 @@ def test_ranges(fields, message):
 
 
 def test_it_is_known_by_name():
-    from hbgear.harmonic.model_registry import build, rebuild_model
+    from hbgear.harmonic.models.model_registry import build, rebuild_model
     from hbgear.mechanics.models import describe
 
     model = build("gear-rotor-bearing", mu_1=0.5, e=(0.1,))

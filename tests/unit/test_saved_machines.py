@@ -7,7 +7,7 @@ import pytest
 import scipy
 
 import hbgear as hb
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import describe
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ import hbgear as hb
 from hbgear.analysis.campbell_diagram import whirl_word
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.support import Changes, Figure, First, Last, Model, assignments, chosen_model, print_table, span_of
-from hbgear.harmonic.frequency_units import MESH
+from hbgear.harmonic.models.frequency_units import MESH
 
 
 def register(app: typer.Typer) -> None:

@@ -35,8 +35,8 @@ from hbgear.design.bounds import bounds_of
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
 from hbgear.design.fitting.sweep_prediction import NotTraced, Prediction
-from hbgear.harmonic.frequency_units import scales
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import scales
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 

@@ -13,7 +13,7 @@ from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.design.fitting.measurements import FREQUENCIES, Measurements
 from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES
-from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, split
 from hbgear.io.tables.table_units import FREQUENCY, factor_of
 

@@ -18,7 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
 from hbgear.harmonic.equations.layout import check_displacement
-from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 
 FREQUENCIES = ("Omega", MESH, PINION)
 """Units of frequencies: Omega of the model, mesh frequency in Hz, and speed of the pinion in r/min."""

@@ -14,7 +14,7 @@ from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import quoted, shortened
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.studies.study import KINDS, Work, check_work
-from hbgear.harmonic.model_registry import model_class
+from hbgear.harmonic.models.model_registry import model_class
 from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, location_and_text, parsed
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.models import Model

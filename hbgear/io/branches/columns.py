@@ -17,7 +17,7 @@ from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import name_of_regime
 from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
-from hbgear.harmonic.frequency_units import MESH, PINION, model_of, speeds_at
+from hbgear.harmonic.models.frequency_units import MESH, PINION, model_of, speeds_at
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import FullMotion, saved_fields
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
-from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models import model_registry
 from hbgear.io.branches import forms
 from hbgear.io.branches.archive import Archive, archive_of
 

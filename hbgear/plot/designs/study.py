@@ -17,7 +17,7 @@ from hbgear.common.arrays import Array
 from hbgear.design.studies.study import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.frequency_units import same_scales, scales
+from hbgear.harmonic.models.frequency_units import same_scales, scales
 from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:

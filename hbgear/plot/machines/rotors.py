@@ -9,7 +9,7 @@ import numpy as np
 from hbgear.analysis.campbell_diagram import Campbell, whirl_word
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.harmonic.frequency_units import MESH
+from hbgear.harmonic.models.frequency_units import MESH
 from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic import model_registry
+from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import Model
 
 MESH, PINION = "mesh Hz", "pinion r/min"
