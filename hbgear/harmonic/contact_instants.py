@@ -125,9 +125,9 @@ class ContactInstants(HarmonicBalance):
     >>> import hbgear as hb
     >>> stop = hb.Element([1.0], hb.Unilateral(k=1e3, gap=0.5))
     >>> model = hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.3]}))
-    >>> curve = hb.trace(hb.ContactInstants(model), "Omega", (1.9, 1.5))
-    >>> curve.status.complete, curve["LP1"].kind, round(curve["LP1"].parameters["Omega"], 6)
-    (True, 'LP', 1.731365)
+    >>> curve = hb.trace(hb.ContactInstants(model), "Omega", (1.4, 1.25))
+    >>> curve["GR1"].kind, round(curve["GR1"].parameters["Omega"], 6)
+    ('GR', 1.259615)
     """
 
     known: KnownStates | None = None
@@ -376,7 +376,11 @@ def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[
 
 
 UNRESOLVED_CONTACT = 2.0
-"""Frequency of the closed contact, over the highest harmonic at the lowest Omega, from which stops are hard."""
+"""Frequency of the closed contact, over the highest harmonic at the lowest Omega, from which it is not resolved."""
+
+HARD_STOP_RATIO = 10.0
+"""Frequency of the closed contact over the highest Omega from which stops are hard: 14 for a stop of a thousand times the
+stiffness of the mass; below it, few harmonics are the choice of the user."""
 
 
 def trace_hard_stops(
@@ -384,10 +388,11 @@ def trace_hard_stops(
 ) -> Branch | None:
     """Return the curve of a harmonic balance in contact instants if its harmonics do not resolve the contacts.
 
-        max sqrt(eig(M^-1 (K + W k W^T))) > 2 H Omega / nu          k reference stiffness of the laws
+        w = max sqrt(eig(M^-1 (K + W k W^T))),   w > 2 H Omega_low / nu,   w > 10 Omega_high
 
-    Contacts then take less than a quarter of the period of the highest harmonic. None is returned for other models, and
-    if the curve cannot be completed in contact instants.
+    k is the reference stiffness of the laws. Contacts then take less than a quarter of the period of the highest
+    harmonic, and less than a twentieth of the period of the excitation. None is returned for other models, and if the
+    curve cannot be completed in contact instants.
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
@@ -396,7 +401,7 @@ def trace_hard_stops(
         return None
     fastest = _contact_frequency(system)
     highest = balance.H * min(map(abs, span)) / balance.nu
-    if not fastest > UNRESOLVED_CONTACT * highest:
+    if not (fastest > UNRESOLVED_CONTACT * highest and fastest > HARD_STOP_RATIO * max(map(abs, span))):
         return None
     try:
         exact = ContactInstants(balance.model, balance.H, nu=balance.nu)

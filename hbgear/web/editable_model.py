@@ -127,7 +127,7 @@ class EditableInstance(EditableModel):
         for name, kind in kinds_of(type(self.start)).items():
             value, label = getattr(self.start, name), str(self.start.labels.get(name, name))
             allowed = self.start.ranges.get(name, ANY)
-            if kind is float:
+            if kind is float and name in self.start.parameters:
                 found.append(_parameter(name, label, float(value), allowed))
             elif isinstance(value, tuple):
                 entries = [(i, f"{name}[{i}]") for i in range(len(value)) if f"{name}[{i}]" in self.start.entries]
@@ -253,6 +253,8 @@ def _call(name: str, thing: Any, **given: str) -> str:
     """Return an expression that creates an object, without arguments equal to their defaults."""
     parts = []
     for field in fields(thing):
+        if not field.init:
+            continue
         value, default = getattr(thing, field.name), defaults_of(type(thing)).get(field.name)
         default = getattr(default, "default", default)
         if field.name in given:

@@ -25,7 +25,7 @@ class Reached:
 
     def regime(self, b: float) -> list[str]:
         """Impact regime at each frequency for the half backlash b; "unsettled" where it is not of one period."""
-        names = np.select([self.least > b, self.least > -b, self.least <= -b], REGIMES, "unsettled")
+        names = np.select([self.least > b, self.least > -b, self.least <= -b], REGIMES[:3], "unsettled")
         return [str(name) for name in names]
 
 

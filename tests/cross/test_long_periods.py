@@ -101,5 +101,5 @@ def test_tables_that_need_too_much_memory_are_refused():
 
 
 def test_common_periods_that_are_too_long_are_refused():
-    with pytest.raises(ValueError, match=r"no simple ratio.*at most 10,000.*fewer unbalanced wheels"):
+    with pytest.raises(ValueError, match=r"no simple ratio.*at most 10,000.*fewer wheels with unbalance"):
         two_stages((41, 97, 43, 89), unbalance=dict.fromkeys("abd", 1e-4))

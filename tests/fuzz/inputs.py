@@ -279,6 +279,7 @@ def targets() -> tuple[Target, ...]:
     out = [
         Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
         Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
+        Target("Jenkins", hb.Jenkins, {"k": _is(1.0), "limit": _is(0.1), "residual": _is(0.0)}),
         Target("Cubic", hb.Cubic, {"k3": _is(0.1), "k1": _is(0.0)}),
         Target(
             "CompiledLaw",
@@ -609,6 +610,7 @@ def targets() -> tuple[Target, ...]:
         Target("Model.replace", hb.Duffing().replace, {"zeta": _is(0.05), "k3": _is(0.1)}),
         Target("DoubleHelicalPair.mesh_frequency", hb.gears.DoubleHelicalPair().mesh_frequency, with_Omega, 0.5),
         Target("DoubleHelicalPair.pinion_speed", hb.gears.DoubleHelicalPair().pinion_speed, with_Omega, 0.5),
+        Target("ContactInstants", hb.ContactInstants, {"model": model, "harmonics": _is(3), "nu": _is(1, 2)}),
         Target(
             "HarmonicBalance",
             hb.HarmonicBalance,

@@ -146,7 +146,7 @@ def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, multi
     (hopf,) = hb.analysis.hopf_points(model, "damping", (2 * eps, -0.5))
     assert abs(hopf.value - eps) < 1e-10
     assert abs(hopf.Omega - 1) < 1e-10
-    cycles = hb.analysis.limit_cycles(model, hopf, (0.0, 2 * eps), harmonics=8 if eps < 1 else 20)
+    cycles = hb.analysis.limit_cycles(model, hopf, (0.0, 2 * eps), harmonics=12 if eps < 1 else 20)
     last = cycles[-1]
     assert last.parameters["damping"] == 0
     assert abs(last.parameters["Omega"] - omega) < 1e-9

@@ -29,7 +29,7 @@ class Stiff(hb.Event):
 
 
 def test_registered_events_have_meaning_and_default():
-    assert list(KINDS) == ["LP", "PD", "NS", "BP", "GR", "CP", "EP", "PK"]
+    assert list(KINDS) == ["LP", "PD", "NS", "BP", "GR", "SL", "CP", "EP", "PK"]
     assert list(optional_events()) == ["PK"] and not EVENTS["PK"].default
     assert all(EVENTS[name].default for name in KINDS if name != "PK")
     assert all(entry.name == name and entry.meaning for name, entry in EVENTS.items())

@@ -121,7 +121,7 @@ def test_tables_of_the_mesh_are_files_beside_it(file, tmp_path):
             "line 1: 'damping' is missing; .*line 2: unknown key 'dampng'; did you mean",
         ),
         ('"200 N m"', '"200 N"', "line 1: torque = '200 N' must be a quantity in N m"),
-        ('"200 N m"', "-3.0", "line 1: torque = -3 N m must be positive"),
+        ('"200 N m"', "0.0", "line 1: torque = 0 N m"),
         ("0.04", "7", "line 2: damping = 7 is beyond"),
         ("teeth = 40", 'teeth = "x"', "line 10: wheel.teeth = 'x': .*integer"),
         ("teeth = 40", 'teeth = 40\nhelix_angle = "10 deg"', "line 13: .* give the wheel helix_angle = '0 deg'"),

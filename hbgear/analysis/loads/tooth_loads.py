@@ -40,6 +40,12 @@ class ToothLoads:
         The same in the static state, of one pair.
     root_stress, static_root_stress : ndarray, shape (2, M, P) and (2, 1, P)
         Nominal root stress of the pinion and of the wheel [N/m^2]; nan for a ring gear.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> [name for name in ("force", "share", "force_factor", "root_factor") if hasattr(hb.analysis.ToothLoads, name)]
+    ['force', 'share', 'force_factor', 'root_factor']
     """
 
     forces: PairForces
@@ -131,7 +137,7 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     >>> curve = hb.trace(problem, "Omega", (1.5, 1.4), stability=False, special=False)
     >>> found = hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(pair, "200 N m"))
     >>> round(found.force_factor, 2), found.separated.tolist()
-    (0.91, [0.0])
+    (0.71, [0.0])
     """
     layout = layout_of(point)
     if layout is None or point.problem is None or point.problem.model is None:

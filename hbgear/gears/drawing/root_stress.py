@@ -52,6 +52,13 @@ class RootFactors(NamedTuple):
         Thickness s_Fn of the root in the normal section [m].
     fillet_radius : float
         Radius rho_F of the fillet there [m].
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> gear = hb.gears.Gear(teeth=20, module="3 mm", face_width="20 mm")
+    >>> hb.gears.root_factors(gear, gear.tip_diameter_used)._fields[:2]
+    ('form', 'correction')
     """
 
     form: Array

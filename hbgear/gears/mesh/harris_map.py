@@ -39,6 +39,14 @@ class HarrisMap:
         Fractions of the mesh cycle; a phase that occurs twice marks a jump.
     error : ndarray, shape (n, P)
         Static transmission error [m].
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> found = hb.gears.HarrisMap(np.array([50.0]), np.array([0.0, 0.5]), np.array([[2e-6, 3e-6]]))
+    >>> float(found.peak_to_peak[0])
+    1e-06
     """
 
     torque: Array

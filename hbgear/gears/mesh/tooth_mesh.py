@@ -137,6 +137,14 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
     ------
     ValueError
         If the torque is not positive or the number of slices is not valid.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> mesh = hb.gears.tooth_mesh(hb.GearPair(pinion, wheel, backlash="80 um"), "200 N m")
+    >>> f"{mesh.force:.4g}"
+    '5676'
     """
     torque = to_si("GearPair.model", "torque", torque, "N m")
     if torque <= 0:

@@ -151,7 +151,7 @@ def select_harmonics(orders: Any, system: System, H: int | None = None) -> Harmo
     if orders is None:
         tones = tooth_orders(system)
         highest = _MOST_FULL_ORDERS if H is None else min(H, _MOST_FULL_ORDERS)
-        return HarmonicSelection(tones) if max(tones) > highest else None
+        return HarmonicSelection(tones) if max(tones) > max(highest, 1) else None
     if isinstance(orders, str):
         if orders != "meshes":
             raise ValueError(f"orders = {orders!r}: need 'meshes', or a list of whole numbers such as (3, 5, 6, 8)")

@@ -23,7 +23,7 @@ from hbgear.harmonic.instants.shooting import Linearisation
 REAL_PAIR_TOLERANCE = 1e-6
 """Imaginary part up to which two multipliers of product one are a real pair and no Neimark-Sacker point."""
 
-BRANCH_POINT_TOLERANCE = 1e-7
+EXACT_BRANCH_POINT_TOLERANCE = 1e-7
 """Fraction of a segment up to which a branch point is located; closer to it the equations are nearly singular."""
 
 
@@ -95,7 +95,7 @@ def _locate(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> tuple[fl
         last.append(point_between(family, a, b, s))
         return last[-1].tests[kind]
 
-    tolerance = BRANCH_POINT_TOLERANCE if kind == "BP" else 1e-13
+    tolerance = EXACT_BRANCH_POINT_TOLERANCE if kind == "BP" else 1e-13
     try:
         s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=tolerance, rtol=1e-14, maxiter=60))
         return s, point_between(family, a, b, s)
