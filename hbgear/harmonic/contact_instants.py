@@ -379,8 +379,8 @@ UNRESOLVED_CONTACT = 2.0
 """Frequency of the closed contact, over the highest harmonic at the lowest Omega, from which it is not resolved."""
 
 HARD_STOP_RATIO = 10.0
-"""Frequency of the closed contact over the highest Omega from which stops are hard: 14 for a stop of a thousand times the
-stiffness of the mass; below it, few harmonics are the choice of the user."""
+"""Frequency of the closed contact over the highest Omega from which stops are hard. It is 14 for a stop of a thousand
+times the stiffness of the mass; below it, few harmonics are the choice of the user."""
 
 
 def trace_hard_stops(

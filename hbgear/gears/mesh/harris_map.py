@@ -45,8 +45,8 @@ class HarrisMap:
     >>> import hbgear as hb
     >>> import numpy as np
     >>> found = hb.gears.HarrisMap(np.array([50.0]), np.array([0.0, 0.5]), np.array([[2e-6, 3e-6]]))
-    >>> float(found.peak_to_peak[0])
-    1e-06
+    >>> round(1e6 * float(found.peak_to_peak[0]), 6)
+    1.0
     """
 
     torque: Array
