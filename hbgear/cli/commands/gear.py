@@ -96,7 +96,10 @@ def gear(
     ] = None,
     torque_orders: Annotated[
         str | None,
-        typer.Option(help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg".'),
+        typer.Option(
+            help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". The curve may take '
+            "many minutes."
+        ),
     ] = None,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
