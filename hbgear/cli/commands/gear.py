@@ -97,7 +97,7 @@ def gear(
     torque_orders: Annotated[
         str | None,
         typer.Option(
-            help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". The curve may take '
+            help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". Curves may take '
             "many minutes."
         ),
     ] = None,
