@@ -15,6 +15,7 @@ def gears(wheel=40):
     return [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, wheel)]
 
 
+@pytest.mark.slow
 def test_a_train_of_two_wheels_is_the_pair():
     a, b = gears()
     pair = hb.GearPair(a, b, backlash="80 um")
@@ -60,6 +61,7 @@ def test_rattle_closes_under_integration_in_time():
     np.testing.assert_allclose(end, x, rtol=0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_negative_torque_loads_the_back_flanks():
     """Without relief, pairs of teeth and their secant are the same mesh on the back flanks, with the same phase."""
     a, b = gears()

@@ -98,7 +98,7 @@ def gear(
         str | None,
         typer.Option(
             help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". Give few '
-            "harmonics then, such as --harmonics 4: the period has many meshes, and curves may take minutes and gigabytes."
+            "harmonics then, such as --harmonics 4: the period has many meshes, and curves take minutes and gigabytes."
         ),
     ] = None,
     harmonics: Harmonics = "24",
