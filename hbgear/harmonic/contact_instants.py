@@ -20,10 +20,12 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.lru_cache import LRUCache
 from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import events_of
 from hbgear.continuation.events.event import Event
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
@@ -44,6 +46,7 @@ from hbgear.harmonic.instants.refine import Approximation, ExactMotion, exact_mo
 from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.instants.spectrum import coefficients
+from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.models import Model
 
 CONTACT_INSTANTS = "contact instants"
@@ -206,11 +209,6 @@ class ContactInstants(HarmonicBalance):
         exact = coefficients(at, self._exact_state(X, "Omega", parameters).iterate, self.H)[0].ravel()
         return Evaluation(X - exact, np.eye(len(X)), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
 
-    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
-        """Return X minus the coefficients of the exact motion near X, and the unit matrix."""
-        now = self.linearise(X, "", **parameters)
-        return now.R, np.asarray(now.dR_dX)
-
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """Return the coefficients of an exact motion at Omega, near a solution of the harmonic balance."""
         X = self.balance.start(Omega=Omega, **parameters)
@@ -240,10 +238,8 @@ class ContactInstants(HarmonicBalance):
     def observe_many(
         self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
     ) -> list[dict[str, Any]]:
-        """Return `observe` of solutions X (k, n) at values (k,) of a parameter."""
-        return [
-            self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
-        ]
+        """Return `observe` of solutions X (k, n) at values (k,) of a parameter, one after the other."""
+        return ContinuationProblem.observe_many(self, X, name, values, stability, **parameters)
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return the events of periodic motions; a period doubling leads to a curve in contact instants."""
@@ -258,13 +254,13 @@ class ContactInstants(HarmonicBalance):
         """Return the equations as a function of a parameter, the others fixed."""
         if name == "Omega":
             equations = self.compiled(dict(fixed)).contact_equations
-            return _remembering(lambda value: equations.at(value))
+            return _stored(equations.at)
 
         def equations_at(value: float) -> EquationsAt:
             model = self.model_at({**fixed, name: value})
             return Equations(model.system(), self.nu).at(float(fixed["Omega"]))
 
-        return _remembering(equations_at)
+        return _stored(equations_at)
 
     def own_trace(
         self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool
@@ -294,12 +290,8 @@ class ContactInstants(HarmonicBalance):
         )  # fmt: skip
         curve = follower.run(state, direction)
         events = {event.kind: event for event in events_of(self, setup.name)}
-        header = {
-            "span": list(ends), "steps": vars(settings.steps), "newton": vars(settings.newton),
-            "stability": settings.stability, "accuracy": settings.accuracy, "special": settings.special,
-        }  # fmt: skip
         branch = build_exact_branch(
-            self, follower.family, setup.name, setup.fixed, curve, events, header, settings.stability
+            self, follower.family, setup.name, setup.fixed, curve, events, settings.header(*ends), settings.stability
         )
         problem = copy.copy(self)
         states = [point.state for point in curve.points]
@@ -348,18 +340,14 @@ class ContactInstants(HarmonicBalance):
         return state, (antisymmetric @ null) * scale
 
 
-def _remembering(make: Callable[[float], EquationsAt]) -> Family:
+_STORED_VALUES = 16
+"""Values of the parameter whose equations are stored: a corrector, its differences and a grazing use a few in turn."""
+
+
+def _stored(make: Callable[[float], EquationsAt]) -> Family:
     """Return the function with its last results."""
-    known: dict[float, EquationsAt] = {}
-
-    def at(value: float) -> EquationsAt:
-        if value not in known:
-            if len(known) >= 16:
-                known.clear()
-            known[value] = make(value)
-        return known[value]
-
-    return at
+    cache = LRUCache[EquationsAt](_STORED_VALUES)
+    return lambda value: cache.get(value, lambda: make(value))
 
 
 def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[ExactCurve], None]:
@@ -419,7 +407,7 @@ def _contact_frequency(system: Any) -> float:
     """Return the highest natural frequency with closed contacts; 0 if contacts do not raise it."""
     if system.receptances is not None:
         return 0.0
-    M, K = (np.asarray(A.toarray() if hasattr(A, "toarray") else A, dtype=float) for A in (system.M, system.K))
+    M, K = dense(system.M), dense(system.K)
     k = np.array([e.law.reference for e in system.elements])
     closed = np.abs(np.linalg.eigvals(np.linalg.solve(M, K + (system.W * k) @ system.W.T))).max()
     open_ = np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()

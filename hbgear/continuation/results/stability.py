@@ -86,4 +86,5 @@ def stability_names(codes: NDArray[np.int_], regime: NDArray[np.int8], neutral_r
     """
     worst = np.max(regime, axis=1, initial=-1) if regime.ndim == 2 else np.full(len(codes), -1)
     neutral = (codes == STABLE) & (worst == neutral_regime) & (neutral_regime >= 0)
-    return [STABILITY_STATES[-1 if none else code] for code, none in zip(codes.tolist(), neutral.tolist(), strict=True)]
+    pairs = zip(codes.tolist(), neutral.tolist(), strict=True)
+    return ["neutral" if is_neutral else STABILITY_STATES[code] for code, is_neutral in pairs]

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,6 +75,13 @@ class TraceSettings:
     def __post_init__(self) -> None:
         if self.accuracy is not None:
             checked("trace", "accuracy", self.accuracy, POSITIVE)
+
+    def header(self, begin: float, end: float) -> dict[str, Any]:
+        """Return the settings and the span as plain data, for the header of a file."""
+        return {
+            "span": [begin, end], "steps": vars(self.steps), "newton": vars(self.newton),
+            "stability": self.stability, "accuracy": self.accuracy, "special": self.special,
+        }  # fmt: skip
 
     def points_only(self) -> TraceSettings:
         """Return the settings of a trace without stability and special points."""

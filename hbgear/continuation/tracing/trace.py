@@ -24,7 +24,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -412,11 +411,8 @@ class Tracer:
 
     def _build_branch(self) -> Branch:
         """Return the branch of the points so far, without jumps."""
-        state, setup, settings = self.state, self.setup, self.setup.settings
-        header: dict[str, Any] = {
-            "span": [setup.span.start, setup.span.end], "steps": vars(settings.steps), "newton": vars(settings.newton),
-            "stability": settings.stability, "accuracy": settings.accuracy, "special": settings.special,
-        }  # fmt: skip
+        state, setup = self.state, self.setup
+        header = setup.settings.header(setup.span.start, setup.span.end)
         status, message = state.termination.status, state.termination.message_with_advice
         points, marks = points_and_marks(state)
         branch = build_branch(state.largest, setup.name, setup.fixed, points, marks, status, message, header)

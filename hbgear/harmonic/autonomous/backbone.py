@@ -18,7 +18,6 @@ Krack and Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https
 from __future__ import annotations
 
 import copy
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -36,13 +35,11 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
 from hbgear.harmonic.autonomous.phase import phase_vector
-from hbgear.harmonic.autonomous.unforced import Unforced
+from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import Layout
-from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.receptance import LinearPart
 from hbgear.mechanics.models import Model, describe
-from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.fourier import to_complex, to_real
 
 _LOWEST_START_RATIO = 1e-3
@@ -89,17 +86,10 @@ class BackboneProblem(ContinuationProblem):
     @checked_arguments()
     def __init__(self, model: Model, mode: int = 1, harmonics: int = 16) -> None:
         counted("mode", mode, 10_000)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
-            self.balance = HarmonicBalance(Unforced(model), harmonics, reduce=False)
+        self.balance = unforced_balance(model, harmonics)
         self.model, self.mode = model, int(mode)
-        evaluator = self.balance.compiled({})
-        if evaluator.structure.large:
-            raise ValueError(
-                f"{evaluator.structure.n} coordinates are too many for a backbone: reduce the model first, "
-                "hb.mechanics.reduce(model, modes=60)"
-            )
-        self._phase = _phase_of(linear_mode(evaluator, self.mode), self.balance)
+        mode_at_rest = linear_mode(self.balance.compiled({}), self.mode)
+        self._phase = phase_vector(self._linear_motion(mode_at_rest, 1.0)[:-2], self.balance.m)
 
     def __repr__(self) -> str:
         return f"BackboneProblem({self.model!r}, mode={self.mode}, harmonics={self.balance.H})"
@@ -263,11 +253,6 @@ class BackboneProblem(ContinuationProblem):
             (out[:-2],) = parameter_derivatives(self, name, parameters, residual)
         return out
 
-    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
-        """Return the residual and the Jacobian."""
-        now = self.linearise(X, "", **parameters)
-        return now.R, np.asarray(now.dR_dX)
-
     # ---- monitored quantities
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
@@ -299,13 +284,6 @@ class BackboneProblem(ContinuationProblem):
 def _of_model(parameters: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of the model alone."""
     return {name: x for name, x in parameters.items() if name not in (AMPLITUDE, "Omega", "modal_damping")}
-
-
-def _phase_of(mode: LinearMode, balance: HarmonicBalance) -> Array:
-    """Return the phase condition relative to a linear mode."""
-    d = np.zeros((balance.m, balance.H + 1), dtype=complex)
-    d[:, 1] = mode.shape
-    return phase_vector(to_real(d).ravel(), balance.m)
 
 
 _SPRING_FACTOR = np.sqrt(3.0)

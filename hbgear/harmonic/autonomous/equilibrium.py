@@ -14,7 +14,6 @@ Kuznetsov, Elements of Applied Bifurcation Theory (2004), ch. 10, https://doi.or
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,13 +30,11 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY
-from hbgear.harmonic.autonomous.unforced import Unforced
+from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import statics
-from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
 _IMAGINARY_TOLERANCE = 1e-6
 """Real part of an eigenvalue, relative to its modulus, up to which a located point is a Hopf point. A neutral saddle
@@ -98,16 +95,8 @@ class EquilibriumProblem(ContinuationProblem):
 
     @checked_arguments()
     def __init__(self, model: Model) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
-            self.balance = HarmonicBalance(Unforced(model), 1, reduce=False)
+        self.balance = unforced_balance(model, 1)
         self.model = model
-        structure = self.balance.compiled({}).structure
-        if structure.large:
-            raise ValueError(
-                f"{structure.n} coordinates are too many for the eigenvalues of equilibria: reduce the model first, "
-                "hb.mechanics.reduce(model, modes=60)"
-            )
 
     @property
     def size(self) -> int:  # type: ignore[override]
@@ -240,15 +229,11 @@ def hopf_points(model: Model, parameter: str, span: tuple[float, float], **optio
         raise KeyError("Omega is the frequency of the limit cycles; give a parameter of the model")
 
     def test(point: Point) -> float:
-        return _scaled_sum_product(problem.eigenvalues(point.X, _known(point))[0])
+        return _scaled_sum_product(problem.eigenvalues(point.X, point.parameters)[0])
 
     event = Event("HB", test, "Hopf bifurcation: limit cycles begin")
     curve = trace(problem, parameter, span, events=[event], **({"cover": False} | options))
     return _hopf_points(problem, curve, parameter)
-
-
-def _known(point: Point) -> dict[str, float]:
-    return {name: value for name, value in point.parameters.items() if name != "Omega"}
 
 
 def _hopf_points(problem: EquilibriumProblem, curve: Branch, parameter: str) -> tuple[HopfPoint, ...]:
@@ -257,7 +242,7 @@ def _hopf_points(problem: EquilibriumProblem, curve: Branch, parameter: str) -> 
     for point in curve.special:
         if point.kind != "HB":
             continue
-        values, modes = problem.eigenvalues(point.X, _known(point))
+        values, modes = problem.eigenvalues(point.X, point.parameters)
         sizes = np.abs(values)
         upper = np.flatnonzero(values.imag > _IMAGINARY_TOLERANCE * sizes.max())
         if not upper.size:

@@ -14,7 +14,6 @@ Doedel, Keller and Kernevez (1991), Int. J. Bifurcation Chaos 1(4), https://doi.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -33,10 +32,8 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.equilibrium import HopfPoint
 from hbgear.harmonic.autonomous.phase import phase_vector, without_trivial
-from hbgear.harmonic.autonomous.unforced import Unforced
-from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
 from hbgear.mechanics.models import Model, describe
-from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.fourier import to_real
 
 
@@ -79,7 +76,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         """Return the phase condition with its derivatives; see `MinimallyAugmentedProblem.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         b = base.weight * np.asarray(base.b)
-        derivatives = tuple((linearise(self.problem, X, name, here).dR_dp, 0.0) for name in names)
+        derivatives = tuple((self.problem.parameter_derivative(X, name, here), 0.0) for name in names)
         return AugmentedResidual(now, float(b @ X), b, 0.0, derivatives)
 
     def describe(self) -> dict[str, Any]:
@@ -192,10 +189,7 @@ def limit_cycles(
         raise ValueError(
             f"the Hopf point has {hopf.parameter} = {hopf.value:.6g}, outside the span ({low:g}, {high:g}); widen it"
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
-        balance = HarmonicBalance(Unforced(model), harmonics)
-    problem = LimitCycleProblem(balance)
+    problem = LimitCycleProblem(unforced_balance(model, harmonics, reduce=True))
     U, fixed = _first_cycle(problem, hopf, _FIRST_AMPLITUDE * length)
     value = float(U[-1])
     ends = (low, high) if value >= hopf.value else (high, low)

@@ -6,52 +6,20 @@ M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j') + c_j d_j'] = F_0,   d_j = w_j^T 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Self
+import warnings
 
 import numpy as np
 
-from hbgear.common.ranges import Range
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.laws.laws import Law, Parallel
 from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.fourier import Series
 
 
-class Unforced(Model):
-    """A model without its periodic excitation, at any of its parameters.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-
-    def __repr__(self) -> str:
-        return f"Unforced({self.model!r})"
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        return self.model.parameters
-
-    @property
-    def entries(self) -> dict[str, float]:
-        return self.model.entries
-
-    @property
-    def ranges(self) -> Mapping[str, Range]:  # type: ignore[override]
-        """Ranges of the parameters of the model."""
-        return self.model.ranges
-
-    @property
-    def labels(self) -> Mapping[str, str]:  # type: ignore[override]
-        """Labels of the model."""
-        return self.model.labels
-
-    def replace(self, /, **changes: float) -> Self:
-        return type(self)(self.model.replace(**changes))
+class Unforced(DerivedModel):
+    """A model without its periodic excitation, at any of its parameters."""
 
     def system(self) -> System:
         """Return the system of the model with mean loads, mean displacements and mean stiffness.
@@ -105,3 +73,23 @@ def _depends_on_phase(law: Law) -> bool:
     d, tau = (x.ravel() for x in np.meshgrid(reach * np.linspace(-1.0, 1.0, 9), _TRIAL_PHASES))
     force = np.reshape(law.force(d, 0.3 * d, tau)[0], (len(_TRIAL_PHASES), -1))
     return bool(np.ptp(force, axis=0).max() > 0)
+
+
+def unforced_balance(model: Model, harmonics: int, reduce: bool = False) -> HarmonicBalance:
+    """Return the harmonic balance of a model without its periodic excitation; by default with the whole structure.
+
+    Raises
+    ------
+    ValueError
+        If the whole structure is too large for dense matrices, or as of `Unforced.system`.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
+        balance = HarmonicBalance(Unforced(model), harmonics, reduce=reduce)
+    structure = balance.compiled({}).structure
+    if structure.large and not reduce:
+        raise ValueError(
+            f"{structure.n} coordinates are too many for free motions: reduce the model first, "
+            "hb.mechanics.reduce(model, modes=60)"
+        )
+    return balance

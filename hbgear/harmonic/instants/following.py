@@ -112,8 +112,7 @@ class Follower:
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
         """Follow the curve from a state; towards the end of the span, or in a direction of z."""
         scale = state.scale(self.width)
-        hold = np.zeros(len(scale))
-        hold[-1] = 1.0
+        hold = _at_value(len(scale))
         along = hold * math.copysign(1.0, self.span[1] - self.span[0])
         if direction is not None:
             along = direction / scale
@@ -121,7 +120,7 @@ class Follower:
             state = state.moved(state.z + DEPARTURE * along * scale)  # equations are singular where curves cross
         try:
             first = exact_point(self.family, state, hold, scale, along)
-            self._accept(first, sample_gaps(self.family(first.state.value), first.state.iterate)[0], 0.0)
+            self._accept(first, self._gaps(first), 0.0)
             while not self._ended():
                 self._advance()
         except (NoConvergence, InconsistentPatternError) as error:
@@ -188,8 +187,7 @@ class Follower:
         tau, x = iterate.tau.copy(), iterate.x.copy()
         tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
         state = CurveState.of(Iterate(pattern.swapped(i), tau, x), point.state.value)
-        hold = np.zeros(len(state.z))
-        hold[-1] = 1.0
+        hold = _at_value(len(state.z))
         along = hold * math.copysign(1.0, point.tangent[-1])
         return exact_point(self.family, state, hold, state.scale(self.width), along)
 
@@ -237,8 +235,8 @@ class Follower:
         state, growing = with_contacts(self.family, found, here.scale)
         scale = state.scale(self.width)
         first = exact_point(self.family, state, growing, scale, growing)
-        samples = sample_gaps(self.family(first.state.value), first.state.iterate)[0]
-        self._add(here, sample_gaps(self.family(here.state.value), here.state.iterate)[0], 0.0)
+        samples = self._gaps(first)
+        self._add(here, self._gaps(here), 0.0)
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
         self.step = GRAZING_DURATION * self.family(first.state.value).period
@@ -248,7 +246,7 @@ class Follower:
         guess, contacts = without_contacts(self.family, point.state, segments)
         found = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
         here = self._grazing_point(found, None)
-        self._accept(here, sample_gaps(self.family(here.state.value), here.state.iterate)[0], 0.0)
+        self._accept(here, self._gaps(here), 0.0)
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self.step = 1e-4
 
@@ -257,8 +255,7 @@ class Follower:
         scale = found.state.scale(self.width)
         direction = -found.gradient * scale if along is None else along
         direction = direction / float(np.linalg.norm(direction))
-        hold = np.zeros(len(scale))
-        hold[-1] = 1.0
+        hold = _at_value(len(scale))
         point = exact_point(self.family, found.state, hold, scale, direction)
         if along is None and found.gradient * scale @ point.tangent > 0:
             return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
@@ -282,14 +279,14 @@ class Follower:
         if self.special and last.state.pattern == point.state.pattern:
             for kind, _, found in special_points(self.family, last, point):
                 if kind == "BP" and _has_shorter_period(found.state):
-                    self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
+                    self._accept(found, self._gaps(found), 0.0)
                     self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
                     self.curve.status = Status.MERGED
                     self.curve.message = (
                         f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
                     )
                     return
-                self._accept(found, sample_gaps(self.family(found.state.value), found.state.iterate)[0], 0.0)
+                self._accept(found, self._gaps(found), 0.0)
                 self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
         self._accept(point, samples, length)
 
@@ -299,6 +296,10 @@ class Follower:
         self.curve.samples.append(samples)
         self.curve.steps.append(length)
         self.report(self.curve)
+
+    def _gaps(self, point: ExactPoint) -> Samples:
+        """Return the gaps over a period at a point."""
+        return sample_gaps(self.family(point.state.value), point.state.iterate)[0]
 
     def _leaves(self, point: ExactPoint) -> bool:
         """Return whether a point lies outside the span."""
@@ -310,14 +311,13 @@ class Follower:
         low, high = sorted(self.span)
         end = high if point.state.value > high else low
         scale = last.scale
-        hold = np.zeros(len(scale))
-        hold[-1] = 1.0
+        hold = _at_value(len(scale))
         s = (end - last.state.value) / (point.state.value - last.state.value)
         between = point_between(self.family, last, point, s).state if s > 0 else last.state
         z = between.z.copy()
         z[-1] = end
         final = exact_point(self.family, between.moved(z), hold, scale, last.tangent)
-        self._add(final, sample_gaps(self.family(end), final.state.iterate)[0], self.step)
+        self._add(final, self._gaps(final), self.step)
         reached = end == self.span[1]
         self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
         self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (
@@ -349,6 +349,13 @@ class Follower:
         s = float(offset @ chord) / length**2
         away = float(np.linalg.norm(offset - s * chord))
         return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+
+def _at_value(size: int) -> Array:
+    """Return the normal (size,) of the plane of constant parameter."""
+    out = np.zeros(size)
+    out[-1] = 1.0
+    return out
 
 
 def _rotated(iterate: Iterate, period: float) -> Iterate:

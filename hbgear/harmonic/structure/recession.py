@@ -9,17 +9,15 @@ It is linear if a law has equal stiffness on both sides, as with backlash (all t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import Range
+from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
-from hbgear.mechanics.models import Load, Model, System
+from hbgear.mechanics.models import Load, System
 from hbgear.mechanics.series.fourier import Series
 
 _RECESSION_LENGTH = 1e12
@@ -67,29 +65,8 @@ def longest(system: System) -> float:
     return max([*breakpoints, *(e.displacement.bound for e in system.elements)], default=0.0)
 
 
-class Receded(Model):
-    """Recession of a model, at any of its parameters.
-
-    Parameters
-    ----------
-    model : Model
-        Model whose laws all have a recession.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        return self.model.parameters
-
-    @property
-    def ranges(self) -> Mapping[str, Range]:  # type: ignore[override]
-        """Ranges of the parameters of the model."""
-        return self.model.ranges
-
-    def replace(self, /, **changes: float) -> Self:
-        return type(self)(self.model.replace(**changes))
+class Receded(DerivedModel):
+    """Recession of a model whose laws all have one, at any of its parameters."""
 
     def system(self) -> System:
         """Return the recession of the system of the model.

@@ -8,7 +8,7 @@ import numpy as np
 
 from hbgear.analysis.loads.tooth_loads import ToothLoads
 from hbgear.gears.mesh.harris_map import HarrisMap
-from hbgear.plot.style import BRANCHES, GREY, dress, styled
+from hbgear.plot.style import BRANCHES, GREY, axes_or_new, dress, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,8 +95,7 @@ def harris_map(found: HarrisMap, ax: Axes | None = None) -> Axes:
     with styled():
         import matplotlib.pyplot as plt
 
-        if ax is None:
-            ax = plt.subplots(figsize=(5.4, 4.2), layout="constrained")[1]
+        ax = axes_or_new(ax, (5.4, 4.2))
         x = np.concatenate([found.phase, found.phase + 1])
         colours = plt.get_cmap("viridis")(np.linspace(0.0, 0.85, len(found.torque)))
         for torque, error, pp, color in zip(found.torque, found.error, found.peak_to_peak, colours, strict=True):
