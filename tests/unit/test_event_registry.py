@@ -110,7 +110,7 @@ def test_a_test_may_use_the_problem_of_the_point_while_traced_and_followed(probl
         multipliers.equations(problem, "Omega", curve["limit1"])
 
 
-def test_events_on_the_command_line(capsys, tmp_path):
+def test_events_on_the_command_line(capsys, tmp_path, modules_are_forgotten):
     own = tmp_path / "mine.py"
     own.write_text(
         "import hbgear as hb\n"

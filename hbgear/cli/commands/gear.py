@@ -46,7 +46,8 @@ FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
 
 PARAMETRIC_SPAN = 2.4
-"""Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
+"""Mesh frequency over the natural frequency up to which period doublings are searched: those of the parametric
+resonance lie near 2."""
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
@@ -279,7 +280,7 @@ def _trace_and_report(
     faster = _curve_above(model, count)
 
     def subharmonics(stop: Event) -> list[list[str]]:
-        span = (float(curve.values.min()), PARAMETRIC_SPAN)
+        span = (float(curve.values.min()), _parametric_end(model))
         return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
@@ -295,7 +296,7 @@ def _trace_and_report(
         first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
         print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
         show_speeds(model, curve, machine)
-        if getattr(model, "contacts", None) is not None:
+        if getattr(model, "contacts", None) is not None and machine.torque > 0:  # loads of the driving flanks
             print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         found = doubled.result()
         if found:
@@ -389,7 +390,7 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
 
 def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:
     """Yield the largest loads of a pair of teeth on stable motions."""
-    mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.torque), model.scales
+    mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), model.scales
     assert scales is not None
     found = [(hb.analysis.tooth_loads(point, mesh), point) for point in _largest_motions(curve)]
     loads, point = max(found, key=lambda one: one[0].force_factor)
@@ -432,11 +433,16 @@ def _until(stop: Event) -> Callable[[hb.Progress], None]:
     return ends
 
 
+def _parametric_end(model: hb.mechanics.Model) -> float:
+    """Return the Omega up to which period doublings are searched; Omega may be a fraction of the mesh frequency."""
+    return PARAMETRIC_SPAN / float(getattr(model, "mesh_order", 1))
+
+
 def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
     """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
-        span = (PARAMETRIC_SPAN, model.default_span[0])
+        span = (_parametric_end(model), model.default_span[0])
         return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
 
 
