@@ -147,6 +147,16 @@ class HarmonicBalance(PeriodicMotions):
         """Whether the number of harmonics may change along a curve."""
         return self.auto
 
+    @property
+    def restarts(self) -> bool:  # type: ignore[override]
+        """Whether an under-resolved curve is traced again; not with selected orders, which are a choice of the cost."""
+        return self.selection is None
+
+    @property
+    def equivalent_size(self) -> int:
+        """Number of coefficients up to the highest order: the forces of selected orders have tables of all of them."""
+        return self.m * (2 * self.H + 1)
+
     def describe(self) -> dict[str, Any]:
         """Return model and settings as plain data, for the header of a saved branch."""
         balance = self.discretization.describe(self.tolerance if self.auto else None)

@@ -92,6 +92,44 @@ def test_a_backlash_fifty_times_as_stiff():
     assert asked.layout.harmonics == 16 and "the relative error of motions is up to" in " ".join(asked.warnings)
 
 
+@pytest.mark.parametrize("restarts", [True, False])
+def test_an_under_resolved_curve_is_traced_again(restarts):
+    """The curve x = p of a problem that states an error of 1 is traced with its refined problem, if that is allowed."""
+
+    class Line(hb.continuation.ContinuationProblem):
+        size = 1
+
+        def __init__(self, error):
+            self.error, self.restarts = error, restarts
+
+        @property
+        def refined_problem(self):
+            return Line(0.0) if self.error else None
+
+        @property
+        def resolution(self):
+            return f"error {self.error:g}"
+
+        def start(self, **parameters):
+            return np.array([parameters["p"]])
+
+        def evaluate(self, X, p):
+            return X - p, np.eye(1)
+
+        def observe(self, X, stability=True, **parameters):
+            return {"error": self.error}
+
+    curve = hb.trace(Line(1.0), "p", (1.0, 2.0))
+    assert curve.problem.error == (0.0 if restarts else 1.0)
+    assert ("followed with error 0, for error 1 leaves" in curve.message) == restarts
+
+
+def test_selected_orders_are_a_choice_of_the_cost():
+    all_orders, selected = (hb.HarmonicBalance(two_masses(), 6, orders=orders) for orders in (None, [1, 2, 6]))
+    assert all_orders.restarts and all_orders.equivalent_size == all_orders.size == 13
+    assert not selected.restarts and selected.size == 7 and selected.equivalent_size == 13
+
+
 def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
     """With 5 harmonics of the double-helical pair, against eight times as many at the same Omega, on the same sheet."""
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5), "Omega", (1.0, 0.8))

@@ -229,8 +229,9 @@ def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
 
 
 def test_gear_assumes_what_is_not_said(run):
-    out = run("gear", *DRAWING, "--harmonics", 8, "--plot", "x.pdf")[1]
-    assert "damping 0.04 (assumed): 0.02" in out
+    """Also with the torque in the other direction, which loads the back flanks."""
+    code, out, err = run("gear", *DRAWING, "--torque", "-200Nm", "--harmonics", 8, "--plot", "x.pdf")
+    assert code == 0 and "error" not in err and "damping 0.04 (assumed): 0.02" in out and "pairs of teeth" not in out
 
 
 @pytest.mark.parametrize(

@@ -46,8 +46,7 @@ FACTOR_CANDIDATES = 5
 """Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
 
 PARAMETRIC_SPAN = 2.4
-"""Mesh frequency over the natural frequency up to which period doublings are searched: those of the parametric
-resonance lie near 2."""
+"""Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
@@ -99,7 +98,7 @@ def gear(
         str | None,
         typer.Option(
             help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". Give few '
-            "harmonics then, such as --harmonics 4: the period has many meshes, and curves take minutes and gigabytes."
+            "harmonics then, such as --harmonics 4: the period has many meshes, and a curve takes minutes."
         ),
     ] = None,
     harmonics: Harmonics = "24",
@@ -277,14 +276,15 @@ def _trace_and_report(
         name, changed = assumption
         return [[name, *_alternative_results(changed(), model, curve, count, stop)]]
 
-    faster = _curve_above(model, count)
-
     def subharmonics(stop: Event) -> list[list[str]]:
-        span = (float(curve.values.min()), _parametric_end(model))
-        return [row for one in (faster, curve, *curve.others) for row in _subharmonics(model, one, span, stop)]
+        span = (float(curve.values.min()), PARAMETRIC_SPAN)
+        curves = (_curve_above(model, count), curve, *curve.others)
+        return [row for one in curves for row in _subharmonics(model, one, span, stop)]
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
     works += [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    if machine.torque_orders:  # each curve takes minutes
+        works = [_nothing]
     with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve), by)
@@ -305,6 +305,9 @@ def _trace_and_report(
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
         first[0] = "as computed"
         print_table(headers, [first, *(row for row in computed if row not in damping)])
+        if machine.torque_orders:
+            print("With torque orders, other assumptions and motions of twice the period are not computed: every curve "
+                  "takes minutes.")  # fmt: skip
     return curve
 
 
@@ -419,6 +422,11 @@ def _alternative_results(
     return _factor_and_jumps(changed, curve)
 
 
+def _nothing(_: Event) -> list[list[str]]:
+    """Return no rows."""
+    return []
+
+
 def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]]:
     return work(stop)
 
@@ -433,16 +441,11 @@ def _until(stop: Event) -> Callable[[hb.Progress], None]:
     return ends
 
 
-def _parametric_end(model: hb.mechanics.Model) -> float:
-    """Return the Omega up to which period doublings are searched; Omega may be a fraction of the mesh frequency."""
-    return PARAMETRIC_SPAN / float(getattr(model, "mesh_order", 1))
-
-
 def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
     """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
-        span = (_parametric_end(model), model.default_span[0])
+        span = (PARAMETRIC_SPAN, model.default_span[0])
         return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
 
 

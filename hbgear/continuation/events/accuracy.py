@@ -141,7 +141,7 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
         finer = None if problem.refined_problem is None else problem.refined_problem
         if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
-        if not work.allows(finer.size or 0, LOCATION_COST):
+        if not work.allows(finer.equivalent_size, LOCATION_COST):
             error = _estimate(segment, found, problem, math.inf, [])
             break
         known = next((there for other, there in moved if other is finer), None)
@@ -173,7 +173,7 @@ def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
 
     The first estimate of a point (``first``) has a limit of its own. Later estimates only improve it.
     """
-    sizes = [other.size or 0 for other, _ in problem.comparisons]
+    sizes = [other.equivalent_size for other, _ in problem.comparisons]
     return work.estimates(max(sizes), COMPARISON_COST) if first else work.allows(max(sizes), COMPARISON_COST)
 
 

@@ -82,6 +82,8 @@ class ContinuationProblem:
     """Default continuation parameter."""
     singular_hint: str = "an unknown that no equation holds"
     """Possible cause of a singular Jacobian at a start, for the error message."""
+    restarts: bool = True
+    """True if a trace whose solutions are under-resolved starts again with `refined_problem`."""
     batch_size: int = 128
     """Number of solutions per call of `observe_many`. Ctrl-C waits for one call."""
 
@@ -94,6 +96,11 @@ class ContinuationProblem:
     def is_nonsmooth(self) -> bool:
         """True if the tangent of curves may be discontinuous. False with parameters among the unknowns."""
         return not self.smooth and not self.unknown_parameters
+
+    @property
+    def equivalent_size(self) -> int:
+        """Number of unknowns of a dense problem whose solution takes as long; it counts for the limit of the work."""
+        return self.size or 0
 
     @property
     def resolution(self) -> str:

@@ -2,11 +2,12 @@
 
     sum_i w_i <= limit,    w_i = c_i [(n_i / 700)^3 + 2e-3] <= (limit - sum_{j < i} w_j) / 2
 
-n_i is the number of unknowns of a solution, c_i the number of solutions of that cost. Dense factorisations take n^3
-operations, so the sum is proportional to the time. It is counted and not measured: results do not depend on the
-processor or its load. No solution takes more than half of the remaining work, so that large solutions are refused
-first. The first error estimates of special points have a second sum with the same limit, because a special point
-without an estimate is of little use. Only problems with many unknowns reach that limit.
+n_i is the number of unknowns of a solution, or of a dense solution of the same cost, and c_i the number of such
+solutions. Dense factorisations take n^3 operations, so the sum is proportional to the time. It is counted and not
+measured: results do not depend on the processor or its load. No solution takes more than half of the remaining work,
+so that large solutions are refused first. The first error estimates of special points have a second sum with the same
+limit, because a special point without an estimate is of little use. Only problems with many unknowns reach that
+limit.
 """
 
 from __future__ import annotations

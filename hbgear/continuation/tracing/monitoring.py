@@ -114,7 +114,7 @@ class Monitor:
     def can_refine(self) -> bool:
         """Return whether the bound of the work allows a trace at a higher resolution."""
         finer = self.state.problem.refined_problem
-        return finer is not None and self.state.setup.work.affords(finer.size or 0, CURVE_EQUIVALENT_SOLUTIONS)
+        return finer is not None and self.state.setup.work.affords(finer.equivalent_size, CURVE_EQUIVALENT_SOLUTIONS)
 
     # ---- stability
 

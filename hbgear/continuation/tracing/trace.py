@@ -282,7 +282,8 @@ class Tracer:
         work: Work | None = None,
     ) -> None:
         refinable = settings.accuracy is not None and problem.refined_problem is not None
-        may_restart = cover and refinable and not problem.changes and not problem.unknown_parameters
+        restartable = problem.restarts and not problem.changes and not problem.unknown_parameters
+        may_restart = cover and refinable and restartable
         abort = abort_if_under_resolved or may_restart
         self.setup = setup = set_up(
             problem, settings, span, start, requested=requested, abort_if_under_resolved=abort,

@@ -313,7 +313,7 @@ def _exact_from_finer(
     """
     for _ in range(MAX_REFINEMENTS):
         finer = problem.refined_problem
-        if finer is None or not work.allows(finer.size):
+        if finer is None or not work.allows(finer.equivalent_size):
             return None
         try:
             X, problem = solve(finer, finer.resized(X), dict(here)).X, finer
@@ -356,7 +356,7 @@ def _with_more_harmonics(
     values = dict(here)
     for _ in range(times):
         finer = problem.refined_problem
-        if finer is None or not work.allows(finer.size):
+        if finer is None or not work.allows(finer.equivalent_size):
             break
         try:
             X, values[name] = nearest_solution(finer, finer.resized(X), name, values)
