@@ -393,6 +393,26 @@ def test_progress_is_told_of_every_row():
     assert f"p = {curve.values[1]:.5f}, 2 points" in str(seen[0])
 
 
+def test_progress_of_stability_that_takes_long(monkeypatch):
+    """Points are observed one by one, each is reported, and the curve is the same to the last bit."""
+    monkeypatch.setattr("hbgear.continuation.tracing.monitoring.MAX_SECONDS_WITHOUT_PROGRESS", 0.0)
+    problem, steps, seen = HarmonicBalance(SpurPair(), 5), StepControl(max_points=10), []
+    curve = trace(problem, "Omega", (0.6, 1.6), steps=steps, progress=lambda now: seen.append(now.text))
+    usual = trace(problem, "Omega", (0.6, 1.6), steps=steps)
+    assert np.array_equal(curve.X, usual.X) and np.array_equal(curve.multipliers, usual.multipliers)
+    found = [text.partition("points, ")[2] for text in seen if "step" not in text]
+    assert found[:10] == [f"stability of {i} of 10 points" for i in range(1, 11)]
+    assert found[10:] == ["verification of the stability", "search for special points"]
+
+    def stop(now):
+        if "of 3 of" in now.text:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError) as raised:
+        trace(problem, "Omega", (0.6, 1.6), steps=steps, progress=stop)
+    assert len(raised.value.branch) == 10 and raised.value.branch.status is Status.FAILED
+
+
 def test_a_trace_goes_on_from_any_row():
     half = trace(CHAIN, "p", (0.0, 20.0), np.array([0.0]), steps=StepControl(max_points=60))
     rest = trace(CHAIN, "p", (0.0, 20.0), half[-1])

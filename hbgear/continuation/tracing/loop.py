@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.continuation.curve.segment import CurvePoint, Points
 from hbgear.continuation.events.event import LocatedEvent, unknowns
-from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.tracing.ends import CurveEnds
 from hbgear.continuation.tracing.resolution import ResolutionControl
@@ -21,26 +19,6 @@ from hbgear.continuation.tracing.state import PendingSegment, TraceState
 from hbgear.continuation.tracing.stepper import Stepper
 
 _RETRACED = "the curve ran back over itself"
-
-
-class CallbackError(Exception):
-    """An exception raised by the progress callback of the user.
-
-    Attributes
-    ----------
-    given : BaseException
-        The exception as it was raised.
-    """
-
-    def __init__(self, given: BaseException) -> None:
-        super().__init__(f"in progress, {type(given).__name__}: {given}")
-        self.given = given
-
-    def with_branch(self, branch: Branch) -> BaseException:
-        """Return the exception as it was raised, with the partial branch as its attribute ``branch``."""
-        self.given.branch = branch  # type: ignore[attr-defined]
-        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
-        return self.given
 
 
 class ContinuationLoop:
@@ -184,8 +162,7 @@ class ContinuationLoop:
             self.special_points.process_pending()
             event = LocatedEvent(origin.event, 1.0, point, True)
             (state.terminal,) = self.special_points.with_error_estimates(segment, [event])
-        if state.setup.settings.progress:
-            self._report(point, state.setup.settings.progress)
+        self.special_points.monitor.report(point)
         if end is not None:
             if end == span.end:
                 return Status.REACHED_END, f"{state.setup.name} = {end:.6g} reached"
@@ -225,21 +202,3 @@ class ContinuationLoop:
         if state.problem.unknown_parameters:
             here = setup.parameters_at(points[-1].value)
             state.problem = state.problem.with_borders_at(points[-1].X, here, renew=True)
-
-    # ---- progress
-
-    def _report(self, point: CurvePoint, progress: ProgressCallback) -> None:
-        """Call the progress callback; raise its exceptions as `CallbackError`."""
-        try:
-            progress(self._progress(point))
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise CallbackError(error) from error
-
-    def _progress(self, point: CurvePoint) -> Progress:
-        """Return the progress of the trace at a point."""
-        span, count = self.state.setup.span, len(self.state.points)
-        done = min(max((point.value - span.start) / (span.end - span.start), 0.0), 1.0)
-        text = f"{self.state.setup.name} = {point.value:.5f}, {count} points, step {point.step:.1e}"
-        return Progress(done, text, {"value": point.value, "points": count, "step": point.step})

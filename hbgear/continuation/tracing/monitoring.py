@@ -8,16 +8,19 @@ The problem supplies the quantities that are stored with a point: multipliers, r
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import relative_errors
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE, stability_codes
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -44,6 +47,30 @@ class UnderResolvedError(BaseException):
         super().__init__(f"followed with {self.finer.resolution}, for {problem.resolution} leaves {finding}")
 
 
+MAX_SECONDS_WITHOUT_PROGRESS = 1.0
+"""Time [s] after which the progress of the monitoring of a batch of points is reported."""
+
+
+class CallbackError(Exception):
+    """An exception raised by the progress callback of the user.
+
+    Attributes
+    ----------
+    given : BaseException
+        The exception as it was raised.
+    """
+
+    def __init__(self, given: BaseException) -> None:
+        super().__init__(f"in progress, {type(given).__name__}: {given}")
+        self.given = given
+
+    def with_branch(self, branch: Branch) -> BaseException:
+        """Return the exception as it was raised, with the partial branch as its attribute ``branch``."""
+        self.given.branch = branch  # type: ignore[attr-defined]
+        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
+        return self.given
+
+
 class Monitor:
     """Monitored quantities and stability of the points of a trace.
 
@@ -53,22 +80,36 @@ class Monitor:
         State of the trace.
     first_error : Exception or None
         Error that prevented the monitoring of the first point. It ends the trace.
+    slow : bool
+        Whether the last batch of points took longer than `MAX_SECONDS_WITHOUT_PROGRESS`.
     """
 
     def __init__(self, state: TraceState) -> None:
         self.state = state
         self.first_error: Exception | None = None
+        self.slow = False
 
     def observe(self, points: Iterable[CurvePoint], problem: ContinuationProblem | None = None) -> None:
         """Store the monitored quantities with those points that do not have them yet.
 
         Where this fails, nothing is stored and the termination records the error. ``problem`` is the problem of the
-        points, by default the present one.
+        points, by default the present one. With a progress callback the first point is observed alone; if a point takes
+        long, the others are observed in parts that take about a second, and each part is reported.
         """
-        state, setup = self.state, self.state.setup
         fresh = [point for point in points if not point.observed]
-        if not fresh:
-            return
+        done, part = 0, len(fresh) if self.state.setup.settings.progress is None else 1
+        while done < len(fresh):
+            begin = time.monotonic()
+            self._observe_together(fresh[done : done + part], problem)
+            done = min(done + part, len(fresh))
+            seconds_each = (time.monotonic() - begin) / part
+            part = max(int(MAX_SECONDS_WITHOUT_PROGRESS / max(seconds_each, 1e-6)), 1)
+            self.slow = part < len(fresh)
+            self.report_if_slow(f"stability of {done} of {len(fresh)} points")
+
+    def _observe_together(self, fresh: Sequence[CurvePoint], problem: ContinuationProblem | None) -> None:
+        """Store the monitored quantities with some points."""
+        state, setup = self.state, self.state.setup
         results: Iterable[dict[str, Any]]
         u = np.array([point.u for point in fresh])
         try:
@@ -79,6 +120,25 @@ class Monitor:
             point.observed.update(quantities)
         if setup.abort_if_under_resolved:
             self._check_resolution(u, np.array([point.observed.get("error", 0.0) for point in fresh]))
+
+    def report_if_slow(self, activity: str) -> None:
+        """Report what is computed at the last point if the monitoring of the last batch took long."""
+        if self.slow:
+            self.report(self.state.last, activity)
+
+    def report(self, point: CurvePoint, activity: str = "") -> None:
+        """Call the progress callback if there is one; raise its exceptions as `CallbackError`."""
+        progress, setup, count = self.state.setup.settings.progress, self.state.setup, len(self.state.points)
+        if progress is None:
+            return
+        done = min(max((point.value - setup.span.start) / (setup.span.end - setup.span.start), 0.0), 1.0)
+        text = f"{setup.name} = {point.value:.5f}, {count} points, {activity or f'step {point.step:.1e}'}"
+        try:
+            progress(Progress(done, text, {"value": point.value, "points": count, "step": point.step}))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise CallbackError(error) from error
 
     def solve_on_segment(self, segment: Segment, s: float) -> CurvePoint | None:
         """Return the monitored point at a fraction of a segment; None if it cannot be computed."""

@@ -65,7 +65,9 @@ class SpecialPoints:
         start = len(state.points) - len(state.pending) - 1
         path = state.points[start:]
         self.monitor.observe(path)
+        self.monitor.report_if_slow("verification of the stability")
         self.monitor.verify_stability(path)
+        self.monitor.report_if_slow("search for special points")
         located = self._search(start)
         if self.monitor.resolve_contradictions(start, located):
             located = self._search(start)

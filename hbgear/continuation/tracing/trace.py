@@ -49,8 +49,8 @@ from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.coverage import UNCOVERED, CoverageSearch, cover_span, coverage_message
 from hbgear.continuation.tracing.first_point import ArbitrarySolutionError, begin, solution_by_problem
 from hbgear.continuation.tracing.jumps import find_jumps
-from hbgear.continuation.tracing.loop import CallbackError, ContinuationLoop
-from hbgear.continuation.tracing.monitoring import Monitor, UnderResolvedError
+from hbgear.continuation.tracing.loop import ContinuationLoop
+from hbgear.continuation.tracing.monitoring import CallbackError, Monitor, UnderResolvedError
 from hbgear.continuation.tracing.resolution import ResolutionControl
 from hbgear.continuation.tracing.special_points import SpecialPoints, points_and_marks
 from hbgear.continuation.tracing.state import TraceSettings, set_up
