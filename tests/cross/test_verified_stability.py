@@ -172,6 +172,21 @@ def test_contradictions_of_a_branch_are_warnings():
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
 
 
+def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_its_row():
+    """The change of stability lies where the point is, two rows after the row of the coarse balance."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    row, mu = curve["LP2"].index + 3, curve.multipliers.copy()
+    mu[row + 3 :] *= -10.0
+
+    def warned(Omega):
+        special = replace(curve["LP1"], kind="PD", label="PD1", index=row, parameters={"Omega": Omega})
+        changed = replace(curve, multipliers=mu, special=(*curve.special, special), jump_records=())
+        return f"between Omega = {curve.values[row + 2]:.9g}" in " ".join(changed.warnings)
+
+    assert not warned(0.5 * (curve.values[row + 2] + curve.values[row + 3]))
+    assert warned(0.5 * (curve.values[row + 1] + curve.values[row + 2]))
+
+
 def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():
     """A cubic spring and a stop in one element: no exact motion; every row is contradicted, and so refined."""
     law = hb.mechanics.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))
