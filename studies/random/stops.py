@@ -1,6 +1,7 @@
 """Stability of a mass with a stop compared with motions computed exactly from contact to contact.
 
     python -m studies.random.stops --count 20 --every 4    # stiffnesses from 10 to 1e5, two dampings, two gaps
+    python -m studies.random.stops --zeta 0.02 --gap 0     # one part of them
 
     q'' + c q' + q + k max(q - gap, 0) = F cos(Omega t)
 
@@ -8,8 +9,9 @@ Between two contact instants the motion is a matrix exponential of the state (q,
 bracketed roots. Newton on the state after a period gives the periodic motion at the same Omega, and the product of the
 transition matrices its multipliers. It starts from the state of the harmonic balance with `FINER` times the harmonics:
 next to a fold two motions lie close together, and from a coarse state Newton finds either of them. Not compared are a
-point whose balance has no solution with more harmonics on the same side of the fold (sign of det(dR/dX)), a motion that
-Newton finds elsewhere, and one without contact.
+point whose balance has no solution with more harmonics on the same side of the fold (sign of det(dR/dX), the parity of
+the multipliers above +1), a motion that Newton finds elsewhere or on the other side, and one without contact. Curves of
+hard stops are traced in contact instants. There shooting starts from the state (q, q' / sqrt(1 + k)) at the first one.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, linearise, solve
+from hbgear.time.integration import state_of
 
 FINER = 8
 """Factor of the harmonics from whose state shooting starts."""
@@ -40,9 +43,13 @@ The motions on both sides of a fold are farther apart as soon as their multiplie
 
 @dataclass(frozen=True)
 class Shot:
-    """A row of a curve and the exact motion: verdicts, error of the largest modulus, and the stated one."""
+    """A row of a curve and the exact motion: verdicts, error of the largest modulus, and the stated one.
+
+    Where no exact motion is compared, ``right`` is empty and ``off`` is nan.
+    """
 
     row: int
+    Omega: float
     verdict: str
     right: str
     off: float
@@ -72,9 +79,10 @@ class Stop:
         A[3, 4], A[4, 3] = -Omega, Omega
         return A
 
-    def march(self, q: float, v: float, Omega: float) -> tuple[Array, Array, int]:
-        """State and transition matrix after a period, and the number of contact instants."""
-        T, t, y, Phi, count = 2 * np.pi / Omega, 0.0, np.array([q, v, 1.0, 1.0, 0.0]), np.eye(2), 0
+    def march(self, q: float, v: float, Omega: float, phase: float = 0.0) -> tuple[Array, Array, int]:
+        """State and transition matrix a period after a phase of the load, and the number of contact instants."""
+        y = np.array([q, v, 1.0, np.cos(phase), np.sin(phase)])
+        T, t, Phi, count = 2 * np.pi / Omega, 0.0, np.eye(2), 0
         contact = q > self.gap
         while t < T:
             A, h = self.matrix(contact, Omega), 0.05 / np.sqrt(1 + (self.k if contact else 0.0) + Omega**2)
@@ -86,32 +94,44 @@ class Stop:
         return y[:2], Phi, count
 
     def _end(self, A: Array, side: float, y: Array, h: float, most: float) -> float | None:
-        """Time of the next contact instant, looked for in steps h; None if it is later than ``most``."""
+        """Time of the next contact instant, looked for in steps h; None if it is later than ``most``.
 
-        def gap(s: float) -> float:
-            return float((scipy.linalg.expm(A * s) @ last)[0]) - self.gap
+        Each step is divided at the extremum of the gap, so a contact or a flight shorter than a step is not missed. The
+        gap is monotone in both parts. At time 0 it may be a contact instant, from which it moves away.
+        """
 
-        step, t, last = scipy.linalg.expm(A * h), 0.0, y
+        def state(s: float) -> Array:
+            moved: Array = scipy.linalg.expm(A * s) @ last
+            return moved
+
+        def beyond(s: float) -> float:
+            return side * float(state(s)[0] - self.gap)
+
+        step, t, last, inside = scipy.linalg.expm(A * h), 0.0, y, side * y[1] > 0
         while t < most:
             y = step @ last
-            if side * (y[0] - self.gap) > 0 and side * y[1] > 0:
-                low = 0.0 if t > 0 and side * gap(0.0) <= 0 else 1e-6 * h
-                end = t + float(scipy.optimize.brentq(gap, low, h, xtol=1e-15)) if side * gap(low) < 0 else t
-                return end if end < most else None
+            turns = last[1] * y[1] < 0
+            middle = float(scipy.optimize.brentq(lambda s: state(s)[1], 0.0, h, xtol=1e-15)) if turns else h
+            for low, high in ((0.0, middle), (middle, h))[: 1 + turns]:
+                if inside and beyond(high) > 0:
+                    at_once = beyond(low) >= 0
+                    end = t + (low if at_once else float(scipy.optimize.brentq(beyond, low, high, xtol=1e-15)))
+                    return end if end < most else None
+                inside = True
             t, last = t + h, y
         return None
 
-    def shoot(self, q: float, v: float, Omega: float) -> tuple[Array, Array] | None:
+    def shoot(self, q: float, v: float, Omega: float, phase: float = 0.0) -> tuple[Array, Array] | None:
         """Return state and multipliers of the motion of Newton's method; None without contact or convergence."""
         y = np.array([q, v])
         for _ in range(12):
-            end, Phi, _ = self.march(float(y[0]), float(y[1]), Omega)
+            end, Phi, _ = self.march(float(y[0]), float(y[1]), Omega, phase)
             step = np.linalg.solve(np.eye(2) - Phi, end - y)
             y = y + step
             if not np.linalg.norm(step) < 1e3:
                 return None
             if np.linalg.norm(step) < 1e-9:
-                _, Phi, count = self.march(float(y[0]), float(y[1]), Omega)
+                _, Phi, count = self.march(float(y[0]), float(y[1]), Omega, phase)
                 return (y, np.linalg.eigvals(Phi)) if count else None
         return None
 
@@ -119,24 +139,35 @@ class Stop:
 def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
     """Compare points with contact, except special points, with the exact motion."""
     special, out = {point.index for point in curve.special}, []
-    H = curve.layout.harmonics  # type: ignore[union-attr]
-    finer, k = curve.problem.with_order(1, FINER * H), np.arange(1, FINER * H + 1)
     for i in [i for i in np.flatnonzero(curve.regime[:, 0] > 0).tolist() if i not in special][::every]:
-        Omega = float(curve.values[i])
-        try:
-            row = solve(finer, finer.resized(curve.X[i]), {"Omega": Omega}).X
-        except NoConvergence:
-            continue
-        if determinant_sign(finer, row, Omega) != determinant_sign(curve.problem, curve.X[i], Omega):
-            continue
-        start = np.array([row[0] + row[1::2].sum(), Omega * (k * row[2::2]).sum()])
-        found = stop.shoot(float(start[0]), float(start[1]), Omega)
-        if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(row[1:]) * max(1.0, Omega):
-            continue
-        right, mine = float(np.abs(found[1]).max()), float(np.abs(curve.multipliers[i]).max())  # type: ignore[index]
-        verdict = "stable" if right <= 1 + STABILITY_TOLERANCE else "unstable"
-        out.append(Shot(i, curve.stability[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
+        largest, right, off = exact_modulus(stop, curve, i), "", np.nan
+        if largest is not None:
+            right = "stable" if largest <= 1 + STABILITY_TOLERANCE else "unstable"
+            off = abs(largest - float(np.abs(curve.multipliers[i]).max()))  # type: ignore[index]
+        out.append(Shot(i, float(curve.values[i]), curve.stability[i], right, off, float(curve.modulus_error[i])))  # type: ignore[index]
     return out
+
+
+def exact_modulus(stop: Stop, curve: Branch, i: int) -> float | None:
+    """Largest modulus of the multipliers of the exact motion next to point i; None if shooting does not find it."""
+    Omega, X, sign = float(curve.values[i]), curve.X[i], 0
+    try:
+        if isinstance(curve.problem, hb.ContactInstants):
+            known = curve.problem.exact_motion(X, Omega=Omega)
+            phase, start = float(known.instants[0]), known.states[0] * (1.0, np.sqrt(1 + stop.k))
+        else:
+            finer = curve.problem.with_order(1, FINER * curve.layout.harmonics)  # type: ignore[union-attr]
+            row, phase = solve(finer, finer.resized(X), {"Omega": Omega}).X, 0.0
+            start, sign = state_of(finer, row, Omega=Omega), determinant_sign(finer, row, Omega)
+            if sign != determinant_sign(curve.problem, X, Omega):
+                return None
+    except NoConvergence:
+        return None
+    found = stop.shoot(float(start[0]), float(start[1]), Omega, phase)
+    if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(X[1:]) * max(1.0, Omega):
+        return None
+    beyond = np.count_nonzero((found[1].real > 1) & (found[1].imag == 0))
+    return float(np.abs(found[1]).max()) if sign in (0, (-1) ** beyond) else None
 
 
 def determinant_sign(problem: hb.HarmonicBalance, X: Array, Omega: float) -> int:
@@ -149,10 +180,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=20, help="stiffnesses from 10 to 1e5")
     parser.add_argument("--every", type=int, default=4, help="rows with contact, of which one is compared")
+    parser.add_argument("--zeta", type=float, nargs="+", default=[0.02, 0.1], help="damping ratios")
+    parser.add_argument("--gap", type=float, nargs="+", default=[0.0, 0.5], help="gaps")
     given = parser.parse_args()
     total: list[Shot] = []
-    for zeta in (0.02, 0.1):
-        for gap in (0.0, 0.5):
+    for zeta in given.zeta:
+        for gap in given.gap:
             for k in np.geomspace(10.0, 1e5, given.count).tolist():
                 stop, start = Stop(2 * zeta, k, gap, 0.1), time.process_time()
                 with warnings.catch_warnings():
@@ -168,10 +201,12 @@ def main() -> None:
 
 
 def summary(shots: list[Shot]) -> str:
-    """The numbers of wrong and undecided verdicts, in words."""
+    """The numbers of points, of points compared, and of wrong and undecided verdicts, in words."""
     undecided = sum(shot.verdict == "undecided" for shot in shots)
-    wrong = [shot.row for shot in shots if shot.verdict not in (shot.right, "undecided")]
-    return f"{len(shots)} compared, {len(wrong)} wrong {wrong[:5]}, {undecided} undecided"
+    held = [shot for shot in shots if shot.right]
+    wrong = [shot for shot in held if shot.verdict not in (shot.right, "undecided")]
+    rows = ", ".join(f"{shot.row} at {shot.Omega:.9g} is {shot.right}, off {shot.off:.1e}" for shot in wrong[:5])
+    return f"{len(shots)} points, {undecided} undecided, {len(held)} compared, {len(wrong)} wrong [{rows}]"
 
 
 if __name__ == "__main__":

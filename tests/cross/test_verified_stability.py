@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
@@ -27,17 +28,36 @@ def test_points_between_two_folds_of_a_stop_are_unstable():
     curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (1.7, 1.0), special=False)
     found = compared(stop, curve, 5)
     decided = [one for one in found if one.verdict != "undecided"]
-    assert len(found) >= 15 and len(found) - len(decided) <= 1
-    assert not [one for one in decided if one.verdict != one.right]
+    assert len([one for one in found if one.right]) >= 15 and len(found) - len(decided) <= 1
+    assert not [one for one in decided if one.verdict != one.right and one.right]
     assert max(one.off - 3 * one.error for one in decided if np.isfinite(one.error)) <= 1e-7
 
 
 def test_a_hard_stop_is_decided_right_or_not_at_all():
-    """k = 1e5, where multipliers of the balance are wrong by 3.5 though its motion seems accurate to 1e-4."""
+    """k = 1e5, where multipliers of the balance are wrong by 3.5 though its motion seems accurate to 1e-4.
+
+    From a point next to the grazing, Newton's method in the contact instants goes to the motion without contact.
+    """
     stop = Stop(0.2, 1e5, 0.5, 0.1)
     curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (2.2, 0.9), special=False)
     found = compared(stop, curve, 1)
-    assert found and all(one.verdict in (one.right, "undecided") for one in found)
+    held = [one for one in found if one.right]
+    assert held and all(one.verdict in (one.right, "undecided") for one in held)
+
+
+@pytest.mark.parametrize(("k", "gap", "q", "v"), [(5.5e4, 0.0, -1.9e-2, 1.3e-4), (9.6e4, 0.5, 0.4998, 1.9e-2)])
+def test_contacts_shorter_than_a_step_of_the_reference_are_found(k, gap, q, v):
+    """The exact march from contact to contact ends where a Runge-Kutta method of small steps does."""
+    stop, Omega = Stop(0.04, k, gap, 0.1), 1.1
+    end, transition, count = stop.march(q, v, Omega)
+
+    def rates(t, y):
+        return [y[1], -0.04 * y[1] - y[0] - k * max(y[0] - gap, 0.0) + 0.1 * np.cos(Omega * t)]
+
+    period, most = 2 * np.pi / Omega, 0.2 / np.sqrt(k)
+    seen = scipy.integrate.solve_ivp(rates, (0, period), [q, v], "DOP853", rtol=1e-10, atol=1e-12, max_step=most)
+    assert count >= 2 and end == pytest.approx(seen.y[:, -1], abs=1e-8)
+    assert np.linalg.det(transition) == pytest.approx(np.exp(-0.04 * period), rel=1e-10)
 
 
 def test_an_exact_motion_on_the_other_side_of_a_fold_is_not_used():
@@ -150,6 +170,21 @@ def test_contradictions_of_a_branch_are_warnings():
     codes = stability_codes(curve.multipliers, curve.modulus_error)
     marks = {p.index: [p.kind] for p in curve.special}
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
+
+
+def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_its_row():
+    """The change of stability lies where the point is, two rows after the row of the coarse balance."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    row, mu = curve["LP2"].index + 3, curve.multipliers.copy()
+    mu[row + 3 :] *= -10.0
+
+    def warned(Omega):
+        special = replace(curve["LP1"], kind="PD", label="PD1", index=row, parameters={"Omega": Omega})
+        changed = replace(curve, multipliers=mu, special=(*curve.special, special), jump_records=())
+        return f"between Omega = {curve.values[row + 2]:.9g}" in " ".join(changed.warnings)
+
+    assert not warned(0.5 * (curve.values[row + 2] + curve.values[row + 3]))
+    assert warned(0.5 * (curve.values[row + 1] + curve.values[row + 2]))
 
 
 def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():

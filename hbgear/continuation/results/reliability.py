@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.continuation.results.branch_data import BranchData
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE
 
 MAX_RELATIVE_ERROR = 1e-2
@@ -89,10 +90,23 @@ def _contradictions(branch: BranchData) -> list[str]:
     out = [
         f"stability changes between {name} = {branch.values[a]:.9g} and {branch.values[b]:.9g} without a special point"
         for a, b in unexplained_changes(codes, kinds)
+        if not any(_is_displaced_between(branch, point, a, b) for point in branch.special)
     ]
     folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
     both = [folds[i] for i in stable_on_both_sides(codes, kinds)]
     return out + ([f"both sides of {', '.join(both)} are stable"] if both else [])
+
+
+def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: int) -> bool:
+    """Return whether a special point, located with more harmonics than its row, lies between points a and b.
+
+    The parameter must be monotone from the row of the special point to both points.
+    """
+    if point.kind not in STABILITY_CHANGING_KINDS:
+        return False
+    steps = np.diff(branch.values[min(point.index, a) : max(point.index, b) + 1])
+    value, (low, high) = point.parameters[branch.parameter], sorted((branch.values[a], branch.values[b]))
+    return bool((np.all(steps >= 0) or np.all(steps <= 0)) and low <= value <= high)
 
 
 def unexplained_changes(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[tuple[int, int]]:

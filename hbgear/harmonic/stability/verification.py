@@ -269,8 +269,8 @@ def _exact_stability(
     """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
 
     Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold. A
-    motion on the other side is not consistent: its parity differs from ``expected``, and it is near the fold, or the
-    multipliers of the balance have the expected parity.
+    motion whose parity differs from ``expected`` is not consistent. Next to the grazing of a hard stop the multipliers
+    may be far from +1 on both sides of a fold.
     """
     try:
         try:
@@ -287,9 +287,7 @@ def _exact_stability(
     count = min(len(mu), len(exact.multipliers))
     mu[:count] = exact.multipliers[:count]
     other_side = bool(expected) and expected != _parity_beyond_one(mu)
-    near_fold = exact.Omega != here["Omega"] or np.abs(mu - 1.0).min(initial=1.0) < FOLD_DISTANCE
-    doubtful = near_fold or expected == _parity_beyond_one(stability.multipliers)
-    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not (other_side and doubtful))
+    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not other_side)
 
 
 def _parity_beyond_one(mu: ComplexArray) -> int:
@@ -323,10 +321,6 @@ def _exact_from_finer(
         if exact is not None and exact.consistent:
             return exact
     return None
-
-
-FOLD_DISTANCE = 0.3
-"""Distance of a multiplier from +1 up to which a fold is near."""
 
 
 MAX_EXACT_DISTANCE = 0.02
