@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram
     from hbgear.plot.curves import jump_map, response, responses, speed_axes
     from hbgear.plot.designs.bands import band
     from hbgear.plot.designs.effects import tornado
@@ -76,6 +77,7 @@ __all__ = [
     "RUNS",
     "STYLE",
     "SYMBOLS",
+    "VERDICTS",
     "WIDTHS",
     "State",
     "against_parameters",
@@ -83,6 +85,7 @@ __all__ = [
     "band",
     "basins",
     "bifurcation",
+    "bifurcation_diagram",
     "campbell",
     "drive",
     "envelope",

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram, Window, bifurcation_diagram
+    from hbgear.time.attractors.verdicts import Verdict
     from hbgear.time.basins_of_attraction import basins
     from hbgear.time.frequency_sweep import sweep
     from hbgear.time.integration import integrate
@@ -14,8 +16,12 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.time.validation import validate
 
 __all__ = [
+    "BifurcationDiagram",
     "StabilityComparison",
+    "Verdict",
+    "Window",
     "basins",
+    "bifurcation_diagram",
     "compare_multipliers",
     "integrate",
     "integrate_jumps",

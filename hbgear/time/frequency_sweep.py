@@ -175,6 +175,10 @@ class Sweep:
         Number of integrated excitation periods.
     remaining_distance : ndarray, shape (P,)
         Estimated remaining distance, relative to the state.
+    likely_period : ndarray, shape (P,)
+        Period in excitation periods to which the motion comes closest.
+    states : ndarray, shape (P, 2n)
+        State (q, q') of each motion at tau = 0.
     lyapunov : ndarray, shape (P,)
         Largest Lyapunov exponent per unit of time if the motion did not settle, else nan.
     jumps : tuple of SweepJump
@@ -200,6 +204,8 @@ class Sweep:
     period: np.ndarray
     integrated_periods: np.ndarray
     remaining_distance: Array
+    likely_period: np.ndarray
+    states: Array
     lyapunov: Array
     jumps: tuple[SweepJump, ...]
     direction: int
@@ -395,6 +401,7 @@ class _Sweeper:
     found: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
     last: ExponentialIntegrator | None = None
     jumps: list[SweepJump] = field(default_factory=list)
+    states: list[Array] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.direction not in ("up", "down"):
@@ -462,8 +469,8 @@ class _Sweeper:
         period = int(how.period[0])
         observed = observe(integrator, motions, period or OBSERVED)
         self.found.append((float(value), observed, how, exponent))
-        states: Array = integrator.states(motions)[0]
-        return states
+        self.states.append(integrator.states(motions)[0])
+        return self.states[-1]
 
     def _disturbed(self, integrator: ExponentialIntegrator, motions: StateBatch) -> StateBatch:
         """Return the motion with a disturbance, which is equal in every run."""
@@ -550,6 +557,8 @@ class _Sweeper:
             period=np.array([h.period[0] for h in how], dtype=int),
             integrated_periods=np.array([h.integrated_periods[0] for h in how], dtype=int),
             remaining_distance=np.array([h.remaining_distance[0] for h in how]),
+            likely_period=np.array([h.likely_period[0] for h in how], dtype=int),
+            states=np.array(self.states).reshape(len(self.states), 2 * system.n),
             lyapunov=np.array([f[3] for f in self.found]),
             jumps=tuple(self.jumps),
             direction=1 if self.direction == "up" else -1,

@@ -1,0 +1,152 @@
+"""Figures of attractors over a parameter: bifurcation diagrams with verdicts, over the curves of periodic motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.equations.layout import axis_text, layout_of
+from hbgear.harmonic.models.frequency_units import model_of, scales
+from hbgear.mechanics.series.fourier import evaluate
+from hbgear.plot.branch_sections import sections
+from hbgear.plot.curves import response
+from hbgear.plot.style import GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
+from hbgear.time.attractors.verdicts import Verdict
+from hbgear.time.frequency_sweep import Sweep
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+VERDICTS = {
+    Verdict.PERIODIC: "black",
+    Verdict.QUASI_PERIODIC: "#0072b2",
+    Verdict.CHAOTIC: "#d55e00",
+    Verdict.UNDECIDED: "#8a8a8a",
+}
+"""Colours of motions of each kind."""
+
+_DOT, _SMALL_DOT = 2.6, 0.9
+"""Diameters [pt] of points of periodic and of other motions."""
+
+_MAX_VECTOR_DOTS = 1000
+"""Largest number of dots of one set that is drawn as vectors; larger sets are drawn as pixels."""
+
+
+@checked_arguments()
+def bifurcation_diagram(
+    found: BifurcationDiagram, measure: str = "", element: int | str = 0, ax: Axes | None = None, *,
+    curves: Sequence[Branch] = (), rate: bool = False, legend: bool = True,
+) -> Axes:  # fmt: skip
+    """Draw a bifurcation diagram: stroboscopic points, or an amplitude, coloured by the kind of the motion.
+
+    Points of both sweep directions have the same colours. With ``curves`` the periodic motions are drawn below, stable
+    ones solid and unstable ones dashed, so that windows without stable periodic motion are visible.
+
+    Parameters
+    ----------
+    found : BifurcationDiagram
+        Result of `hbgear.time.bifurcation_diagram`.
+    measure : str, optional
+        Measure of amplitude, see `Branch.amplitude`, for points on response curves. By default the displacement at
+        tau = 0 after every excitation period is drawn.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default, with axes of the speeds above if the model of the curves has scales.
+    curves : sequence of Branch, optional
+        Curves of periodic motions in the same parameter.
+    rate : bool, optional
+        Whether the rate at tau = 0 is drawn instead of the displacement; default False.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If a curve is in another parameter or has no Fourier coefficients, or the measure or the element is unknown.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=3)
+    >>> axes = hb.plot.bifurcation_diagram(found)
+    >>> len(axes.lines)
+    1
+    """
+    for curve in curves:
+        if curve.parameter != found.parameter:
+            raise ValueError(
+                f"the curve is in {curve.parameter}, the diagram in {found.parameter}: trace the curve in "
+                f"{found.parameter}"
+            )
+    own, first = ax is None, found.sweeps[0]
+    name = first.elements[first.index(element)] or f"element {first.index(element)}"
+    with styled():
+        ax = axes_or_new(ax, (5.6, 3.7))
+        for curve in curves:
+            if measure:
+                response(curve, measure, element, ax, color=GREY, label="periodic motions", jumps=False, legend=False)
+            else:
+                _section_lines(ax, curve, element, rate)
+        for verdict, colour in VERDICTS.items():
+            x, y = (np.concatenate(parts) for parts in zip(*(
+                _dots(sweep, kinds == verdict, measure, element, rate)
+                for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True)
+            ), strict=True))  # fmt: skip
+            if not len(x):
+                continue
+            size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
+            ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=verdict.value, zorder=5,
+                    gid=verdict.value, rasterized=len(x) > _MAX_VECTOR_DOTS)  # fmt: skip
+        ax.set_xlabel(first.labels.get(found.parameter, found.parameter))
+        section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$"
+        ax.set_ylabel(axis_text(measure, name) if measure else section)
+        dress(ax)
+        if own and curves and found.parameter == "Omega" and scaled_axes(ax, scales(model_of(curves[0]), {})):
+            heighten(ax)
+        if legend:
+            add_legend(ax)
+    return ax
+
+
+def _dots(sweep: Sweep, which: np.ndarray, measure: str, element: int | str, rate: bool) -> tuple[Array, Array]:
+    """Return values of the parameter and heights of the points of some motions of a sweep."""
+    rows, j = np.flatnonzero(which), sweep.index(element)
+    if measure:
+        return sweep.values[rows], sweep.amplitude(measure, element)[rows]
+    heights = [sweep.points[i][:, j, int(rate)] for i in rows]
+    if not heights:
+        return np.empty(0), np.empty(0)
+    return np.concatenate([np.full(len(y), sweep.values[i]) for i, y in zip(rows, heights, strict=True)]), (
+        np.concatenate(heights)
+    )
+
+
+def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool) -> None:
+    """Draw the displacement, or its rate, at tau = 0 after each period along a curve."""
+    layout = layout_of(curve)
+    if layout is None:
+        raise ValueError("the curve has no Fourier coefficients of motions; give a curve of a harmonic balance")
+    theta = 2 * np.pi * np.arange(layout.nu) / layout.nu
+    height = evaluate(layout.rows(curve.X, element), theta, int(rate))
+    if rate:
+        Omega = np.array([curve.parameters_at(i)["Omega"] for i in range(len(curve))])
+        height = height * (Omega / layout.nu)[:, None]
+    for (_, stable), i, j in sections(curve, element):
+        for column in height.T:
+            ax.plot(
+                curve.values[i : j + 1], column[i : j + 1], "--" if stable is False else "-", color=GREY, linewidth=0.9,
+                zorder=1, gid="unstable" if stable is False else "stable",
+                label=f"curve, {'unstable' if stable is False else 'stable'}",
+            )  # fmt: skip
