@@ -8,7 +8,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.common.ranges import Range
     from hbgear.mechanics.function_model import model
     from hbgear.mechanics.laws.compiled_law import CompiledLaw
-    from hbgear.mechanics.laws.contact_damping import HuntCrossley
+    from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossley, KelvinVoigt
+    from hbgear.mechanics.laws.damped_contact import DampedContact
     from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
     from hbgear.mechanics.laws.registry import register_law
@@ -24,15 +25,18 @@ if TYPE_CHECKING:  # imported when they are first used
 
 __all__ = [
     "Backlash",
+    "ClippedKelvinVoigt",
     "CompiledLaw",
     "Coulomb",
     "Cubic",
+    "DampedContact",
     "Duffing",
     "Element",
     "HuntCrossley",
     "ImplausibleInputWarning",
     "Iwan",
     "Jenkins",
+    "KelvinVoigt",
     "Law",
     "Load",
     "MatrixTable",

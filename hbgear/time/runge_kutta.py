@@ -6,7 +6,8 @@ Each step ends where an element reaches a breakpoint of its law. On its segment 
 line, which is continued beyond the breakpoint within the step; the step is then repeated up to the breakpoint.
 Breakpoints of the excitation are known in advance: between two of them stiffness and displacement are polynomials,
 which are continued beyond the breakpoints in the same way. Friction sliders add their positions to the state, and end
-a step where they slip or stick, see `slider_flow`.
+a step where they slip or stick, see `slider_flow`; contacts with dampers end it where their force jumps, see
+`contact_flow`.
 
 References
 ----------
@@ -28,14 +29,16 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.time.contact_flow import ContactFlow
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
 from hbgear.time.slider_flow import SliderFlow
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
 
-Lines = tuple[Array, Array, Integers]
-"""Slope and offset (m,) of the linear segment of each element, and the direction (Q,) in which each slider slips."""
+Lines = tuple[Array, Array, Integers, Integers]
+"""Slope and offset (m,) of the linear segment of each element, the direction (Q,) in which each slider slips, and the
+state of each damped contact."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +92,11 @@ class Flow:
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)
-        self.sliders = SliderFlow(system.elements)
+        self.sliders, self.contacts = SliderFlow(system.elements), ContactFlow(system.elements)
         self.size = 2 * self.n + len(self.sliders)
         self.columns = 1 + self.size if variational else 1
         self.c = np.array([e.damping for e in system.elements])
-        self._curved = np.flatnonzero(~self.segments.line)
+        self._curved = np.array([j for j in np.flatnonzero(~self.segments.line) if not self.laws[j].damped], dtype=int)
         self._matrices(system)
         self._series(system)
         phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
@@ -223,11 +226,12 @@ class Flow:
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
         """Return p, dp/dd and dp/dv (m,)."""
-        slope, offset, _ = line
+        slope, offset, _, contact = line
         kd = k * slope
         p, kv = kd * d + k * offset, np.zeros(self.m)
         for j in self._curved:
             p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
+        self.contacts.add_forces(contact, d, v, p, kd, kv)
         return p, kd, kv
 
     def integrate(
@@ -291,9 +295,10 @@ class Flow:
         d, v = self.gaps(t, Y, between)
         segment, instants, count = self.segments.at(d, v), [], 0
         slip = self.sliders.at(d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
+        contact = self.contacts.at(d, v)
         every = np.arange(self.m)
         while end - t > 1e-14 * abs(end):
-            line = self.segments.slope[every, segment], self.segments.offset[every, segment], slip
+            line = self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact
             f = partial(self.rates, line, between)
             analytic = method == "Radau" and self.columns == 1 and not len(self.sliders)
             extra = {"jac": partial(self.slopes, line, between)} if analytic else {}
@@ -309,7 +314,8 @@ class Flow:
                     )
                 at, side = self._exit(solver, before, segment, between)
                 change = self.sliders.exits(self, solver, slip)
-                stop = float(min(at.min(), change.min(initial=np.inf)))
+                ends = self.contacts.exits(self, solver, contact)
+                stop = float(min(at.min(), change.min(initial=np.inf), ends.min(initial=np.inf)))
                 if not np.isfinite(stop):
                     if visit:
                         visit(solver.t_old, solver.t, solver.dense_output())
@@ -324,6 +330,8 @@ class Flow:
                 segment += np.where(at <= together, side, 0)
                 if (change <= together).any():
                     Y, slip = self.sliders.after(self, t, Y, slip, change <= together)
+                if (ends <= together).any():
+                    Y, contact = self.contacts.after(self, t, Y, contact, ends <= together)
                 instants.append(t)
                 break
         return Y, instants, count

@@ -5,10 +5,104 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import evaluate
 
 
-def rattle(zeta, load, law):
-    return hb.System([[1.0]], [[2 * zeta]], [[0.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [load]}))
+def rattle(zeta, load, law, mean=0.0):
+    return hb.System([[1.0]], [[2 * zeta]], [[0.0]], [hb.Element([1.0], law)], hb.Load([mean], {1: [load]}))
+
+
+def samples(law, X, Omega, N=1 << 16):
+    """Return force coefficients from N samples."""
+    theta, H = 2 * np.pi * np.arange(N) / N, len(X) // 2
+    c = np.fft.rfft(law.force(evaluate(X, theta), Omega * evaluate(X, theta, 1), theta)[0])[: H + 1] / N
+    return np.concatenate([[c[0].real], np.column_stack([2 * c[1:].real, -2 * c[1:].imag]).ravel()])
+
+
+PLAIN = hb.mechanics.KelvinVoigt(1.0, 0.1, 1.0, sides=2)
+CLIPPED = hb.mechanics.ClippedKelvinVoigt(1.0, 0.3, 1.0, sides=2)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        hb.mechanics.KelvinVoigt(1.3, 0.4, 0.2, 2), hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.2, 2),
+        hb.mechanics.KelvinVoigt(1.3, 0.4, -0.2), hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.1),
+    ],
+)  # fmt: skip
+def test_forces_and_derivatives(law):
+    problem, n, Omega = hb.HarmonicBalance(rattle(0.05, 0.2, law), 7), 15, 0.7
+    X = np.random.default_rng(1).standard_normal(n) / np.r_[1, np.repeat(np.arange(1, 8) ** 1.5, 2)]
+    np.testing.assert_allclose(problem.compiled({}).forces(X, Omega)[0], samples(law, X, Omega), rtol=0, atol=3e-5)
+    found, h = problem.linearise(X, "Omega", Omega=Omega), 1e-6
+    difference = [
+        problem.residual(X + h * e, Omega=Omega) - problem.residual(X - h * e, Omega=Omega) for e in np.eye(n)
+    ]
+    np.testing.assert_allclose(found.dR_dX, np.transpose(difference) / (2 * h), rtol=0, atol=3e-9)
+    difference = problem.residual(X, Omega=Omega + h) - problem.residual(X, Omega=Omega - h)
+    np.testing.assert_allclose(found.dR_dp, difference / (2 * h), rtol=0, atol=3e-9)
+
+
+@pytest.mark.parametrize(
+    ("model", "Omega", "state", "rms", "multiplier"),
+    [
+        (
+            rattle(0.005, 0.1, PLAIN, 0.02), 0.35, [1.5619999251272256, 0.2334375337366326], 0.955938862618165,
+            -0.6191790390008902 + 0.16243953182729354j,
+        ),
+        (
+            rattle(0.01, 0.2, CLIPPED), 0.5, [1.3321099749062828, 0.8253948069627242], 1.2529013488033318,
+            -0.21108002404121917 + 0.2561919228688635j,
+        ),
+    ],
+)  # fmt: skip
+def test_spring_and_damper(model, Omega, state, rms, multiplier):
+    orbit = hb.time.shoot(model, Omega, np.add(state, 1e-3))
+    np.testing.assert_allclose(orbit.state, state, rtol=0, atol=1e-10)
+    assert np.abs(orbit.multipliers - multiplier).min() < 1e-9
+    errors = []
+    for H in (31, 63):
+        problem = hb.HarmonicBalance(model, H)
+        X = solve(problem, orbit.rows(H).ravel(), {"Omega": Omega}).X
+        errors.append(np.sqrt(0.5 * (X[1:] ** 2).sum()) - rms)
+    assert abs(errors[1]) < 1e-6
+    assert errors[0] / errors[1] == pytest.approx(8, rel=0.25)  # order 3 in H, because the force jumps
+    assert np.abs(problem.multipliers(X, Omega=Omega) - multiplier).min() < 3e-5
+
+
+def test_multipliers_of_two_masses_with_another_law():
+    """Impulses in the modes of a structure, with a second element whose stiffness changes with the motion."""
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    stop = hb.Element([1.0, 0.0], hb.mechanics.ClippedKelvinVoigt(4.0, 0.5, 0.2), name="stop")
+    spring = hb.Element([1.0, -1.0], hb.Cubic(0.5), name="spring")
+    model = hb.System(np.eye(2), 0.05 * K, K, [stop, spring], hb.Load(cosine={1: [0.3, 0.1]}))
+    orbit = hb.time.shoot(model, 1.1, [0.2, 0.2, 0.1, 0.1])
+    problem = hb.HarmonicBalance(model, 50)
+    X = solve(problem, orbit.rows(50).ravel(), {"Omega": 1.1}).X
+    for mu in orbit.multipliers:
+        assert np.abs(problem.multipliers(X, Omega=1.1) - mu).min() < 3e-5
+
+
+def test_period_doubling_of_a_curve():
+    law = hb.mechanics.ClippedKelvinVoigt(1.0, 0.1, 1.0, sides=2)
+    model = rattle(0.05, 0.2, law, 0.1)
+    problem = hb.HarmonicBalance(model, 7)
+    curve = hb.trace(problem, "Omega", (1.545, 1.53), accuracy=None, cover=False)
+    (point,) = curve.special
+    guess = hb.time.integration.state_of(point.problem, point.X, Omega=point.parameters["Omega"])
+    assert np.abs(hb.time.shoot(model, point.parameters["Omega"], guess).multipliers + 1).min() < 1e-3
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match="element of its own"):
+        hb.mechanics.Parallel((PLAIN, hb.Cubic(1.0)))
+    with pytest.raises(ValueError, match="sides = 3"):
+        hb.mechanics.KelvinVoigt(1.0, 0.1, sides=3)
+    with pytest.raises(ValueError, match="contacts with dampers"):
+        hb.time.integrate(rattle(0.01, 0.1, PLAIN), [0.0, 0.0], 1, 1.0, method="exponential")
+    moved = hb.Element([1.0], PLAIN, hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2))
+    with pytest.raises(ValueError, match="damper and a prescribed"):
+        hb.HarmonicBalance(hb.System([[1.0]], None, [[1.0]], [moved], hb.Load(cosine={1: [0.1]})), 5)
 
 
 @pytest.mark.parametrize(

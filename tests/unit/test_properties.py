@@ -16,10 +16,10 @@ from unit.test_contact import crossed
 import hbgear as hb
 from hbgear.common.ranges import Range, checked
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.forces.real_basis import after_derivative, derivative, one_sided
 from hbgear.io.branches.npz import load
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import evaluate, resize, stretch, to_complex, to_real
+from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
 EPS = np.finfo(float).eps
 

@@ -40,6 +40,8 @@ EXAMPLES = {
         hb.mechanics.HuntCrossley(2.0, 0.5, 0.1, sides=2),
         "k = 2.0\ncontact_damping = 0.5\ngap = 0.1\nsides = 2",
     ),
+    "kelvin-voigt": (hb.mechanics.KelvinVoigt(2.0, 0.5, 0.1, 2), "k = 2.0\nc = 0.5\ngap = 0.1\nsides = 2"),
+    "clipped kelvin-voigt": (hb.mechanics.ClippedKelvinVoigt(2.0, 0.5, -0.1), "k = 2.0\nc = 0.5\ngap = -0.1"),
     "iwan": (hb.mechanics.Iwan((0.5, 0.5), (0.02, 0.1)), "k = [0.5, 0.5]\nlimit = [0.02, 0.1]"),
     "parallel": (hb.mechanics.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), "its field laws is"),
     "tooth contact": (ToothContact(PRESENT, hb.mechanics.Series(0.1)), "its field level is"),

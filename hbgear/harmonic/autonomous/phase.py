@@ -16,7 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.numerics.linear import norm
-from hbgear.harmonic.forces.real_basis import derivative
+from hbgear.mechanics.series.real_basis import derivative
 
 
 def phase_vector(X: Array, m: int) -> Array:

@@ -220,7 +220,7 @@ class HarmonicEquations(ContinuationProblem):
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in a parameter; the latter is exact in Omega."""
         evaluator = self.compiled(parameters)
-        if name != "Omega" or evaluator.aft_laws or evaluator.sliders:
+        if name != "Omega" or evaluator.aft_laws or evaluator.damped or evaluator.sliders:
             return super().curvature(X, v, name, **parameters)
         return evaluator.curvature(X, v, directional_step(X, v), float(parameters["Omega"]))
 
@@ -246,9 +246,10 @@ class HarmonicEquations(ContinuationProblem):
 
     @property
     def smooth(self) -> bool:  # type: ignore[override]
-        """Whether dR/dX is differentiable: no law evaluated by AFT has a breakpoint, and there is no friction."""
+        """Whether dR/dX is continuous: no law evaluated by AFT has a breakpoint, no friction, no clipped contact."""
         compiled = self.compiled({})
-        return not compiled.sliders and not any(law.breakpoints for _, law in compiled.aft_laws)
+        clipped = any(contact.clipped for _, law in compiled.damped for contact in law.damped)
+        return not compiled.sliders and not clipped and not any(law.breakpoints for _, law in compiled.aft_laws)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

@@ -328,7 +328,7 @@ class NeimarkSackerEvent(Event):
         if not problem.smooth:
             return None
         compiled = problem.compiled({})
-        known = not compiled.aft_laws and not compiled.sliders and not compiled.structure.large
+        known = not (compiled.aft_laws or compiled.damped or compiled.sliders or compiled.structure.large)
         return NeimarkSackerProblem(problem, parameter, self.near) if known else None
 
 

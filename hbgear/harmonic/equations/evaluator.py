@@ -16,6 +16,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws
 from hbgear.harmonic.forces.breakpoints import gap, piecewise_excitation
+from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
 from hbgear.harmonic.forces.packed_model import PackedModel, own_of, sliders_of
 from hbgear.harmonic.instants.equations import Equations
@@ -72,11 +73,13 @@ class Evaluator:
         Laws of the elements.
     packed : PackedModel
         Arrays for kernels.
-    sampled : SampledLaws or None
-        Laws that Python evaluates by AFT, because the kernels cannot; None without any.
+    python_forces : tuple of SampledLaws or DampedContacts
+        Forces that Python adds, because the kernels cannot: laws evaluated by AFT, and damped contacts.
     aft_laws : tuple of (int, Law)
         All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
         closed form.
+    damped : tuple of (int, Law)
+        Laws whose force jumps (`Law.damped`), each with the number of its element.
     sliders : int
         Number of friction sliders.
     breakpoints, element, displacement : ndarray, shape (K,)
@@ -101,7 +104,8 @@ class Evaluator:
         self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
         packing = pack_laws(self.laws, sampled, nu)
-        laws, left = packing.table, packing.left
+        self.damped = tuple((int(j), self.laws[j]) for j in packing.left if self.laws[j].damped)
+        laws, left = packing.table, np.array([j for j in packing.left if not self.laws[j].damped], dtype=int)
         own = own_of(self.laws)
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
         linear = self.receptance.packed
@@ -112,7 +116,11 @@ class Evaluator:
         sliders = sliders_of(self.laws)
         self.packed = PackedModel(laws, linear, transform.basis, piecewise if has_breakpoints else None, own, sliders)
         self.sliders = 0 if sliders is None else len(sliders.element)
-        self.sampled = SampledLaws(self.laws, left, transform, nu, piecewise.grid) if left.size else None
+        self.python_forces: tuple[SampledLaws | DampedContacts, ...] = ()
+        if left.size:
+            self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid),)
+        if self.damped:
+            self.python_forces += (DampedContacts(self.laws, nu),)
         self.breakpoints = laws.level[: packing.public]
         self.displacement = laws.owner[: packing.public]
         self.element = laws.element[self.displacement]
@@ -133,7 +141,7 @@ class Evaluator:
     @property
     def is_fully_compiled(self) -> bool:
         """Whether kernels evaluate the whole model without Python."""
-        return self.sampled is None and self.structure.modal
+        return not self.python_forces and self.structure.modal
 
     def at(self, Omega: float) -> Evaluator:
         """Return the evaluator with the structure at Omega, which has modes; itself without speed terms."""
@@ -229,17 +237,19 @@ class Evaluator:
         n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
         size = assemble_allocating(self.packed, _writable(X), Omega / self.nu, *linear, R, J, dR)
-        if self.sampled:
-            size += self._add_sampled(self.sampled, X, Omega, R, J, dR)
+        for forces in self.python_forces:
+            size += self._add_python(forces, X, Omega, R, J, dR)
         return R, J, dR, size
 
-    def _add_sampled(self, sampled: SampledLaws, X: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
+    def _add_python(
+        self, forces: SampledLaws | DampedContacts, X: Array, Omega: float, R: Array, J: Array, dR: Array
+    ) -> float:
         """Add the forces and slopes of laws in Python, which have all harmonics; return the norm of the forces."""
         n = self.m * (2 * self.H + 1)
         if n == len(R):
-            return sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
+            return forces.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         whole = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-        sampled.add_to(self.spread(X).reshape(self.m, -1), Omega, *whole)
+        forces.add_to(self.spread(X).reshape(self.m, -1), Omega, *whole)
         some = (np.arange(self.m)[:, None] * (2 * self.H + 1) + places(self.orders)).ravel()
         R += whole[0][some]
         J += whole[1][np.ix_(some, some)]
@@ -338,8 +348,8 @@ class Evaluator:
         left = self.packed.linear.left
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         truncated_force_harmonics(self.packed, X, Omega, f)
-        if self.sampled:
-            self.sampled.add_truncated(X, Omega, left, f)
+        for forces in self.python_forces:
+            forces.add_truncated(X, Omega, left, f)
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)

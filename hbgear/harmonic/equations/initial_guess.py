@@ -24,8 +24,8 @@ from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import linear_response, statics
-from hbgear.harmonic.forces.real_basis import derivative
 from hbgear.mechanics.series.fourier import places, to_real
+from hbgear.mechanics.series.real_basis import derivative
 
 
 def find_motion(problem: Any, here: dict[str, float]) -> Array:

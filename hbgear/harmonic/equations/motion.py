@@ -32,9 +32,9 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import STICK_REGIME
-from hbgear.harmonic.forces.real_basis import derivative
 from hbgear.mechanics.reduction import Reduction
 from hbgear.mechanics.series.fourier import to_complex, to_real
+from hbgear.mechanics.series.real_basis import derivative
 
 # ---- forces and coordinates
 

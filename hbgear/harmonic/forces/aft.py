@@ -15,9 +15,9 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.law_checks import check_returned
-from hbgear.harmonic.forces.real_basis import after_derivative, derivative, one_sided
 from hbgear.mechanics.laws.laws import Forces, Law
 from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_complex, to_real
+from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
 
 class SampledLaws:

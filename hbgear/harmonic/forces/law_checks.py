@@ -42,15 +42,20 @@ def check_laws(system: System) -> None:
     Raises
     ------
     ValueError
-        If a law does not return three finite arrays, a derivative differs from differences of the force, friction acts
-        on a displacement with breakpoints, or an element whose law has no stiffness measures a free motion of the
-        structure, so that the mean of it is arbitrary.
+        If a law does not return three finite arrays, a derivative differs from differences of the force, friction or a
+        damped contact acts on a displacement with breakpoints, or an element whose law has no stiffness measures a free
+        motion of the structure, so that the mean of it is arbitrary.
     """
     for element in system.elements:
         if element.law.sliders and element.displacement.corners:
             raise ValueError(
                 f"element '{element.name}' has friction and a prescribed displacement with breakpoints, a Periodic; "
                 "give the displacement as a Series"
+            )
+        if element.law.damped and element.displacement.corners:
+            raise ValueError(
+                f"element '{element.name}' has a contact with a damper and a prescribed displacement with breakpoints, "
+                "a Periodic; give the displacement as a Series"
             )
     user_laws = [[law for law in element.law.parts if moving_springs_of(law) is None] for element in system.elements]
     for laws in user_laws:

@@ -12,8 +12,9 @@ collocation at s Gauss points,
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
 
 The integrals are known in closed form, so stiff supports and fast modes do not limit the step. The order is 2s. No
-saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. (A
-law whose *damping* jumps at a breakpoint is not allowed; see the contract in `laws`.)
+saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. The
+exception are contacts with dampers (`Law.damped`), whose force jumps by c d'. A disturbance moves the instant by
+-d / d', so that z jumps by -+ input c d at the begin and at the end of a contact.
 
 With the matrices A, R = (output e^{poles c_i h}), B of the integrals over the whole step, and the diagonal D of the
 modulations at the Gauss points, u = D (R z_0 - A u), and
@@ -95,6 +96,10 @@ STIFFNESS_SAMPLES = 64
 
 RETAINED_LEVELS_PER_OCTAVE = 4
 """Levels of the retained frequency in one octave. Motions of one level share their modes."""
+
+
+_SAME_PHASE = 1e-13
+"""Distance of two phases [rad] that counts as none: the rounding of a switching time."""
 
 
 LISTED_MULTIPLIERS = 32
@@ -209,7 +214,7 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     so the stiffness is returned as zero and no such mode is used.
     """
     most: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
-    if compiled.aft_laws or compiled.sliders:
+    if compiled.aft_laws or compiled.damped or compiled.sliders:
         return most, np.zeros((len(X), compiled.m))
     from hbgear.harmonic.multipliers import monodromy_kernels
 
@@ -316,7 +321,7 @@ def monodromies(
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
     schemes = ((*gauss_nodes(short), width or short / 5.0), (*gauss_nodes(10), width or usual), long)
-    if not compiled.aft_laws:
+    if not (compiled.aft_laws or compiled.damped):
         count = monodromy_kernels.monodromies(
             compiled.packed_of(X),
             part.modes,
@@ -368,19 +373,76 @@ def _monodromy_with_python_laws(
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
     count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
+    segments, jumps = _with_contact_ends(compiled, rows, omega, longest, segments[:count])
+    count, steps = len(segments), int(segments[:, 2].sum())
     work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
     monodromy_kernels.fill_stiffness_modulation(packed, rows, ports, segments, count, x, space, work)
     points = work.phases[0, : steps * len(x)]
     dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
-    monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
+    if not jumps:
+        monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
+        return
+    D, first = work.D, np.concatenate([[0], np.cumsum(segments[:, 2])]).astype(int)
+    product, flow = np.eye(len(out)), np.empty_like(out)
+    for i in range(count):
+        for j, impulse in jumps.get(i, ()):
+            product = _saltation(part, j, impulse, len(out)) @ product
+        piece = work._replace(D=np.ascontiguousarray(D[:, first[i] : first[i + 1]]))
+        one = segments[i : i + 1]
+        monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, one, 1, omega, x, L, piece, flow)
+        product = flow @ product
+    out[:] = product
+
+
+def _with_contact_ends(
+    compiled: Evaluator, rows: Array, omega: float, longest: float, segments: Array
+) -> tuple[Array, dict[int, list[tuple[int, float]]]]:
+    """Divide segments (S, 3) where damped contacts begin and end.
+
+    Returns
+    -------
+    ndarray, shape (T, 3)
+        Segments, as of `partition_period`.
+    dict
+        Jumps of forces at the begin of segments, by their number: element and impulse per unit of its displacement.
+    """
+    from hbgear.harmonic.forces.damped_contacts import intervals
+
+    found = [(j, contact.c, intervals(contact, rows[j], omega)) for j, law in compiled.damped for contact in law.damped]
+    phases = np.concatenate([np.zeros(0), *(one.ends.ravel() for _, _, one in found)])
+    start = segments[0, 0]
+    begins = start + np.mod(np.concatenate([segments[:, 0], phases]) - start, 2 * np.pi)
+    begins = np.unique(np.append(begins, start))
+    ends = np.append(begins, start + 2 * np.pi)
+    keep = np.diff(ends) > _SAME_PHASE
+    begins = ends[:-1][keep]
+    width = np.diff(np.append(begins, start + 2 * np.pi))
+    steps = np.maximum(1.0, np.ceil(width / longest - 1e-9))
+    jumps: dict[int, list[tuple[int, float]]] = {}
+    for j, c, one in found:
+        for at, sign in zip(one.jumps, one.signs, strict=True):
+            distance = np.abs(np.mod(begins - at + np.pi, 2 * np.pi) - np.pi)
+            jumps.setdefault(int(np.argmin(distance)), []).append((j, float(sign * c)))
+    return np.column_stack([begins, width / steps, steps]), jumps
+
+
+def _saltation(part: ModalBlock, j: int, impulse: float, size: int) -> Array:
+    """Return the matrix (size, size) of an impulse at element j, proportional to its displacement."""
+    modes, out = part.modes, np.eye(size)
+    r = part.size
+    for p in np.flatnonzero(modes.ports == j):
+        push = np.concatenate([modes.input[:, p].real, modes.input[:, p].imag])[:r]
+        shown = np.concatenate([modes.output[p].real, -modes.output[p].imag])[:r]
+        out[:r, :r] -= impulse * np.outer(push, shown)
+    return out
 
 
 def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:
-    """Return dp/dd and dp/dv (2, m, T) of the Python laws at phases theta of the basis; zero for all other laws."""
+    """Return dp/dd and dp/dv (2, m, T) of the laws in Python at phases theta of the basis; zero for all other laws."""
     out = np.zeros((2, compiled.m, len(theta)))
-    for j, law in compiled.aft_laws:
+    for j, law in (*compiled.aft_laws, *compiled.damped):
         d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
         out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

@@ -85,8 +85,11 @@ def _two_sided(slopes: ComplexArray) -> ComplexArray:
 
 def _require_compiled_laws(compiled: Evaluator) -> None:
     """Raise an error if the model has Python laws or laws with memory."""
-    if compiled.aft_laws:
-        raise ValueError("Hill's matrix needs laws of hbgear; it cannot be computed for laws written in Python")
+    if compiled.aft_laws or compiled.damped:
+        raise ValueError(
+            "Hill's matrix needs laws of hbgear; it cannot be computed for laws written in Python or "
+            "contacts with dampers; use floquet_multipliers"
+        )
     if compiled.sliders:
         raise ValueError("Hill's matrix needs laws without memory; use floquet_multipliers for laws with friction")
 

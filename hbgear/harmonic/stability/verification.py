@@ -257,7 +257,12 @@ def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods
     refined exactly at little cost.
     """
     compiled = problem.compiled(here)
-    if compiled.aft_laws or not len(compiled.breakpoints) or not _has_constant_stiffness(problem, here):
+    if (
+        compiled.aft_laws
+        or compiled.damped
+        or not len(compiled.breakpoints)
+        or not _has_constant_stiffness(problem, here)
+    ):
         return np.zeros(len(X), dtype=bool)
     short: NDArray[np.bool_] = compiled.shortest_intervals(X) < periods * 2 * np.pi / problem.H
     return short

@@ -1,9 +1,13 @@
-"""Contact with damping: forces that dissipate during contact and never pull.
+"""Contact with damping: forces that dissipate during contact.
 
-    p = k delta^n max(1 + contact_damping delta', 0),   delta = d - gap > 0
+    Hunt-Crossley          p = k delta^n max(1 + contact_damping delta', 0),   delta = d - gap > 0
+    Kelvin-Voigt           p = k delta + c delta'
+    clipped Kelvin-Voigt   p = max(k delta + c delta', 0)
 
 The force of Hunt and Crossley is zero at the begin and at the end of a contact, because its damping grows with the
-penetration delta. It is therefore continuous, unlike that of a spring and damper in parallel.
+penetration delta. It is therefore continuous. The force of a spring and damper in parallel (Kelvin-Voigt) jumps by
+c delta' at the begin of a contact, and pulls at its end unless it is clipped. It is linear between the switching times
+and is projected exactly, see `hbgear.harmonic.forces.damped_contacts`.
 
 References
 ----------
@@ -20,6 +24,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked
 from hbgear.common.text.messages import quoted
+from hbgear.mechanics.laws.damped_contact import DampedContact
 from hbgear.mechanics.laws.laws import Forces, Law
 
 
@@ -101,3 +106,140 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
         whole = np.where(acts, self.k * depth**self.exponent, 0.0)
         slope = np.where(acts, self.k * self.exponent * depth ** (self.exponent - 1.0), 0.0)
         return side * whole * push, slope * push, whole * self.contact_damping
+
+
+@dataclass(frozen=True)
+class _SpringAndDamper(Law):
+    """Contact with a spring and a damper in parallel, one-sided or two-sided."""
+
+    k: float
+    c: float
+    gap: float = 0.0
+    sides: Literal[1, 2] = 1
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        checked(name, "k", self.k, POSITIVE)
+        checked(name, "c", self.c, NOT_NEGATIVE)
+        if self.sides not in (1, 2):
+            raise ValueError(f"{name}: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
+        checked(name, "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
+
+    @property
+    def reference(self) -> float:
+        return self.k
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.gap,) if self.sides == 1 or self.gap == 0 else (-self.gap, self.gap)
+
+    @property
+    def steady(self) -> bool:
+        return True
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        p, stiffness, damping = np.zeros_like(d), np.zeros_like(d), np.zeros_like(d)
+        for contact in self.damped:
+            acts = contact.pushes(d, v)
+            p += np.where(acts, contact.side * contact.state(d, v)[1], 0.0)
+            stiffness += self.k * acts
+            damping += self.c * acts
+        return p, stiffness, damping
+
+
+@dataclass(frozen=True)
+class KelvinVoigt(_SpringAndDamper):  # numpydoc ignore=PR02
+    """Contact with a spring and a damper in parallel, one-sided like `Unilateral` or two-sided like `Backlash`.
+
+        p = k delta + c delta',   delta = d - gap > 0;   on two sides p(-d, -d') = -p(d, d')
+
+    Parameters
+    ----------
+    k : float
+        Contact stiffness, > 0 [force / length].
+    c : float
+        Damping in contact, >= 0 [force time / length].
+    gap : float, optional
+        Clearance [unit of d]; with two sides half of it, >= 0. Default 0.
+    sides : {1, 2}, optional
+        One stop at d = gap, or two at d = +-gap. Default 1.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+
+    Notes
+    -----
+    The force jumps at both ends of a contact and pulls before it ends, where k delta < -c delta'. `ClippedKelvinVoigt`
+    does not pull. It is projected exactly, and the multipliers include the jumps. It cannot be a part of `Parallel`;
+    two elements may have the same direction.
+
+    References
+    ----------
+    Goldsmith, Impact (1960); Lankarani & Nikravesh (1990), J. Mech. Des. 112(3), https://doi.org/10.1115/1.2912617.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.mechanics.KelvinVoigt(k=2.0, c=0.5, gap=1.0)
+    >>> stop.force(np.array([0.5, 1.5, 1.5]), np.array([1.0, 1.0, -4.0]), 0.0)[0].tolist()
+    [0.0, 1.5, -1.0]
+    """
+
+    @property
+    def damped(self) -> tuple[DampedContact, ...]:
+        return _contacts(self, clipped=False)
+
+
+@dataclass(frozen=True)
+class ClippedKelvinVoigt(_SpringAndDamper):  # numpydoc ignore=PR02
+    """Contact with a spring and a damper in parallel that never pulls.
+
+        p = max(k delta + c delta', 0),   delta = d - gap > 0;   on two sides p(-d, -d') = -p(d, d')
+
+    Parameters
+    ----------
+    k : float
+        Contact stiffness, > 0 [force / length].
+    c : float
+        Damping in contact, >= 0 [force time / length].
+    gap : float, optional
+        Clearance [unit of d]; with two sides half of it, >= 0. Default 0.
+    sides : {1, 2}, optional
+        One stop at d = gap, or two at d = +-gap. Default 1.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+
+    Notes
+    -----
+    The force jumps at the begin of a contact and ends where it would become tensile, before the surfaces separate at
+    delta = 0. Both instants are computed exactly. The derivative of the harmonics jumps at grazing contact. The law
+    cannot be a part of `Parallel`; two elements may have the same direction.
+
+    References
+    ----------
+    Goldsmith, Impact (1960); Lankarani & Nikravesh (1990), J. Mech. Des. 112(3), https://doi.org/10.1115/1.2912617.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.mechanics.ClippedKelvinVoigt(k=2.0, c=0.5, gap=1.0)
+    >>> stop.force(np.array([0.5, 1.5, 1.5]), np.array([1.0, 1.0, -4.0]), 0.0)[0].tolist()
+    [0.0, 1.5, 0.0]
+    """
+
+    @property
+    def damped(self) -> tuple[DampedContact, ...]:
+        return _contacts(self, clipped=True)
+
+
+def _contacts(law: _SpringAndDamper, clipped: bool) -> tuple[DampedContact, ...]:
+    """Return the contacts of a law."""
+    first = DampedContact(1, law.gap, law.k, law.c, clipped)
+    return (first, DampedContact(-1, law.gap, law.k, law.c, clipped)) if law.sides == 2 else (first,)

@@ -1,7 +1,8 @@
 """Scalar force laws p(d, v, tau) of an element, with both derivatives.
 
 ``d`` is the element coordinate, ``v`` its time derivative (per unit of time, not of phase), ``tau`` the phase of the
-excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump.
+excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump. Contacts with dampers are the
+exception, see rule 9.
 
 Notes
 -----
@@ -19,8 +20,10 @@ Contract for a new law:
 7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is divided there, too.
 8. ``sliders`` lists the friction sliders of a law with memory. Their forces, which depend on the history of d, are
    added to ``force``, and they are projected exactly.
-9. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
-   the choice of a time step, and change no result.
+9. ``damped`` lists the contacts with a damper whose force jumps. Their sum must be the whole of ``force``; they are
+   projected exactly, and stability accounts for the jumps. All other laws must be continuous in ``v`` and ``d``.
+10. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
+    the choice of a time step, and change no result.
 
 Examples
 --------
@@ -58,6 +61,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.common.text.messages import quoted
+from hbgear.mechanics.laws.damped_contact import DampedContact
 from hbgear.mechanics.laws.slider import Slider
 from hbgear.mechanics.series.fourier import Series, is_listed, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
@@ -153,6 +157,11 @@ class Law(ABC):
     @property
     def sliders(self) -> tuple[Slider, ...]:
         """Friction sliders, whose forces are added to ``force``; empty for a law without memory."""
+        return ()
+
+    @property
+    def damped(self) -> tuple[DampedContact, ...]:
+        """Contacts with dampers, whose force jumps and whose sum is the law; empty for a continuous law."""
         return ()
 
     @property
@@ -430,7 +439,7 @@ class Parallel(Law):  # numpydoc ignore=PR02
     Raises
     ------
     ValueError
-        If the sequence is empty, or an entry is not a law.
+        If the sequence is empty, or an entry is not a law or has a force that jumps (`KelvinVoigt`).
 
     Examples
     --------
@@ -454,6 +463,12 @@ class Parallel(Law):  # numpydoc ignore=PR02
             )
         if not self.laws:
             raise ValueError("Parallel needs at least one law")
+        for law in self.laws:
+            if law.damped:
+                raise ValueError(
+                    f"Parallel: the force of {type(law).__name__} jumps at contact; give it an element of its own with "
+                    "the same direction"
+                )
 
     @property
     def reference(self) -> float:

@@ -24,7 +24,7 @@ from typing import Any, TypeVar, overload
 from hbgear.common.text.messages import did_you_mean, origin_of, quoted
 from hbgear.mechanics.fields import kinds_of, plain
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
-from hbgear.mechanics.laws.contact_damping import HuntCrossley
+from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossley, KelvinVoigt
 from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
@@ -317,12 +317,16 @@ register_law(name="mesh contacts")(MeshContacts)
 register_law(name="jenkins")(Jenkins)
 register_law(name="iwan")(Iwan)
 register_law(name="hunt-crossley")(HuntCrossley)
+register_law(name="kelvin-voigt")(KelvinVoigt)
+register_law(name="clipped kelvin-voigt")(ClippedKelvinVoigt)
 register_law(name="coulomb")(Coulomb)
 register_law(name="backlash", required=("k", "b"))(Backlash)
 register_law(name="unilateral", required=("k", "gap"))(Unilateral)
 
+_DAMPED = KelvinVoigt, ClippedKelvinVoigt
+
 BUILT_IN: Mapping[str, type[Law]] = {
     cls.__name__: cls
-    for cls in (Cubic, PiecewiseLinear, Parallel, ToothContact, MeshContacts, Jenkins, Iwan, HuntCrossley)
+    for cls in (Cubic, PiecewiseLinear, Parallel, ToothContact, MeshContacts, Jenkins, Iwan, HuntCrossley, *_DAMPED)
 }
 """Classes of hbgear that a file can hold, by name. Headers name them as parts of a model, as earlier versions did."""

@@ -125,10 +125,10 @@ class ExponentialIntegrator:
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        if any(element.law.sliders for system in self.systems for element in system.elements):
+        if any(element.law.sliders or element.law.damped for system in self.systems for element in system.elements):
             raise ValueError(
-                "the exponential method does not integrate friction: use hb.time.integrate(..., method='DOP853') or "
-                "hb.time.shoot"
+                "the exponential method does not integrate friction and contacts with dampers: use "
+                "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems

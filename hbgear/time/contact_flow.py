@@ -1,0 +1,115 @@
+"""Contacts with dampers in time integration: the instants at which they begin and end, and the jumps of the force.
+
+    free    delta < 0                       until delta = 0; the force jumps to c delta'
+    pushes  p = side (k delta + c delta')   until delta = 0, or p = 0 if the force is clipped
+    open    delta > 0, p = 0 (clipped)      until delta = 0, or k delta + c delta' > 0
+
+A disturbance moves the instant of a jump by -d(delta) / delta', which changes the impulse by c times the disturbance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.models import Element
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+
+FREE, PUSHES, OPEN = 0, 1, 2
+"""States of a contact."""
+
+_ON_CONTACT = 1e-12
+"""Penetration, relative to 1 + |gap|, up to which the velocity decides whether a contact begins."""
+
+
+class ContactFlow:
+    """Contacts with dampers of the elements of a system.
+
+    Parameters
+    ----------
+    elements : sequence of Element
+        Elements of the system.
+
+    Attributes
+    ----------
+    element : ndarray, shape (Q,)
+        Element of each contact.
+    side, gap, k, c : ndarray, shape (Q,)
+        Numbers of the contacts, see `DampedContact`.
+    clipped : ndarray of bool, shape (Q,)
+        Whether tensile forces are zero.
+    """
+
+    def __init__(self, elements: Sequence[Element]) -> None:
+        found = [(j, one) for j, element in enumerate(elements) for one in element.law.damped]
+        self.element = np.array([j for j, _ in found], dtype=int)
+        numbers = np.array([(one.side, one.gap, one.k, one.c) for _, one in found], dtype=float).reshape(-1, 4)
+        self.side, self.gap, self.k, self.c = numbers.T
+        self.clipped = np.array([one.clipped for _, one in found], dtype=bool)
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+    def _state(self, d: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return delta, delta' and k delta + c delta' (Q, ...) at displacements and rates (m, ...)."""
+        columns = (slice(None), *[None] * (d.ndim - 1))
+        side = self.side[columns]
+        depth, rate = side * d[self.element] - self.gap[columns], side * v[self.element]
+        return depth, rate, self.k[columns] * depth + self.c[columns] * rate
+
+    def at(self, d: Array, v: Array) -> Integers:
+        """Return the state (Q,) of each contact at displacements and rates (m,)."""
+        depth, rate, force = self._state(d, v)
+        near = _ON_CONTACT * (1 + np.abs(self.gap))
+        inside = (depth > near) | ((np.abs(depth) <= near) & (rate > 0))
+        return np.where(~inside, FREE, np.where(self.clipped & (force <= 0), OPEN, PUSHES))
+
+    def add_forces(self, state: Integers, d: Array, v: Array, p: Array, kd: Array, kv: Array) -> None:
+        """Add forces and slopes to p, dp/dd and dp/dv (m,)."""
+        if len(self):
+            acts = state == PUSHES
+            np.add.at(p, self.element, np.where(acts, self.side * self._state(d, v)[2], 0.0))
+            np.add.at(kd, self.element, self.k * acts)
+            np.add.at(kv, self.element, self.c * acts)
+
+    def exits(self, flow: Any, solver: Any, state: Integers) -> Array:
+        """Return the instants (Q,) in the last step at which contacts leave their states, inf if they do not."""
+        if not len(self):
+            return np.full(0, np.inf)
+        dense = solver.dense_output()
+        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+
+        def tests(at: Array) -> Array:
+            """Return functions (Q, T) that become positive where a contact leaves its state."""
+            depth, _, force = self._state(*flow.gaps_over(at, dense(at)))
+            leaves = np.where(self.clipped[:, None], -force, -depth)
+            column = state[:, None]
+            return np.select([column == FREE, column == PUSHES], [depth, leaves], np.maximum(-depth, force))
+
+        def value(rows: Integers, at: Array) -> Array:
+            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, at, strict=True)])
+
+        samples = tests(t)
+        low, high = np.full(len(self), -np.inf), np.zeros(len(self))
+        return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
+
+    def after(self, flow: Any, t: float, Y: Array, state: Integers, passed: np.ndarray) -> tuple[Array, Integers]:
+        """Return the state of the motion and of the contacts after an event at t of the contacts ``passed``."""
+        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
+        depth, _, force = self._state(*flow.gaps(t, Y.ravel()))
+        state = state.copy()
+        for i in np.flatnonzero(passed).tolist():
+            j, before = self.element[i], state[i]
+            if before == FREE:
+                state[i] = PUSHES
+            elif before == PUSHES:
+                state[i] = OPEN if self.clipped[i] else FREE
+            else:
+                state[i] = PUSHES if abs(force[i]) < self.k[i] * abs(depth[i]) else FREE
+            sign = (state[i] == PUSHES) * 1.0 - (before == PUSHES)
+            if FREE in (before, state[i]) and sign and Y.shape[1] > 1:
+                Y[: 2 * n, 1:] -= sign * self.c[i] * np.outer(flow.B[:, j], flow.W[:, j] @ Y[:n, 1:])
+        return Y.ravel(), state
