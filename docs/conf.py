@@ -75,3 +75,4 @@ html_math_renderer = "mathml"
 html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
+html_show_search_summary = False  # a browser refuses to read the pages of a site that is opened from files

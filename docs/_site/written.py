@@ -1,6 +1,7 @@
 """Pages that each build writes: API reference, commands, constants, studies.
 
-    api/        one page for each object of `hbgear`, its sub-modules and `hbgear.plot`, and for each result class
+    api/        one page for each object of `hbgear`, its sub-modules and `hbgear.plot`, for each result class, and for
+                the protocol of problems
     commands.md every command of ``hbgear`` with its options
     constants.md tuned numbers of the modules with their reasons
     studies/    studies/README.md, the figures and tables of the studies
@@ -22,12 +23,15 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 from docstrings import escaped
+from sphinx.domains.python import PythonDomain
 
 import hbgear as hb
 from hbgear import plot
 from hbgear.cli.app import app as commands
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parents[1]
@@ -35,6 +39,9 @@ STUDIES = DOCS.parent / "studies"
 SPACES = ("mechanics", "gears", "continuation", "harmonic", "analysis", "design", "time", "io")
 """Documented sub-modules, in the order of the API reference."""
 
+
+FIRST = ("HarmonicBalance", "trace", "Branch", "System", "Element", "GearPair", "follow", "switch", "validate", "load")
+"""Names that the index page of the reference links to directly."""
 
 PUBLIC = {
     id(getattr(module, name))
@@ -155,13 +162,21 @@ def api_pages() -> None:
     entries = [tables("hbgear.plot", drawn)]
     entries += ["Constants\n---------\n", *map(constant_entry, constants)] if constants else []
     write(DOCS / "api" / "plot.rst", page("hbgear.plot", first_line(plot), "hbgear.plot", entries))
-    listed = "\n".join(f"   {space}" for space in [*made, "plot"])
+    write(DOCS / "api" / "problem.md", problem_page())
+    listed = "\n".join(f"   {space}" for space in [*made, "plot", "problem"])
+    first = ", ".join(f":doc:`{name} <hbgear.{name}>`" for name in FIRST)
     head = (
         "API reference\n=============\n\nObjects of ``import hbgear as hb`` and of its sub-modules, with one page for "
         "each object. Every example runs in a test. Names that are not listed may change without notice.\n\n"
-        f".. toctree::\n   :maxdepth: 1\n\n{listed}\n\n"
+        f"Most scripts need: {first}.\n\n.. toctree::\n   :maxdepth: 1\n\n{listed}\n\n"
     )
     write(DOCS / "api" / "index.rst", f"{head}:ref:`All names in alphabetical order <genindex>`.\n")
+
+
+def problem_page() -> str:
+    """Return the page of the protocol of problems, the docstring of its module."""
+    text = inspect.getdoc(importlib.import_module("hbgear.continuation.problem.base")) or ""
+    return f"# Protocol of problems\n\n{text.replace('``', '`')}\n"
 
 
 # ---- commands
@@ -272,9 +287,24 @@ def turned(text: str, depth: int) -> str:
     return re.sub(r"\]\(((?:\.\./)*)scripts/(\w+)/README\.rst\)", r"](\1\2/index.rst)", text)
 
 
+def referenced(text: str, depth: int) -> str:
+    """Return a page whose code ``hb.trace``, outside of blocks, links and headings, is a link to the reference."""
+    up = "../" * depth
+
+    def link(match: re.Match[str]) -> str:
+        page = DOCS / "api" / f"hbgear.{match[1]}.rst"
+        return f"[{match[0]}]({up}api/{page.name})" if page.exists() else match[0]
+
+    parts = re.split(r"(^```.*?^```$|^#.*?$|\[[^\]]*\]\([^)]*\))", text, flags=re.DOTALL | re.MULTILINE)
+    parts[::2] = [re.sub(r"`hb\.([\w.]+)(?:\([^`]*\))?`", link, part) for part in parts[::2]]
+    return "".join(parts)
+
+
 def read(app: Sphinx, name: str, source: list[str]) -> None:
     """Adapt the links of a page when it is read."""
     source[0] = turned(source[0], name.count("/"))
+    if not name.startswith(("api/", "gallery/", "tutorials/")):
+        source[0] = referenced(source[0], name.count("/"))
 
 
 def all_pages(app: Sphinx) -> None:
@@ -286,8 +316,19 @@ def all_pages(app: Sphinx) -> None:
     study_pages()
 
 
+class Python(PythonDomain):
+    """Python objects, of which the search finds functions and classes; members are on the pages of their classes."""
+
+    def get_objects(self) -> Iterator[tuple[str, str, str, str, str, int]]:
+        """Return all objects, members with the priority of objects that the search leaves out."""
+        for name, shown, kind, document, anchor, priority in super().get_objects():
+            member = kind in ("method", "attribute", "property")
+            yield name, shown, kind, document, anchor, -1 if member else priority
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the extension."""
+    app.add_domain(Python, override=True)
     app.connect("builder-inited", all_pages, priority=100)
     app.connect("source-read", read)
     return {"parallel_read_safe": True}
