@@ -19,7 +19,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.pairs.support import Support
     from hbgear.gears.trains.beam import Beam
     from hbgear.gears.trains.housing import Housing
-    from hbgear.gears.trains.planetary import PlanetarySet, PlanetMode
+    from hbgear.gears.trains.planetary import PlanetarySet
+    from hbgear.gears.trains.planetary_modes import PlanetMode
     from hbgear.gears.trains.train import Train
     from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 

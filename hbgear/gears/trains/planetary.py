@@ -31,7 +31,6 @@ from math import cos, pi, radians, sin, sqrt
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import scipy
 
 from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
@@ -47,56 +46,23 @@ from hbgear.gears.mesh.mesh_excitation import (
 )
 from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
 from hbgear.gears.trains.planetary_drawing import drawn_fields
-from hbgear.gears.trains.train_components import Mesh, Wheel, check_half_backlash
-from hbgear.gears.trains.train_kinematics import kinematics
+from hbgear.gears.trains.planetary_kinematics import MEMBERS, PlanetaryKinematics
+from hbgear.gears.trains.planetary_modes import PlanetMode, natural_modes, turning_frame
+from hbgear.gears.trains.train_components import check_half_backlash
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, Model, System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
-from hbgear.mechanics.structures.speed_terms import SpeedTerms
-
-MEMBERS = ("carrier", "ring", "sun")
-"""Central members, in the order of their coordinates."""
 
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
 DEFAULT_LENGTH = 1e-6  # [m], unit of length of a set without backlash
 
-RESULTANT_TOLERANCE = 1e-6  # sums of unit vectors below this fraction of their number are rounding errors
-
-SHAPE_TOLERANCE = 1e-6  # components of a mode shape with maximum 1 below this value are rounding errors
-
 _POSITIVE = ("m_s", "m_p", "m_r", "m_c", "J_s", "J_p", "J_r", "J_c", "k_sp", "k_rp", "k_p", "k_t", "r_s")
 
 _NOT_NEGATIVE = ("k_s", "k_r", "k_c", "zeta", "zeta_b", "b_sp", "b_rp", "torque")
-
-
-@dataclass(frozen=True)
-class PlanetMode:
-    """Natural mode of a planetary set with all teeth in contact.
-
-    Attributes
-    ----------
-    frequency : float
-        Natural frequency [Hz].
-    kind : {"rotational", "translational", "planet", "mixed"}
-        Kind of the mode: the central members turn and all planets move alike; the central members move sideways; the
-        central members rest; or another shape, of a set without the symmetry.
-    multiplicity : int
-        Number of modes with this frequency.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> [mode.multiplicity for mode in hb.gears.PlanetarySet().modes() if mode.kind == "planet"]  # N - 3
-    [1, 1, 1]
-    """
-
-    frequency: float
-    kind: str
-    multiplicity: int
 
 
 @dataclass(frozen=True)
@@ -281,8 +247,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
                 raise ValueError(
                     f"PlanetarySet: {name} has {len(given)} entries; need {self.planets}, one for each planet"
                 )
-        self._check_teeth()
-        self._check_assembly()
+        self.kinematics.check()
 
     @classmethod
     def of(cls, sun: GearPair, ring: GearPair, torque: Any, **others: Any) -> PlanetarySet:
@@ -316,38 +281,6 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         """
         return cls(**{**drawn_fields(sun, ring, torque, others.get("planets", cls.planets)), **others})
 
-    def _check_teeth(self) -> None:
-        expected = self.teeth_s + 2 * self.teeth_p
-        if abs(self.teeth_r - expected) > max(2.0, 0.05 * expected):
-            raise ValueError(
-                f"PlanetarySet: {self.teeth_p} teeth of a planet do not fit between {self.teeth_s} of the sun and "
-                f"{self.teeth_r} of the ring: z_r = z_s + 2 z_p = {expected}, within two teeth for profile shifts"
-            )
-
-    def _check_assembly(self) -> None:
-        """Raise an error if planets touch each other or their teeth do not match the positions."""
-        psi = np.sort(np.mod(self.angles, 2 * pi))
-        gaps = np.diff(np.append(psi, psi[0] + 2 * pi))
-        size = (self.teeth_p + 2) / (self.teeth_s + self.teeth_p)  # tip diameter over twice the centre distance
-        if self.planets > 1 and np.sin(np.minimum(gaps, pi) / 2).min() <= size:
-            worst = float(np.degrees(gaps.min()))
-            raise ValueError(
-                f"PlanetarySet: planets {worst:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
-                f"{self.teeth_s + self.teeth_p} they need more than {np.degrees(2 * np.arcsin(min(size, 1.0))):.4g}"
-            )
-        tooth_sum = self.teeth_s + self.teeth_r
-        steps = tooth_sum * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
-        wrong = np.abs(steps - np.round(steps))
-        if wrong.max() > 1e-3:
-            n = int(np.argmax(wrong))
-            nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / tooth_sum)
-            raise ValueError(
-                f"PlanetarySet: planet {n + 1} cannot be assembled at {np.degrees(self.angles[n]):.6g} degrees: the "
-                f"angle from the first planet must be a multiple of 360 / (z_s + z_r) = {360 / tooth_sum:.6g}; the "
-                f"nearest position is {nearest:.6g}; equal spacing requires that (z_s + z_r) / N = "
-                f"{tooth_sum}/{self.planets} is whole"
-            )
-
     @property
     def parameters(self) -> dict[str, float]:
         """Float fields by name, without eps_scale if a mesh has contacts."""
@@ -362,35 +295,20 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             return tuple(radians(x) for x in self.spacing)
         return tuple(2 * pi * n / self.planets for n in range(self.planets))
 
+    @cached_property
+    def kinematics(self) -> PlanetaryKinematics:
+        """Speeds of the members and phases of the meshes."""
+        return PlanetaryKinematics(self.teeth_s, self.teeth_p, self.teeth_r, self.angles, self.fixed, self.driver)
+
     @property
     def speeds(self) -> dict[str, Fraction]:
         """Speeds of the members over the speed of the driver, whose torque has the same sign as its speed."""
-        z = {"sun": Fraction(self.teeth_s), "ring": Fraction(self.teeth_r)}
-        z["carrier"] = -z["sun"] - z["ring"]  # z_s w_s + z_r w_r = (z_s + z_r) w_c
-        third = next(name for name in MEMBERS if name not in (self.fixed, self.driver))
-        own = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
-        sense = -1 if self.driver == "carrier" else 1  # the torques on the sun and on the ring are positive
-        return {name: sense * own[name] for name in MEMBERS}
-
-    @cached_property
-    def _lags(self) -> tuple[float, ...]:
-        """Lags of the N meshes with the sun, then with the ring, of a train in the frame of the carrier."""
-        wheels = {"sun": Wheel("sun", 1.0, teeth=self.teeth_s, base_radius=0.4 * self.teeth_s, torque=1.0),
-                  "ring": Wheel("ring", 1.0, teeth=self.teeth_r, base_radius=0.4 * self.teeth_r, internal=True,
-                                torque=self.teeth_r / self.teeth_s)}  # fmt: skip
-        names = [f"p{n + 1}" for n in range(self.planets)]
-        for name in names:
-            wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
-        meshes = [Mesh("sun", name, 1e8, direction=psi) for name, psi in zip(names, self.angles, strict=True)]
-        # the centre of the ring lies on the opposite side of the planet
-        meshes += [Mesh(name, "ring", 1e8, direction=psi + pi) for name, psi in zip(names, self.angles, strict=True)]
-        speeds = self.speeds
-        return kinematics(wheels, (), meshes, backward=speeds["sun"] < speeds["carrier"]).lags
+        return self.kinematics.speeds
 
     @property
     def lags(self) -> dict[str, float]:
         """Phase lag of each mesh behind the mesh of the first planet with the sun [rad]."""
-        return dict(zip(self.mesh_names, self._lags, strict=True))
+        return dict(zip(self.mesh_names, self.kinematics.lags, strict=True))
 
     @property
     def mesh_names(self) -> list[str]:
@@ -409,14 +327,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         The planets mesh simultaneously, z_s mod N = 0; in two alternating groups half a mesh period apart, z_s mod N =
         N/2; in three or more groups at equal steps; or otherwise. `excitation` returns the resultant of the forces.
         """
-        turns = np.sort(np.round(np.mod(np.array(self._lags[: self.planets]) / (2 * pi) + 1e-5, 1.0), 4))
-        groups, counts = np.unique(turns, return_counts=True)
-        if len(groups) == 1:
-            return "in phase"
-        equal = np.abs(np.diff(groups) - 1 / len(groups)).max() < 1e-3 and len(set(counts)) == 1
-        if not equal:
-            return "uneven"
-        return "counter-phase" if len(groups) == 2 else "sequential"
+        return self.kinematics.phasing
 
     def excitation(self, harmonic: int = 1) -> tuple[str, ...]:
         """Return the resultants of the sun meshes that a mesh harmonic excites: "torque", "force", both or neither.
@@ -435,33 +346,20 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         tuple of str
             Resultants that do not cancel.
         """
-        counted("PlanetarySet: harmonic", harmonic, 10_000)
-        waves = np.exp(-1j * harmonic * np.array(self._lags[: self.planets]))
-        psi = np.array(self.angles)
-        sums = {"torque": [np.ones(self.planets)], "force": [np.exp(1j * psi), np.exp(-1j * psi)]}
-        limit = RESULTANT_TOLERANCE * self.planets
-        return tuple(name for name, each in sums.items() if max(abs(waves @ one) for one in each) > limit)
+        return self.kinematics.excitation(harmonic)
 
     @property
     def orders(self) -> dict[str, float]:
         """Frequencies over Omega of the mesh and of the members that turn."""
-        speeds = self.speeds
-        p = self.mesh_order
-        return {"mesh": float(p)} | {
-            name: abs(float(p * speed / self._mesh_speed)) for name, speed in speeds.items() if speed
-        }
-
-    @property
-    def _mesh_speed(self) -> Fraction:
-        """Mesh frequency over the speed of the driver."""
-        return self.teeth_s * abs(self.speeds["sun"] - self.speeds["carrier"])
+        p, mesh = self.mesh_order, self.kinematics.mesh_speed
+        return {"mesh": float(p)} | {name: abs(float(p * speed / mesh)) for name, speed in self.speeds.items() if speed}
 
     @cached_property
     def mesh_order(self) -> int:
         """Mesh frequency over Omega: above 1 if the torque has orders of the driver."""
         common = Fraction(1)
         for order, _, _ in self.torque_orders:
-            common = common_divisor(common, exact_order("PlanetarySet", order) / self._mesh_speed)
+            common = common_divisor(common, exact_order("PlanetarySet", order) / self.kinematics.mesh_speed)
         return int(1 / common)
 
     # ---- units
@@ -548,18 +446,8 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
     def modes(self) -> tuple[PlanetMode, ...]:
         """Return the undamped natural modes with all teeth in contact at their mean stiffness, in ascending order."""
         M, _, K = self.structure()
-        k = np.repeat([self.k_sp, self.k_rp], self.planets)
         W = self.mesh_vectors()
-        squares, shapes = scipy.linalg.eigh(K + (W * k) @ W.T, M)
-        found = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)
-        found[squares < 1e-9 * squares[-1]] = 0.0
-        out: list[PlanetMode] = []
-        at = 0
-        while at < len(found):
-            count = int(np.sum(np.abs(found[at:] - found[at]) <= 1e-6 * found[-1]))
-            out.append(PlanetMode(float(found[at]), _kind(shapes[:, at : at + count]), count))
-            at += count
-        return tuple(out)
+        return natural_modes(M, K + (W * np.repeat([self.k_sp, self.k_rp], self.planets)) @ W.T)
 
     # ---- the dimensionless system
 
@@ -568,17 +456,18 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         M, C, K = self.structure()
         length, force = self.b_c, self.k_sp * self.b_c
         errors = self.planet_errors or (0.0,) * self.planets
-        gaps = []
+        gaps, lags = [], self.kinematics.lags
+        carrier = self.orders.get("carrier", 0.0) * (1 if self.speeds["carrier"] > 0 else -1)
         for j, (name, w) in enumerate(zip(self.mesh_names, self.mesh_vectors().T, strict=True)):
             which, n = ("rp", j - self.planets) if j >= self.planets else ("sp", j)
             k = getattr(self, f"k_{which}")
             alpha = radians(getattr(self, f"alpha_{which[0]}_deg"))
-            error = Series(cosine=getattr(self, f"e_{which}")).shifted(self._lags[j]).scaled(self.e_scale / length)
+            error = Series(cosine=getattr(self, f"e_{which}")).shifted(lags[j]).scaled(self.e_scale / length)
             joined = 1 / (1 / self.J_p + 1 / (self.J_r if which == "rp" else self.J_s))
             gaps.append(
                 Element(
                     direction=w,
-                    law=self._mesh_law(which, self._lags[j]),
+                    law=self._mesh_law(which, lags[j]),
                     displacement=in_order(
                         Series(errors[n] * cos(alpha) / length, error.cosine, error.sine), self.mesh_order
                     ),
@@ -593,7 +482,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
             elements=gaps,
             load=[Load(constant=self._load() / force), *self._fluctuations(force)],
             dof_names=self.dof_names,
-            speed=self._rotation() if self.carrier_rotation else None,
+            speed=turning_frame(self._masses / self.m_p, carrier) if self.carrier_rotation and carrier else None,
         )
 
     def _fluctuations(self, force: float) -> list[Load]:
@@ -606,7 +495,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         direction = sense * self.fluctuation_scale / (radii[self.driver] * force) * unit
         found = []
         for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
-            multiple = int(exact_order("PlanetarySet", order) / self._mesh_speed * self.mesh_order)
+            multiple = int(exact_order("PlanetarySet", order) / self.kinematics.mesh_speed * self.mesh_order)
             vectors = amplitude * cos(phase) * direction, -amplitude * sin(phase) * direction
             found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
         return found
@@ -618,7 +507,7 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
         if contacts is None:
             stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(lag)
             return Backlash(b=b, stiffness=in_order(stiffness.scaled(ratio), self.mesh_order))
-        backward = self.speeds["sun"] < self.speeds["carrier"]
+        backward = self.kinematics.backward
 
         def turned(one: Phased) -> Phased:
             function: Phased = one.reversed() if backward and isinstance(one, Periodic) else one
@@ -626,34 +515,3 @@ class PlanetarySet(Model):  # numpydoc ignore=PR02
 
         law: Law = contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
         return law
-
-    def _rotation(self) -> SpeedTerms | None:
-        """Return the dimensionless Coriolis and centripetal terms of the frame of the carrier."""
-        s = self.orders.get("carrier", 0.0) * (1 if self.speeds["carrier"] > 0 else -1)
-        if not s:
-            return None
-        m = self._masses / self.m_p
-        sideways = np.ones(len(m), dtype=bool)
-        sideways[2::3] = False
-        G = np.zeros((len(m), len(m)))
-        for i in range(0, len(m), 3):
-            G[i, i + 1], G[i + 1, i] = -2 * m[i], 2 * m[i]
-        inward = np.diag(np.where(sideways, m, 0.0))
-
-        def centripetal(Omega: float) -> Any:
-            return -((s * Omega) ** 2) * inward
-
-        return SpeedTerms(G, s, stiffness=centripetal)
-
-
-def _kind(shapes: Array) -> str:
-    """Return the kind of the modes (n, count) of one frequency."""
-    unit = shapes / np.abs(shapes).max(axis=0)
-    central, planets = unit[:9].reshape(3, 3, -1), unit[9:].reshape(-1, 3, unit.shape[1])
-    sideways, turning = np.abs(central[:, :2]).max() > SHAPE_TOLERANCE, np.abs(central[:, 2]).max() > SHAPE_TOLERANCE
-    alike = np.abs(planets - planets[:1]).max() < SHAPE_TOLERANCE
-    if turning and not sideways and alike:
-        return "rotational"
-    if sideways and not turning:
-        return "translational"
-    return "mixed" if sideways or turning else "planet"

@@ -1,0 +1,170 @@
+"""Kinematics of planetary gear sets: speeds of the members, phases of the meshes, assembly.
+
+    z_s omega_s + z_r omega_r = (z_s + z_r) omega_c
+    mesh n:  k(tau - lag_n),   lag_n from the positions of the planets and the numbers of teeth
+    assembly:  psi_n - psi_1 = 2 pi i / (z_s + z_r),   i integer
+
+References
+----------
+Parker and Lin (2004), J. Mech. Des. 126(2), 365-370, https://doi.org/10.1115/1.1667892 (phases).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from hbgear.common.ranges import counted
+from hbgear.gears.trains.train_components import Mesh, Wheel
+from hbgear.gears.trains.train_kinematics import kinematics
+
+MEMBERS = ("carrier", "ring", "sun")
+"""Central members, in the order of their coordinates."""
+
+RESULTANT_TOLERANCE = 1e-6  # sums of unit vectors below this fraction of their number are rounding errors
+
+
+@dataclass(frozen=True)
+class PlanetaryKinematics:
+    """Motion of the rigid members of a planetary set, and the phases of its meshes.
+
+    Attributes
+    ----------
+    teeth_s, teeth_p, teeth_r : int
+        Numbers of teeth of sun, planet and ring.
+    angles : tuple of float
+        Positions psi_n of the planets [rad].
+    fixed, driver : {"ring", "sun", "carrier"}
+        Member that does not turn, and driving member.
+    """
+
+    teeth_s: int
+    teeth_p: int
+    teeth_r: int
+    angles: tuple[float, ...]
+    fixed: str
+    driver: str
+
+    @property
+    def planets(self) -> int:
+        """Number N of planets."""
+        return len(self.angles)
+
+    @property
+    def speeds(self) -> dict[str, Fraction]:
+        """Speeds of the members over the speed of the driver, whose torque has the same sign as its speed."""
+        z = {"sun": Fraction(self.teeth_s), "ring": Fraction(self.teeth_r)}
+        z["carrier"] = -z["sun"] - z["ring"]  # z_s w_s + z_r w_r = (z_s + z_r) w_c
+        third = next(name for name in MEMBERS if name not in (self.fixed, self.driver))
+        own = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
+        sense = -1 if self.driver == "carrier" else 1  # the torques on the sun and on the ring are positive
+        return {name: sense * own[name] for name in MEMBERS}
+
+    @property
+    def mesh_speed(self) -> Fraction:
+        """Mesh frequency over the speed of the driver."""
+        return self.teeth_s * abs(self.speeds["sun"] - self.speeds["carrier"])
+
+    @property
+    def backward(self) -> bool:
+        """Whether the sun turns clockwise in the frame of the carrier."""
+        return self.speeds["sun"] < self.speeds["carrier"]
+
+    @cached_property
+    def lags(self) -> tuple[float, ...]:
+        """Phase lags [rad] of the N meshes with the sun, then with the ring, of a train in the frame of the carrier."""
+        wheels = {"sun": Wheel("sun", 1.0, teeth=self.teeth_s, base_radius=0.4 * self.teeth_s, torque=1.0),
+                  "ring": Wheel("ring", 1.0, teeth=self.teeth_r, base_radius=0.4 * self.teeth_r, internal=True,
+                                torque=self.teeth_r / self.teeth_s)}  # fmt: skip
+        names = [f"p{n + 1}" for n in range(self.planets)]
+        for name in names:
+            wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
+        meshes = [Mesh("sun", name, 1e8, direction=psi) for name, psi in zip(names, self.angles, strict=True)]
+        # the centre of the ring lies on the opposite side of the planet
+        meshes += [Mesh(name, "ring", 1e8, direction=psi + pi) for name, psi in zip(names, self.angles, strict=True)]
+        return kinematics(wheels, (), meshes, backward=self.backward).lags
+
+    # ---- phases
+
+    @property
+    def phasing(self) -> str:
+        """Phasing of the planets at the sun: "in phase", "sequential", "counter-phase" or "uneven".
+
+        The planets mesh simultaneously, z_s mod N = 0; in two alternating groups half a mesh period apart, z_s mod N =
+        N/2; in three or more groups at equal steps; or otherwise. `excitation` returns the resultant of the forces.
+        """
+        turns = np.sort(np.round(np.mod(np.array(self.lags[: self.planets]) / (2 * pi) + 1e-5, 1.0), 4))
+        groups, counts = np.unique(turns, return_counts=True)
+        if len(groups) == 1:
+            return "in phase"
+        equal = np.abs(np.diff(groups) - 1 / len(groups)).max() < 1e-3 and len(set(counts)) == 1
+        if not equal:
+            return "uneven"
+        return "counter-phase" if len(groups) == 2 else "sequential"
+
+    def excitation(self, harmonic: int = 1) -> tuple[str, ...]:
+        """Return the resultants of the sun meshes that a mesh harmonic excites: "torque", "force", both or neither.
+
+        The torque is sum_n exp(-i l lag_n), the force sum_n exp(-i l lag_n +- i psi_n), over the N planets. With equal
+        spacing and k = l z_s mod N, the torque remains for k = 0 and excites rotational modes, the force for k = 1 or N
+        - 1 and excites translational modes; for other k both cancel and planet modes are excited.
+
+        Parameters
+        ----------
+        harmonic : int, default 1
+            Harmonic l of the mesh frequency.
+
+        Returns
+        -------
+        tuple of str
+            Resultants that do not cancel.
+        """
+        counted("PlanetarySet: harmonic", harmonic, 10_000)
+        waves = np.exp(-1j * harmonic * np.array(self.lags[: self.planets]))
+        psi = np.array(self.angles)
+        sums = {"torque": [np.ones(self.planets)], "force": [np.exp(1j * psi), np.exp(-1j * psi)]}
+        limit = RESULTANT_TOLERANCE * self.planets
+        return tuple(name for name, each in sums.items() if max(abs(waves @ one) for one in each) > limit)
+
+    # ---- assembly
+
+    def check(self) -> None:
+        """Raise ValueError if the teeth do not fit, planets touch each other or cannot be assembled."""
+        self._check_teeth()
+        self._check_assembly()
+
+    def _check_teeth(self) -> None:
+        expected = self.teeth_s + 2 * self.teeth_p
+        if abs(self.teeth_r - expected) > max(2.0, 0.05 * expected):
+            raise ValueError(
+                f"PlanetarySet: {self.teeth_p} teeth of a planet do not fit between {self.teeth_s} of the sun and "
+                f"{self.teeth_r} of the ring: z_r = z_s + 2 z_p = {expected}, within two teeth for profile shifts"
+            )
+
+    def _check_assembly(self) -> None:
+        """Raise an error if planets touch each other or their teeth do not match the positions."""
+        psi = np.sort(np.mod(self.angles, 2 * pi))
+        gaps = np.diff(np.append(psi, psi[0] + 2 * pi))
+        size = (self.teeth_p + 2) / (self.teeth_s + self.teeth_p)  # tip diameter over twice the centre distance
+        if self.planets > 1 and np.sin(np.minimum(gaps, pi) / 2).min() <= size:
+            worst = float(np.degrees(gaps.min()))
+            raise ValueError(
+                f"PlanetarySet: planets {worst:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
+                f"{self.teeth_s + self.teeth_p} they need more than {np.degrees(2 * np.arcsin(min(size, 1.0))):.4g}"
+            )
+        tooth_sum = self.teeth_s + self.teeth_r
+        steps = tooth_sum * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
+        wrong = np.abs(steps - np.round(steps))
+        if wrong.max() > 1e-3:
+            n = int(np.argmax(wrong))
+            nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / tooth_sum)
+            raise ValueError(
+                f"PlanetarySet: planet {n + 1} cannot be assembled at {np.degrees(self.angles[n]):.6g} degrees: the "
+                f"angle from the first planet must be a multiple of 360 / (z_s + z_r) = {360 / tooth_sum:.6g}; the "
+                f"nearest position is {nearest:.6g}; equal spacing requires that (z_s + z_r) / N = "
+                f"{tooth_sum}/{self.planets} is whole"
+            )

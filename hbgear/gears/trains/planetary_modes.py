@@ -1,0 +1,111 @@
+"""Natural modes of planetary gear sets, and the terms of the turning frame of the carrier.
+
+    [K + W diag(k) W^T - omega^2 M] q = 0
+
+The modes of a set with equally spaced planets are rotational, translational or planet modes.
+
+References
+----------
+Lin and Parker (1999), Analytical characterization of the unique properties of planetary gear free vibration, J. Vib.
+Acoust. 121(3), 316-321, https://doi.org/10.1115/1.2893982.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.structures.speed_terms import SpeedTerms
+
+SHAPE_TOLERANCE = 1e-6  # components of a mode shape with maximum 1 below this value are rounding errors
+
+ZERO_FREQUENCY = 1e-9  # squares of frequencies below this fraction of the highest one are rounding errors
+
+SAME_FREQUENCY = 1e-6  # difference of equal frequencies over the highest one
+
+
+@dataclass(frozen=True)
+class PlanetMode:
+    """Natural mode of a planetary set with all teeth in contact.
+
+    Attributes
+    ----------
+    frequency : float
+        Natural frequency [Hz].
+    kind : {"rotational", "translational", "planet", "mixed"}
+        Kind of the mode: the central members turn and all planets move alike; the central members move sideways; the
+        central members rest; or another shape, of a set without the symmetry.
+    multiplicity : int
+        Number of modes with this frequency.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> [mode.multiplicity for mode in hb.gears.PlanetarySet().modes() if mode.kind == "planet"]  # N - 3
+    [1, 1, 1]
+    """
+
+    frequency: float
+    kind: str
+    multiplicity: int
+
+
+def natural_modes(M: Array, K: Array) -> tuple[PlanetMode, ...]:
+    """Return the undamped natural modes of matrices in SI units, in ascending order.
+
+    Parameters
+    ----------
+    M, K : ndarray, shape (n, n)
+        Mass matrix and stiffness matrix with all teeth in contact; x, y, u of the central members first.
+    """
+    squares, shapes = scipy.linalg.eigh(K, M)
+    found = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)
+    found[squares < ZERO_FREQUENCY * squares[-1]] = 0.0
+    out: list[PlanetMode] = []
+    at = 0
+    while at < len(found):
+        count = int(np.sum(np.abs(found[at:] - found[at]) <= SAME_FREQUENCY * found[-1]))
+        out.append(PlanetMode(float(found[at]), _kind(shapes[:, at : at + count]), count))
+        at += count
+    return tuple(out)
+
+
+def _kind(shapes: Array) -> str:
+    """Return the kind of the modes (n, count) of one frequency."""
+    unit = shapes / np.abs(shapes).max(axis=0)
+    central, planets = unit[:9].reshape(3, 3, -1), unit[9:].reshape(-1, 3, unit.shape[1])
+    sideways, turning = np.abs(central[:, :2]).max() > SHAPE_TOLERANCE, np.abs(central[:, 2]).max() > SHAPE_TOLERANCE
+    alike = np.abs(planets - planets[:1]).max() < SHAPE_TOLERANCE
+    if turning and not sideways and alike:
+        return "rotational"
+    if sideways and not turning:
+        return "translational"
+    return "mixed" if sideways or turning else "planet"
+
+
+def turning_frame(masses: Array, speed: float) -> SpeedTerms:
+    """Return the Coriolis and centripetal terms of a frame that turns at ``speed`` times Omega.
+
+    Parameters
+    ----------
+    masses : ndarray, shape (n,)
+        Diagonal of M; every third coordinate is a rotation, the two before it are displacements in the plane.
+    speed : float
+        Speed of the frame over Omega.
+    """
+    sideways = np.ones(len(masses), dtype=bool)
+    sideways[2::3] = False
+    G = np.zeros((len(masses), len(masses)))
+    for i in range(0, len(masses), 3):
+        G[i, i + 1], G[i + 1, i] = -2 * masses[i], 2 * masses[i]
+    inward = np.diag(np.where(sideways, masses, 0.0))
+
+    def centripetal(Omega: float) -> Any:
+        return -((speed * Omega) ** 2) * inward
+
+    return SpeedTerms(G, speed, stiffness=centripetal)
