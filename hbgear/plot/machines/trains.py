@@ -112,7 +112,8 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
     per_tooth = 1e3 * machine.r_s / np.cos(np.radians(machine.alpha_s_deg)) / machine.teeth_s  # pitch radius of a tooth
     sun, planet, ring = (per_tooth * z for z in (machine.teeth_s, machine.teeth_p, machine.teeth_r))
     distance = sun + planet
-    cycles = np.round(np.asarray(machine.kinematics.lags).reshape(2, -1) / (2 * np.pi), 6) % 1  # exact
+    lags = np.asarray(machine.kinematics.lags).reshape(2, -1)
+    cycles = np.round(lags / (2 * np.pi), 6) % 1  # without rounding errors
     speeds = {name: float(speed) for name, speed in machine.speeds.items()}
     with styled():
         ax = axes_or_new(ax, (5.4, 4.6))
