@@ -7,13 +7,13 @@ from hbgear.common import lazy_names as _lazy
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.campbell_diagram import Campbell, CriticalSpeed, campbell
     from hbgear.analysis.critical_parameters import CriticalParameter, NoFoldError, critical_parameter
-    from hbgear.analysis.engineering_quantities import MachineQuantities, machine_quantities
     from hbgear.analysis.jump_maps import JumpMap, jump_map
     from hbgear.analysis.loads.planet_loads import LoadSharing, load_sharing
     from hbgear.analysis.loads.tooth_loads import ToothLoads, tooth_loads
-    from hbgear.analysis.mesh_dynamic_factor import dynamic_factor
     from hbgear.analysis.multistart import BranchSearch, trace_all
     from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
+    from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, machine_quantities
+    from hbgear.analysis.quantities.mesh_dynamic_factor import dynamic_factor
     from hbgear.analysis.run_ups import RunUp, run_up
     from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points

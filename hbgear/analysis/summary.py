@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import landings
+from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Ordinate, usual_measure
 from hbgear.common.text.digits import concise, rounded
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
@@ -70,65 +72,92 @@ def text_at(point: Point, name: str) -> str:
     return rounded(value, digits_of(point))
 
 
-def size_text(point: Point, measure: str, element: int | str) -> str:
-    """Return the amplitude of an element with its significant digits, at most five."""
-    return rounded(point.amplitude(measure, element), digits_of(point, 5))
+def size_text(point: Point, height: Ordinate, branch: Branch) -> str:
+    """Return the value of a quantity at a point with its significant digits, at most five."""
+    return rounded(height.at(point, branch), digits_of(point, 5))
 
 
-def special_table(branch: Branch, measure: str, element: int | str) -> tuple[list[str], Rows]:
-    """Return headers and rows of the table of the special points of a branch."""
-    rows = []
-    for point in branch.special:
-        values = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
-        values += speeds_in_text(branch, point)
-        rows.append(
-            [
-                point.label,
-                *values,
-                size_text(point, measure, element),
-                regime_of(point),
-                event_description(branch, point),
-            ]
-        )
-    headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "event"]
-    return headers, rows
+def position_headers(branch: Branch, dimensionless: bool = False) -> list[str]:
+    """Return the headers of the parameter of a branch and of the speeds; Omega is left out if speeds are known."""
+    speeds = list(speeds_of(branch, branch[0]))
+    own = [] if speeds and branch.parameter == "Omega" and not dimensionless else [branch.parameter]
+    own += [name for name in branch.tracked if dimensionless or not speeds or name != "Omega"]
+    return [*own, *(reversed(speeds) if not dimensionless else speeds)]
+
+
+def position_texts(branch: Branch, point: Point, dimensionless: bool = False) -> list[str]:
+    """Return the cells of `position_headers` at a point, with their significant digits."""
+    speeds = dict(zip(speeds_of(branch, point), speeds_in_text(branch, point), strict=True))
+    headers = position_headers(branch, dimensionless)
+    return [speeds[name] if name in speeds else text_at(point, name) for name in headers]
+
+
+def special_table(
+    branch: Branch, measure: str | None = None, element: int | str = 0, dimensionless: bool = False
+) -> tuple[list[str], Rows]:
+    """Return headers and rows of the table of the special points of a branch.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+    measure : str, optional
+        Measure or engineering quantity, see `Ordinate`; default `usual_measure`.
+    element : int or str, optional
+        Element by number or name; default 0.
+    dimensionless : bool, optional
+        Whether Omega and the units of the model are shown although the model has scales; default False.
+
+    Returns
+    -------
+    headers : list of str
+        Headers.
+    rows : list of list of str
+        Cells.
+    """
+    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
+    branch = height.prepared(branch)
+    rows = [
+        [point.label, *position_texts(branch, point, dimensionless), size_text(point, height, branch), regime_of(point),
+         event_description(branch, point)]
+        for point in branch.special
+    ]  # fmt: skip
+    return ["", *position_headers(branch, dimensionless), height.header(branch), "regime", "event"], rows
 
 
 def jump_table(
-    branch: Branch, measure: str, element: int | str, others: Sequence[Branch] = (), names: Sequence[str] = ()
-) -> tuple[list[str], Rows, list[str]]:
+    branch: Branch, measure: str | None = None, element: int | str = 0, others: Sequence[Branch] = (),
+    names: Sequence[str] = (), dimensionless: bool = False,
+) -> tuple[list[str], Rows, list[str]]:  # fmt: skip
     """Return headers and rows of the table of the jumps of a branch, and the notes of the integration.
 
     A jump may also land on one of ``others``, further branches with these ``names``; the table then names the branch.
-    The last column states how the landing was chosen: the nearest known stable motion, or by integration.
+    The last column states how the landing was chosen: the nearest known stable motion, or by integration. The other
+    arguments are those of `special_table`.
     """
+    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
     rows, notes = [], []
-    for landing in landings((branch, *others))[0]:
+    branches = [height.prepared(one) for one in (branch, *others)]
+    branch = branches[0]
+    for landing in landings(branches)[0]:
         jump, where = landing.jump, landing.branch
-        speeds = speeds_in_text(branch, jump.before)
-        before = size_text(jump.before, measure, element)
         if jump.after is None:
             curves = "these curves" if others else "this curve"
             after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
         else:
-            after = size_text(jump.after, measure, element)
+            after = size_text(jump.after, height, branches[where or 0])
             after = f"{names[where - 1]}, {after}" if where else after
         if jump.note:
             notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"
         rows.append(
-            [
-                jump.label,
-                text_at(jump.before, jump.parameter),
-                *speeds,
-                direction,
-                before,
-                after,
-                jump.landing_description,
-            ]
-        )
-    sizes = [f"{measure} before", f"{measure} after"]
-    return ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "landing"], rows, notes
+            [jump.label, *position_texts(branch, jump.before, dimensionless), direction,
+             size_text(jump.before, height, branch), after, jump.landing_description]
+        )  # fmt: skip
+    header = height.header(branch)
+    name, bracket, unit = header.partition(" [")
+    sizes = [f"{name} {when}{bracket}{unit}" for when in ("before", "after")]
+    return ["", *position_headers(branch, dimensionless), "while", *sizes, "landing"], rows, notes
 
 
 def reliability_lines(branch: Branch) -> list[str]:
@@ -182,7 +211,8 @@ def event_description(branch: Branch, point: SpecialPoint) -> str:
     if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
         text += "" if before == after else "; stability is lost" if before else "; stability is regained"
-    where = "" if point.located else f" (only known to lie within {point.interval[0]:.8g} and {point.interval[1]:.8g})"
+    first, last = values_text(branch, list(point.interval))
+    where = "" if point.located else f" (only known to lie within {first} and {last})"
     return f"{text}{f' ({point.note})' if point.note else ''}{where}"
 
 
@@ -208,18 +238,74 @@ def speeds_in_text(branch: Branch, point: Point) -> list[str]:
     ]
 
 
-def summary_facts(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each entry of the summary of a branch; entries without content have an empty text."""
+def title_of(branch: Branch) -> str:
+    """Return the title of the model of a branch in words, or its class with the fields that are no defaults.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+
+    Returns
+    -------
+    str
+        Title.
+    """
+    model = model_of(branch)
+    return (model.title if model is not None else "") or describe_changes(branch)
+
+
+def values_text(branch: Branch, values: Sequence[float], dimensionless: bool = False, digits: int = 6) -> list[str]:
+    """Return values of the parameter of a branch as text: "9000 r/min", or "Omega = 0.8" without physical units."""
+    across = Abscissa([branch], dimensionless)
+    if across.label == SPEED_LABEL:
+        return [f"{across.scale * value:.6g} r/min" for value in values]
+    return [f"{branch.parameter} = {value:.{digits}g}" for value in values]
+
+
+def message_of(branch: Branch, dimensionless: bool = False) -> str:
+    """Return the message of a branch, with speeds instead of values of Omega if the model has scales."""
+
+    def converted(found: re.Match[str]) -> str:
+        (text,) = values_text(branch, [float(found[1])], dimensionless)
+        return text
+
+    return _OMEGA.sub(converted, branch.message) if branch.parameter == "Omega" else branch.message
+
+
+_OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")
+
+
+def summary_facts(branch: Branch, measure: str | None = None, dimensionless: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each entry of the summary of a branch; entries without content have an empty text.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+    measure : str, optional
+        Measure or engineering quantity, see `Ordinate`; default `usual_measure`.
+    dimensionless : bool, optional
+        Whether Omega and the units of the model are shown although the model has scales; default False.
+
+    Yields
+    ------
+    tuple of str
+        Name and text.
+    """
+    measure = measure or usual_measure(branch, dimensionless)
     stable, layout = branch.stable, branch.layout
     balance = branch.meta.get("balance")
     settings = balance if isinstance(balance, dict) else {}
-    yield "model", describe_changes(branch)
+    yield "model", title_of(branch)
     yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
     yield "fixed", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
-    yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
-    yield "status", f"{branch.status}: {branch.message}"
-    asymptotes = [f"{branch.parameter} = {x:.9g} (beyond the {end} point)" for end, x in branch.asymptotes.items()]
-    yield "asymptotes", ", ".join(asymptotes)
+    ends = values_text(branch, [branch.values[0], branch.values[-1]], dimensionless)
+    yield "curve", f"from {ends[0]} to {ends[1]}, {len(branch)} points"
+    yield "status", f"{branch.status}: {message_of(branch, dimensionless)}"
+    found = values_text(branch, list(branch.asymptotes.values()), dimensionless, 9)
+    beyond = [f"{x} (beyond the {end} point)" for x, end in zip(found, branch.asymptotes, strict=True)]
+    yield "asymptotes", ", ".join(beyond)
     if stable is None:
         yield "stability", "not computed"
     else:
@@ -228,9 +314,10 @@ def summary_facts(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
         yield "stability", ", ".join([f"{counts['stable']} points stable", *known])
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
     for j, name in enumerate(layout.elements if layout else ()):
-        size = branch.amplitude(measure, j)
-        at = branch.values[int(np.nanargmax(size))]
-        yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {at:.6g})"
+        height = Ordinate(measure, j, dimensionless=dimensionless)
+        size = height.along(height.prepared(branch))
+        (at,) = values_text(branch, [branch.values[int(np.nanargmax(size))]], dimensionless)
+        yield f"{height.header(branch)} of {name}", f"{np.nanmin(size):.5g} to {np.nanmax(size):.5g} (at {at})"
     yield "largest residual", f"{np.nanmax(branch.residual):.1e} relative to the forces"
     if not np.isnan(branch.error).all():
         yield "truncation error", f"at most {np.nanmax(branch.error):.1e} rms, estimated from the truncated harmonics"

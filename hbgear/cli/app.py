@@ -22,7 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 import hbgear as hb
-from hbgear.analysis.summary import summary_facts, text_at
+from hbgear.analysis.summary import message_of, summary_facts, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
 from hbgear.cli.commands import design as cli_design
@@ -38,20 +38,22 @@ from hbgear.cli.support import (
     STOPPED_EARLY,
     At,
     Changes,
+    Dimensionless,
     Element,
     File,
     First,
     Harmonics,
     Landing,
     Last,
-    Measure,
     Model,
     OtherCurves,
     Output,
     OwnModel,
+    ShownMeasure,
     Within,
     bar,
     check_landing,
+    check_shown,
     chosen_model,
     defaults_text,
     discard_unwritable,
@@ -306,8 +308,9 @@ def trace(
         bool,
         typer.Option("--instants", help="Solve in contact instants instead of harmonics: hard stops, no truncation."),
     ] = False,
-    measure: Measure = "pp2",
+    measure: ShownMeasure = None,
     element: Element = "0",
+    dimensionless: Dimensionless = False,
     output: Output = None,
     plot: Plot = None,
     stability: Annotated[
@@ -359,7 +362,7 @@ def trace(
         held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
     problem.check_parameter(parameter)
     which = element_of(element)
-    problem.layout.check_measure(measure, which)  # before the computation
+    check_shown(problem, measure, which)
 
     started = time.perf_counter()
     try:
@@ -381,9 +384,9 @@ def trace(
     branch, done = with_landings(landing, branch)
     with outputs() as out:
         out.branch(output, branch)
-        out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
-        print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-        show_all_branches(branch, measure, which)
+        out.figure(plot, lambda drawing: drawing.response(branch, measure, which, dimensionless=dimensionless))
+        print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {message_of(branch, dimensionless)}")
+        show_all_branches(branch, measure, which, dimensionless=dimensionless)
     raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
 
 
@@ -392,11 +395,12 @@ def extend(
     file: File,
     model: OwnModel = None,
     first: Annotated[
-        float | None,
-        typer.Option("--from", help="Omega at which a longer span begins.", show_default="from the curve"),
+        str | None,
+        typer.Option("--from", help="Omega or speed at which a longer span begins.", show_default="from the curve"),
     ] = None,
     last: Annotated[
-        float | None, typer.Option("--to", help="Omega at which a longer span ends.", show_default="from the curve")
+        str | None,
+        typer.Option("--to", help="Omega or speed at which a longer span ends.", show_default="from the curve"),
     ] = None,
     within: Annotated[
         str | None,
@@ -413,8 +417,9 @@ def extend(
     samples: Annotated[
         int | None, typer.Option(min=1, help="Samples N per period.", show_default="from the curve")
     ] = None,
-    measure: Measure = "pp2",
+    measure: ShownMeasure = None,
     element: Element = "0",
+    dimensionless: Dimensionless = False,
     output: Output = None,
     plot: Plot = None,
     max_points: Annotated[
@@ -428,7 +433,7 @@ def extend(
     """
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
-    branch, which = loaded(file, measure, element)
+    branch, which, measure = loaded(file, measure, element, dimensionless)
     branch = dataclasses.replace(branch, problem=problem_in(branch, model))
     problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
@@ -437,19 +442,21 @@ def extend(
         whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
     with outputs() as out:
         out.branch(output, whole)
-        out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
-        print_text(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
-        show_all_branches(whole, measure, which)
+        out.figure(plot, lambda drawing: drawing.response(whole, measure, which, dimensionless=dimensionless))
+        print_text(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {message_of(whole, dimensionless)}")
+        show_all_branches(whole, measure, which, dimensionless=dimensionless)
     raise typer.Exit(exit_code(whole))
 
 
 @app.command()
-def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
+def info(
+    file: File, measure: ShownMeasure = None, element: Element = "0", dimensionless: Dimensionless = False
+) -> None:
     """Summarise a saved curve: model, status, special points, jumps and accuracy."""
-    branch, which = loaded(file, measure, element)
-    rows = [[name, text] for name, text in summary_facts(branch, measure) if text]
+    branch, which, measure = loaded(file, measure, element, dimensionless)
+    rows = [[name, text] for name, text in summary_facts(branch, measure, dimensionless) if text]
     print_table(["", str(file)], rows)
-    show_all_branches(branch, measure, which)
+    show_all_branches(branch, measure, which, dimensionless=dimensionless)
 
 
 @app.command()
@@ -458,8 +465,9 @@ def jumps(
     model: OwnModel = None,
     landing: Landing = "nearest",
     other_branches: OtherCurves = None,
-    measure: Measure = "pp2",
+    measure: ShownMeasure = None,
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """List the jumps of a slow sweep, with the amplitudes before and after, and how the landing was determined.
 
@@ -467,15 +475,15 @@ def jumps(
     time reaches, with any period. Exit codes: 0 done, 2 bad input, 3 interrupted.
     """
     check_landing(landing)
-    branch, which = loaded(file, measure, element)
+    branch, which, measure = loaded(file, measure, element, dimensionless)
     others = [hb.load(path) for path in other_branches or ()]
     problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
     branch, done = with_landings(landing, branch, problem, others)
     if others:
         names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in other_branches or ()]
-        show_jumps(branch, measure, which, [*branch.others, *others], names)
+        show_jumps(branch, measure, which, [*branch.others, *others], names, dimensionless)
     else:
-        show_all_branches(branch, measure, which, show_jumps)
+        show_all_branches(branch, measure, which, show_jumps, dimensionless)
     raise typer.Exit(0 if done else STOPPED_EARLY)
 
 
@@ -485,8 +493,9 @@ def plot_command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help=".png, .pdf or .svg.", show_default="FILE.png")
     ] = None,
-    measure: Measure = "pp2",
+    measure: ShownMeasure = None,
     element: Element = "0",
+    dimensionless: Dimensionless = False,
     point: Annotated[
         str | None,
         typer.Option(
@@ -496,13 +505,13 @@ def plot_command(
     ] = None,
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
-    branch, which = loaded(file, measure, element)
+    branch, which, measure = loaded(file, measure, element, dimensionless)
     chosen = None if point is None else point_of(branch, point)
     path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     check_writable(path, FIGURES)
     with outputs() as out:
         if chosen is None:
-            out.figure(path, lambda drawing: drawing.response(branch, measure, which))
+            out.figure(path, lambda drawing: drawing.response(branch, measure, which, dimensionless=dimensionless))
         else:
             out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
             print_text(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

@@ -11,6 +11,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli.commands.files import check_writable, outputs
+from hbgear.cli.quantities import Omega_of
 from hbgear.cli.support import (
     STOPPED_EARLY,
     AllowCode,
@@ -118,7 +119,9 @@ def explore(
     check_installed()
     needed("flask", "explore", "the explorer")
     subject, span, H, saved = explored(what, changes, model, allow_code)
-    span = (span[0] if first is None else first, span[1] if last is None else last)
+    model_shown = subject.model({})
+    span = (span[0] if first is None else Omega_of(model_shown, "--from", first),
+            span[1] if last is None else Omega_of(model_shown, "--to", last))  # fmt: skip
     server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
     if browser and not webbrowser.open(server.address):

@@ -10,7 +10,7 @@ import shutil
 import sys
 import textwrap
 import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,14 +18,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import hbgear as hb
-from hbgear.analysis.summary import jump_table, reliability_lines, special_table, text_of
+from hbgear.analysis.quantities.axis_quantities import QUANTITIES, Ordinate, usual_measure
+from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, text_of
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.first import compile_in_parallel
+from hbgear.cli.quantities import (
+    Omega_of,
+    changes_of,
+    check_parameter,
+    named,
+    number_of,
+    parameter_value,
+    value_in_model,
+)
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic.models import model_registry
+from hbgear.harmonic.models.frequency_units import model_of
 from hbgear.mechanics.fields import check_names, defaults_of, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:
@@ -98,6 +109,24 @@ Measure = Annotated[
 ]
 
 
+ShownMeasure = Annotated[
+    str | None,
+    typer.Option(
+        "--measure",
+        help="Amplitude pp2 (half peak-to-peak), rms, max, mean, H1, ...; or dte (dynamic transmission error), "
+        "'dynamic factor', force.",
+        autocompletion=cli_complete.amplitudes,
+        show_default="dte if the model has scales, else pp2",
+    ),
+]
+
+
+Dimensionless = Annotated[
+    bool,
+    typer.Option("--dimensionless", help="Show Omega and amplitudes in the unit of the model, not r/min, um and N."),
+]
+
+
 Element = Annotated[str, typer.Option(help="Element, by number from 0 or by name.")]
 
 
@@ -115,10 +144,16 @@ Changes = Annotated[
 ]
 
 
-First = Annotated[float | None, typer.Option("--from", help="Omega at the start.", show_default="from the model")]
+First = Annotated[
+    str | None,
+    typer.Option("--from", help="Start: Omega, or a speed such as 9000r/min or 2500Hz.", show_default="from the model"),
+]
 
 
-Last = Annotated[float | None, typer.Option("--to", help="Omega at the end.", show_default="from the model")]
+Last = Annotated[
+    str | None,
+    typer.Option("--to", help="End: Omega, or a speed such as 9000r/min or 2500Hz.", show_default="from the model"),
+]
 
 
 Within = Annotated[
@@ -180,35 +215,43 @@ def fields_of(cls: type[hb.mechanics.Model], changes: list[str]) -> dict[str, An
             values[name] = number_of(f"--set {name}", text)
             continue
         check_names(cls, [name])
-        values[name] = value_of(f"--set {name}", text, kinds_of(cls)[name])
+        kind = kinds_of(cls)[name]
+        if kind is float and isinstance(cls.labels, Mapping):
+            values[name] = parameter_value(cls.labels, "--set", name, text)
+        else:
+            values[name] = value_of(f"--set {name}", text, kind)
     return values
 
 
-def range_of(text: str, first: float | None = None, last: float | None = None) -> tuple[str, tuple[float, float]]:
-    """Return the name and the range of --in."""
+def range_of(
+    text: str, model: hb.mechanics.Model | None = None, first: str | None = None, last: str | None = None
+) -> tuple[str, tuple[float, float]]:
+    """Return the name and the range of --in, with units if the model is known."""
     name, equals, ends = (part.strip() for part in text.partition("="))
     low, colon, high = (part.strip() for part in ends.partition(":"))
     if not (name and equals and low and colon and high):
-        example = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
+        example = "0.02:0.08" if first is None or last is None else f"{first}:{last}"
         raise ValueError(
             f"--in {text}: need its range too, such as --in {name or 'zeta'}={example} (--from and --to are in Omega)"
         )
-    return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
+    labels = {} if model is None else model.labels
+    ends_of = [parameter_value(labels, "--in", name, text) for text in (low, high)]
+    return name, (ends_of[0], ends_of[1])
 
 
 def path_of(
-    model: hb.mechanics.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
+    model: hb.mechanics.Model, within: str | None, first: str | None, last: str | None, at: list[str] | None,
     known: bool = False,
 ) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
     """Return the continuation parameter, its span and the fixed parameters.
 
     The parameter is Omega, or that of --in; then Omega must be fixed by --at or ``known`` from a starting point.
     """
-    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
+    held = {named(name): value_in_model(model, "--at", name, text) for name, text in assignments("--at", at or [])}
     if within is None:
         parameter, span = "Omega", span_of(model, first, last)
     else:
-        parameter, span = range_of(within, first, last)
+        parameter, span = range_of(within, model, first, last)
         if first is not None or last is not None:
             raise ValueError(
                 f"--in {within}: {parameter} is the continuation parameter; omit --from and --to, which are in Omega"
@@ -243,22 +286,25 @@ def value_of(what: str, text: str, kind: Any) -> Any:
     return text
 
 
-def number_of(what: str, text: str) -> float:
-    """Convert a text to a finite number; ``what`` names it in errors."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{what}={text}: need a finite number")
-    return value
+def loaded(
+    file: Path, measure: str | None, element: str, dimensionless: bool = False
+) -> tuple[hb.Branch, int | str, str]:
+    """Load a branch and return it with its element and its measure, by default `usual_measure`.
 
-
-def loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str]:
-    """Load a branch and resolve its element; an unknown measure or element is refused before anything is printed."""
+    An unknown measure or element is refused before anything is printed.
+    """
     branch, which = hb.load(file), element_of(element)
-    branch[0].amplitude(measure, which)
-    return branch, which
+    chosen = measure or usual_measure(branch, dimensionless)
+    height = Ordinate(chosen, which, dimensionless=dimensionless)
+    height.at(height.prepared(branch)[0], branch)
+    return branch, which, chosen
+
+
+def check_shown(problem: hb.HarmonicBalance, measure: str | None, element: int | str) -> None:
+    """Refuse an unknown element or --measure before any computation."""
+    problem.layout.index(element)
+    if measure is not None and measure not in QUANTITIES:
+        problem.layout.check_measure(measure, element)
 
 
 def check_landing(landing: str) -> None:
@@ -289,22 +335,31 @@ def element_of(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def span_of(model: hb.mechanics.Model, first: float | None, last: float | None) -> tuple[float, float]:
+def span_of(model: hb.mechanics.Model, first: str | None, last: str | None) -> tuple[float, float]:
     """Return the span of Omega; an end that is not given is taken from the model."""
     a, b = model.default_span
-    return a if first is None else first, b if last is None else last
+    return (a if first is None else Omega_of(model, "--from", first),
+            b if last is None else Omega_of(model, "--to", last))  # fmt: skip
 
 
-def longer_span(branch: hb.Branch, within: str | None, first: float | None, last: float | None) -> tuple[float, float]:
+def longer_span(branch: hb.Branch, within: str | None, first: str | None, last: str | None) -> tuple[float, float]:
     """Return the span of a curve, in its own parameter, with the given ends replaced."""
     a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    model = model_of(branch)
     if within is not None:
-        name, (first, last) = range_of(within)
+        name, (low, high) = range_of(within, model)
         if name != branch.parameter:
             raise ValueError(f"--in {within}: this curve is in {branch.parameter}; give a longer span of it")
-    elif branch.parameter != "Omega" and (first is not None or last is not None):
+        return low, high
+    if branch.parameter != "Omega" and (first is not None or last is not None):
         raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
-    return float(a if first is None else first), float(b if last is None else last)
+    ends = [float(end) if text is None else _frequency(model, option, text)
+            for end, text, option in ((a, first, "--from"), (b, last, "--to"))]  # fmt: skip
+    return ends[0], ends[1]
+
+
+def _frequency(model: hb.mechanics.Model | None, option: str, text: str) -> float:
+    return number_of(option, text) if model is None else Omega_of(model, option, text)
 
 
 def metadata_with(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
@@ -326,13 +381,29 @@ def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.mechanics.Model:
     """Return the model of a saved curve at one of its points with the values of --set; its class must be ``name``."""
-    own = type(chosen_model(name, None)) if name.endswith(".toml") else model_registry.model_class(name)
-    about, cls = branch.meta.get("model", {}), own
+    cls = type(chosen_model(name, None)) if name.endswith(".toml") else model_registry.model_class(name)
+    about = branch.meta.get("model", {})
     if model_registry.is_description(about) and about["class"] != cls.__name__:
         raise ValueError(f"the curve of --start is of {about['class']}; '{name}' is {cls.__name__}")
     model = model_registry.rebuild_model(about, cls)
-    changed = fields_of(cls, changes or [])
-    return model.at(point.parameters).replace(**changed)
+    return changed(model.at(point.parameters), changes)
+
+
+def changed(model: hb.mechanics.Model, changes: list[str] | None) -> hb.mechanics.Model:
+    """Return a model with the values of --set: parameters with units, or fields."""
+    pairs = assignments("--set", changes or [])
+    values = changes_of(model, pairs)
+    if values is None and isinstance(type(model).parameters, property) and not _has_own_names(model):
+        values = fields_of(type(model), changes or [])
+    if values is None:
+        for name, _ in pairs:
+            check_parameter(model, name)
+    return model.replace(**(values or {}))
+
+
+def _has_own_names(model: hb.mechanics.Model) -> bool:
+    """Return whether parameters of a model are no fields of its class."""
+    return any(name not in kinds_of(type(model)) for name in model.parameters)
 
 
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
@@ -353,8 +424,7 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
 def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
     """Return the model of MODEL, by name or from a file, with the values of --set."""
     if name.endswith(".toml"):
-        model = _model_in(name)
-        return model.replace(**fields_of(type(model), changes or []))
+        return changed(_model_in(name), changes)
     cls = model_registry.model_class(name)
     fields = fields_of(cls, changes or [])
     missing = [field for field in required_of(cls) if field not in fields]
@@ -501,42 +571,44 @@ def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Tabl
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left", title_style="bold")
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", title_style="bold")
     for i, header in enumerate(headers):
-        table.add_column(header, overflow="fold", no_wrap=i < len(headers) - 1)
+        table.add_column(Text(header), overflow="fold", no_wrap=i < len(headers) - 1)
     for row in rows:
         table.add_row(*map(Text, row))
     return table
 
 
 def show_all_branches(
-    branch: hb.Branch, measure: str, element: int | str, show: Callable[..., None] | None = None
-) -> None:
+    branch: hb.Branch, measure: str | None, element: int | str, show: Callable[..., None] | None = None,
+    dimensionless: bool = False,
+) -> None:  # fmt: skip
     """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
     curves = (branch, *branch.others)
     for number, curve in enumerate(curves, 1):
         if number > 1:
-            print_text(f"\nbranch {number}: {len(curve)} points; {curve.message}")
+            print_text(f"\nbranch {number}: {len(curve)} points; {message_of(curve, dimensionless)}")
         others = [i for i in range(len(curves)) if i != number - 1]
         other_branches, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
-        (show or show_branch)(curve, measure, element, other_branches, names)
+        (show or show_branch)(curve, measure, element, other_branches, names, dimensionless)
 
 
 def show_branch(
     branch: hb.Branch,
-    measure: str,
+    measure: str | None,
     element: int | str,
     other_branches: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
+    dimensionless: bool = False,
 ) -> None:
     """Print the tables of special points and jumps (see `show_jumps`), and the reliability of the curve."""
     if not branch.special:
         print_text("no special points")
         show_reliability(branch)
         return
-    headers, rows = special_table(branch, measure, element)
+    headers, rows = special_table(branch, measure, element, dimensionless)
     print_table(headers, rows, "special points")
-    show_jumps(branch, measure, element, other_branches, names)
+    show_jumps(branch, measure, element, other_branches, names, dimensionless)
     show_reliability(branch)
 
 
@@ -551,16 +623,17 @@ def show_reliability(branch: hb.Branch) -> None:
 
 def show_jumps(
     branch: hb.Branch,
-    measure: str,
+    measure: str | None,
     element: int | str,
     other_branches: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
+    dimensionless: bool = False,
 ) -> None:
     """Print the jumps of a branch as a table, or that it has none; see `jump_table`."""
     if not branch.jumps():
         print_text("no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability")
         return
-    headers, rows, notes = jump_table(branch, measure, element, other_branches, names)
+    headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
     print_table(headers, rows, "jumps of a slow sweep")
     for note in notes:
         print_text(note)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
     from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_mesh
     from hbgear.gears.pairs.double_helical import DoubleHelicalPair
+    from hbgear.gears.pairs.drawn_pair import DrawnPair
     from hbgear.gears.pairs.helical import HelicalPair
     from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
     from hbgear.gears.pairs.spur import SpurPair
@@ -28,6 +29,7 @@ __all__ = [
     "Beam",
     "Bearing",
     "DoubleHelicalPair",
+    "DrawnPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",

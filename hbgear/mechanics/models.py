@@ -113,6 +113,11 @@ class Model(ABC):
         return None
 
     @property
+    def title(self) -> str:
+        """Machine in words, such as "Gear pair 25/40, m = 3 mm, 200 N m"; empty if it has no drawing."""
+        return ""
+
+    @property
     def reactions(self) -> Mapping[str, Reaction]:
         """Forces in linear supports that are reported along a branch, by name. Default: none."""
         return {}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.equations.layout import layout_of
@@ -35,7 +38,7 @@ def sections(branch: Branch, element: int | str) -> list[tuple[State, int, int]]
     return runs
 
 
-HEADROOM = 4.0
+HEADROOM = 2.0
 """Ratio of the upper limit of the axes to the largest bounded amplitude, for a curve that goes to infinity."""
 
 
@@ -45,3 +48,60 @@ def bounded(branch: Branch, amplitude: Array) -> float:
     first = min(marks, default=len(branch) - 1) if "first" in branch.asymptotes else 0
     last = max(marks, default=0) if "last" in branch.asymptotes else len(branch) - 1
     return float(amplitude[min(first, last) : max(first, last) + 1].max())
+
+
+class SmoothCurve:
+    """A line through the points of a curve without visible corners: Akima interpolation along the polygon.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (P,)
+        Coordinates of the points. A curve with unknown values is drawn as the polygon of the others.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = np.linspace(0, np.pi, 9)
+    >>> x, y = SmoothCurve(np.cos(angle), np.sin(angle)).between(0, 8)
+    >>> bool(np.abs(np.hypot(x, y) - 1).max() < 0.005), len(x)
+    (True, 65)
+    """
+
+    def __init__(self, x: Array, y: Array) -> None:
+        self.x, self.y = x, y
+        xy = np.stack([x, y])
+        if not np.isfinite(xy).all():
+            self.along = np.zeros(0)
+            return
+        ranges = np.ptp(xy, axis=1, keepdims=True)
+        steps = np.hypot(*np.diff(xy / np.where(ranges > 0, ranges, 1.0), axis=1))
+        self.along = np.concatenate([[0.0], np.cumsum(steps)])
+        self.xy, self.distinct = xy, np.concatenate([[True], steps > _COINCIDENCE])
+
+    def between(self, first: int, last: int) -> tuple[Array, Array]:
+        """Return the coordinates of the line from one point to another."""
+        points = slice(first, last + 1)
+        if last - first < 2 or not len(self.along) or self.distinct.sum() < 5:
+            return self.x[points], self.y[points]
+        from scipy.interpolate import Akima1DInterpolator
+
+        line = Akima1DInterpolator(self.along[self.distinct], self.xy[:, self.distinct], axis=1)
+        knots = self.along[points]
+        parts = np.ceil(np.diff(knots) / _LONGEST_CHORD).clip(1, _MOST_CHORDS).astype(int)
+        at = np.append(np.repeat(knots[:-1], parts) + _inside(np.diff(knots), parts), knots[-1])
+        x, y = line(at.clip(self.along[0], self.along[self.distinct][-1]))
+        corners = np.concatenate([[0], np.cumsum(parts)])
+        x[corners], y[corners] = self.x[points], self.y[points]
+        return x, y
+
+
+def _inside(lengths: Array, parts: NDArray[np.int64]) -> Array:
+    """Return the distances from the start of each segment that divide it into equal parts."""
+    return np.concatenate([length * np.arange(n) / n for length, n in zip(lengths, parts, strict=True)])
+
+
+_LONGEST_CHORD, _MOST_CHORDS = 0.004, 8
+"""Length of the chords of a drawn line, relative to the range of its values, and the most chords of a segment."""
+
+_COINCIDENCE = 1e-9
+"""Distance, relative to the range of the values, below which two points are one."""

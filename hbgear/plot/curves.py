@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.engineering_quantities import machine_quantities, problem_along
 from hbgear.analysis.jump_landings import landings
+from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, usual_measure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import Jump, Point
+from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.equations.layout import MEASURES, axis_text, is_measure, layout_of
 from hbgear.harmonic.models.frequency_units import common_scales, model_of, same_scales, scales
-from hbgear.plot.branch_sections import HEADROOM, bounded, sections
+from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -29,7 +27,6 @@ from hbgear.plot.style import (
     add_legend,
     axes_or_new,
     dress,
-    gap_label,
     heighten,
     in_words,
     legend_entry,
@@ -46,7 +43,7 @@ if TYPE_CHECKING:
 @checked_arguments()
 def response(
     branch: Branch,
-    measure: str = "pp2",
+    measure: str | None = None,
     element: int | str = 0,
     ax: Axes | None = None,
     *,
@@ -57,6 +54,7 @@ def response(
     legend: bool = True,
     speeds: bool | None = None,
     dof: int | str | None = None,
+    dimensionless: bool = False,
 ) -> Axes:
     """Draw a response curve: an amplitude or an engineering quantity of an element against the branch parameter.
 
@@ -69,8 +67,9 @@ def response(
     branch : Branch
         Branch to draw.
     measure : str, optional
-        Measure of amplitude, see `Branch.amplitude`, or the name of an engineering quantity, such as
-        "dynamic factor", see `hbgear.analysis.machine_quantities`; default "pp2".
+        Measure of amplitude, see `Branch.amplitude`, or the name of an engineering quantity: "dte", "dynamic factor",
+        "force", "acceleration" or another one of `hbgear.analysis.machine_quantities`. Default: "dte", the dynamic
+        transmission error, if the model has scales, else "pp2".
     element : int or str, optional
         Element by number or name; default 0.
     ax : Axes, optional
@@ -86,10 +85,13 @@ def response(
     legend : bool, optional
         Whether to add a legend; default True.
     speeds : bool, optional
-        Whether to add axes of the mesh frequency [Hz] and the pinion speed [r/min] if the model has scales. By
-        default only new axes have them.
+        Whether to add axes of the mesh frequency [Hz] above, with `dimensionless` also of the pinion speed [r/min],
+        if the model has scales. By default only new axes have them.
     dof : int or str, optional
         Coordinate of the model, for quantities such as "acceleration, level".
+    dimensionless : bool, optional
+        Whether the axes are Omega and the amplitude in the unit of the model. By default they are the speed of the
+        pinion [r/min] and the amplitude [um] if the model has scales.
 
     Returns
     -------
@@ -116,23 +118,25 @@ def response(
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
-        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof)
-    branch, height = _with_problem(branch, measure), _Ordinate(measure, element, dof)
+        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof,
+                         dimensionless=dimensionless)  # fmt: skip
+    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
+    branch, across = height.prepared(branch), Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
-    own = ax is None
+    own, fresh = ax is None, ax is None or not ax.has_data()
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _curve(ax, branch, amplitude, element, "black" if label and not color else color, label)
+        _curve(ax, branch, across.along(branch), amplitude, element, "black" if label and not color else color, label)
         if jumps:
             for jump in branch.jumps():
-                _arrow(ax, branch, jump, height)
+                _arrow(ax, branch, jump, across, height)
         if special:
-            _marks(ax, branch, height)
-        _mark_infinity(ax, [branch], [color or "black"], height, own)
-        name_axes(ax, branch, measure, element, dof)
-        if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
+            _marks(ax, branch, across, height)
+        _mark_infinity(ax, [branch], [color or "black"], across, height, fresh)
+        _name(ax, branch, across, height)
+        if (own if speeds is None else speeds) and scaled_axes(ax, across.above) and own:
             heighten(ax)
-        frame = _enlarge(ax, branch, amplitude, element, color) if own else None
+        frame = _enlarge(ax, branch, across, amplitude, element, color) if own else None
         if legend:
             add_legend(ax)
         if legend and frame is not None:
@@ -143,7 +147,7 @@ def response(
 @checked_arguments()
 def responses(
     branches: Sequence[Branch],
-    measure: str = "pp2",
+    measure: str | None = None,
     element: int | str = 0,
     ax: Axes | None = None,
     *,
@@ -151,6 +155,7 @@ def responses(
     legend: bool = True,
     speeds: bool | None = None,
     dof: int | str | None = None,
+    dimensionless: bool = False,
 ) -> Axes:
     """Draw several branches on the same axes; the colour is the branch, the line width the impact regime.
 
@@ -163,7 +168,7 @@ def responses(
     branches : sequence of Branch
         Branches to draw.
     measure : str, optional
-        Measure of amplitude or name of an engineering quantity, see `response`; default "pp2".
+        Measure of amplitude or name of an engineering quantity, see `response`, also for the default.
     element : int or str, optional
         Element by number or name; default 0.
     ax : Axes, optional
@@ -173,10 +178,13 @@ def responses(
     legend : bool, optional
         Whether to add a legend; default True.
     speeds : bool, optional
-        Whether to add axes of the mesh frequency [Hz] and the pinion speed [r/min] if the model has scales. By
-        default only new axes have them.
+        Whether to add axes of the mesh frequency [Hz] above, with `dimensionless` also of the pinion speed [r/min],
+        if the model has scales. By default only new axes have them.
     dof : int or str, optional
         Coordinate of the model, for quantities such as "acceleration, level".
+    dimensionless : bool, optional
+        Whether the axes are Omega and the amplitude in the unit of the model. By default they are the speed of the
+        pinion [r/min] and the amplitude [um] if the model has scales.
 
     Returns
     -------
@@ -200,24 +208,26 @@ def responses(
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
     if len(branches) == 1:
-        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof)
-    own, height = ax is None, _Ordinate(measure, element, dof)
-    branches = [_with_problem(branch, measure) for branch in branches]
+        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
+                        dimensionless=dimensionless)  # fmt: skip
+    own, fresh, across = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
+    height = Ordinate(measure or usual_measure(branches[0], dimensionless), element, dof, dimensionless)
+    branches = [height.prepared(branch) for branch in branches]
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
             colour = BRANCHES[i % len(BRANCHES)]
-            _curve(ax, branch, height.along(branch), element, colour, name, WIDTHS)
+            _curve(ax, branch, across.along(branch), height.along(branch), element, colour, name, WIDTHS)
         for branch, found in zip(branches, landings(branches), strict=True):
             for landing in found:
-                _arrow(ax, branch, landing.jump, height)
+                _arrow(ax, branch, landing.jump, across, height)
         for branch in branches:
-            _marks(ax, branch, height, numbered=True)
+            _marks(ax, branch, across, height, numbered=True)
         colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
-        _mark_infinity(ax, branches, colours, height, own)
-        name_axes(ax, branches[0], measure, element, dof)
-        if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
+        _mark_infinity(ax, branches, colours, across, height, fresh)
+        _name(ax, branches[0], across, height)
+        if (own if speeds is None else speeds) and scaled_axes(ax, across.above) and own:
             heighten(ax)
         if legend:
             add_legend(ax, outside=own)
@@ -246,7 +256,7 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     >>> import hbgear as hb
     >>> pair = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4)
     >>> curve = hb.trace(pair, "Omega", (1.6, 1.5))
-    >>> axes = hb.plot.response(curve, speeds=False)
+    >>> axes = hb.plot.response(curve, speeds=False, dimensionless=True)
     >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
     ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
@@ -324,6 +334,7 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
 def _curve(
     ax: Axes,
     branch: Branch,
+    x: Array,
     amplitude: Array,
     element: int | str,
     color: str | None,
@@ -331,35 +342,38 @@ def _curve(
     widths: dict[str, float] | None = None,
 ) -> None:
     """Draw the sections of a branch; ``widths`` are line widths of the regimes [pt]."""
+    drawn = SmoothCurve(x, amplitude)
     for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
             width = widths[regime] * width / LINES[True][1]
-        points = slice(first, last + 1)
         ax.plot(
-            branch.values[points], amplitude[points], linestyle=style, linewidth=width, color=color or COLOURS[regime],
+            *drawn.between(first, last), linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
 
 
-def _mark_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], height: _Ordinate, own: bool) -> None:
-    """Draw arrows where curves go to infinity, and asymptotes; new axes end above the bounded part by `HEADROOM`."""
+def _mark_infinity(
+    ax: Axes, branches: Sequence[Branch], colours: Sequence[str], across: Abscissa, height: Ordinate, fresh: bool
+) -> None:
+    """Draw arrows where curves go to infinity, and asymptotes; empty axes end above the bounded part by `HEADROOM`."""
     if not any(branch.asymptotes for branch in branches):
         return
     amplitudes = [height.along(branch) for branch in branches]
     top = HEADROOM * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
-    if own and 0 < top < max(float(each.max()) for each in amplitudes):
+    if fresh and 0 < top < max(float(each.max()) for each in amplitudes):
         low = min(float(each.min()) for each in amplitudes)
         ax.set_ylim(low - 0.05 * (top - low), top)
     else:
         top = np.inf
     for value in {round(value, 9): value for branch in branches for value in branch.asymptotes.values()}.values():
-        ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote", gid="asymptote")
+        ax.axvline(across.scale * value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote",
+                   gid="asymptote")  # fmt: skip
     for branch, each, colour in zip(branches, amplitudes, colours, strict=True):
         for end in branch.asymptotes:
             way = slice(None, None, -1) if end == "first" else slice(None)
-            _arrow_out(ax, branch.values[way], each[way], colour, top)
+            _arrow_out(ax, across.along(branch)[way], each[way], colour, top)
 
 
 def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
@@ -377,7 +391,10 @@ _ARROW_TIP_FRACTION = 0.995
 """Fraction of the height of the axes at which an arrow ends, so that its tip is inside."""
 
 
-def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: int | str | None = None) -> None:
+def name_axes(
+    ax: Axes, branch: Branch, measure: str, element: int | str, dof: int | str | None = None,
+    dimensionless: bool = True,
+) -> None:  # fmt: skip
     """Set the axis labels: the parameter of a branch, and a measure or an engineering quantity with its unit.
 
     Parameters
@@ -392,6 +409,8 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
         Element by number or name.
     dof : int or str, optional
         Coordinate of the model, for quantities such as "acceleration, level".
+    dimensionless : bool, optional
+        Whether the axes are Omega and the amplitude in the unit of the model; default True.
 
     Examples
     --------
@@ -402,83 +421,36 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
     >>> axes.get_ylabel()
     'alternating rms of $x$ [-]'
     """
-    layout = layout_of(branch)
-    names = layout.labels if layout else {}
-    ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    if not is_measure(measure):
-        title = machine_quantities(_with_problem(branch, measure)[0], element, dof).title(measure)
-        ax.set_ylabel(title + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
-    else:
-        ax.set_ylabel(axis_text(measure, gap_label(layout, element)))
+    _name(ax, branch, Abscissa([branch], dimensionless), Ordinate(measure, element, dof, dimensionless))
+
+
+def _name(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate) -> None:
+    """Set the axis labels."""
+    ax.set_xlabel(across.label)
+    ax.set_ylabel(height.label(branch))
     dress(ax)
 
 
-def _with_problem(branch: Branch, measure: str) -> Branch:
-    """Return the branch, with its problem if the measure is computed from it."""
-    if branch.problem is not None or is_measure(measure):
-        return branch
-    try:
-        return replace(branch, problem=problem_along(branch))
-    except ValueError as error:
-        names = ", ".join(MEASURES)
-        raise ValueError(f"no measure {quoted(measure)}; there are {names}, H1, H2, ...; {error}") from None
-
-
-def _quantity(found: Branch | Point, name: str, element: int | str, dof: int | str | None) -> Array:
-    """Return an engineering quantity of the points of a branch, or of one point."""
-    quantities = machine_quantities(found, element, dof)
-    try:
-        return quantities[name]
-    except KeyError as error:
-        raise KeyError(f"{error.args[0]}; measures are {', '.join(MEASURES)}, H1, H2, ...") from None
-
-
-class _Ordinate:
-    """Quantity on the vertical axis: a measure of amplitude of an element, or an engineering quantity."""
-
-    def __init__(self, measure: str, element: int | str, dof: int | str | None) -> None:
-        self.measure, self.element, self.dof = measure, element, dof
-        self._along: dict[int, Array] = {}
-
-    def along(self, branch: Branch) -> Array:
-        """Return the values at the points of a branch (computed once)."""
-        if id(branch) not in self._along:
-            if not is_measure(self.measure):
-                column = _quantity(branch, self.measure, self.element, self.dof)
-                if not np.isfinite(column).any():
-                    raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
-                                     "quantity, such as 'force, largest'")  # fmt: skip
-                self._along[id(branch)] = column
-            else:
-                self._along[id(branch)] = branch.amplitude(self.measure, self.element)
-        return self._along[id(branch)]
-
-    def at(self, point: Point) -> float:
-        """Return the value at a point."""
-        if not is_measure(self.measure):
-            return float(_quantity(point, self.measure, self.element, self.dof)[0])
-        return point.amplitude(self.measure, self.element)
-
-
-def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Ordinate) -> None:
+def _arrow(ax: Axes, branch: Branch, jump: Jump, across: Abscissa, height: Ordinate) -> None:
     """Draw a vertical arrow from the value before a jump to the value after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
-    start, end = ((jump.value, height.at(point)) for point in (jump.before, jump.after))
+    x = across.scale * jump.value
+    start, end = ((x, height.at(point, branch)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
 
 
-def _marks(ax: Axes, branch: Branch, height: _Ordinate, numbered: bool = False) -> None:
+def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbered: bool = False) -> None:
     """Draw symbols of the special points; all but grazing points have labels, folds on the free side of the curve."""
     from hbgear.plot.labels import labels_of
 
     labels = labels_of(ax)
     labels.curves += 1
     for point in map(named, branch.special):
-        x = point.parameters[branch.parameter]
+        x, y = point.parameters[branch.parameter], height.at(point, branch)
         (line,) = ax.plot(
-            x, height.at(point), point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            across.scale * x, y, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
             markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
@@ -491,15 +463,18 @@ _MIN_VISIBLE_LENGTH = 18.0
 """Length [pt] below which an unstable section is not visible between the symbols at its ends."""
 
 
-def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None) -> Any:
+def _enlarge(
+    ax: Axes, branch: Branch, across: Abscissa, amplitude: Array, element: int | str, color: str | None
+) -> Any:
     """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
 
     Return the frame of the inset axes; None if there is no such section.
     """
     figure: Any = ax.figure
+    x = across.along(branch)
     size = 72 * 0.85 * np.array(figure.get_size_inches())
     box = np.array([ax.get_xlim(), ax.get_ylim()])
-    inside = (np.stack([branch.values, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
+    inside = (np.stack([x, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(inside, axis=0) * size).T))])
     lengths = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
     short = [section for section in lengths if 0 < section[0] < _MIN_VISIBLE_LENGTH]
@@ -510,13 +485,13 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     position = _free_position(inside, middle)
     frame = ax.add_patch(_frame(ax, position))  # legends avoid patches
     zoomed = ax.inset_axes((*position, *_INSET_SIZE), label="inset")
-    _curve(zoomed, branch, amplitude, element, color, None)
+    _curve(zoomed, branch, x, amplitude, element, color, None)
     for point in map(named, branch.special):
-        at = (point.parameters[branch.parameter], float(amplitude[point.index]))
+        at = (across.scale * point.parameters[branch.parameter], float(amplitude[point.index]))
         zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     points = slice(first, last + 1)
-    for values, limits in ((branch.values[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):
+    for values, limits in ((x[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):
         low, high = float(values.min()), float(values.max())
         margin = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
         limits(low - margin, high + margin)

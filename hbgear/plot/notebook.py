@@ -21,10 +21,10 @@ from hbgear.plot.curves import response
 def branch_html(branch: Branch) -> str:
     """Return a summary of a curve, its jumps, and its figure if its points are periodic motions."""
     known = layout_of(branch) is not None and len(branch) > 0
-    facts = [(name, text) for name, text in summary_facts(branch, "pp2") if text] if known else []
+    facts = [(name, text) for name, text in summary_facts(branch) if text] if known else []
     parts = [f"<b>{html.escape(repr(branch))}</b>", _table((), facts)]
     if known and branch.jumps():
-        headers, rows, _ = jump_table(branch, "pp2", 0)
+        headers, rows, _ = jump_table(branch)
         parts += ["<p>jumps of a slow sweep</p>", _table(headers, rows)]
     parts += [f"<p>{html.escape(line)}</p>" for line in (reliability_lines(branch) if known else ())]
     if known:

@@ -103,7 +103,7 @@ def sweeps(
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
         if branch is not None:
-            response(branch, measure, element, ax, jumps=False, legend=False)
+            response(branch, measure, element, ax, jumps=False, legend=False, speeds=False, dimensionless=True)
         for s in found:
             _dots(ax, s, s.amplitude(measure, element))
             for jump in s.jumps:
@@ -297,7 +297,7 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
 
     with styled():
         figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
-        response(branch, "rms", element, top, special=False, jumps=False, legend=False)
+        response(branch, "rms", element, top, special=False, jumps=False, legend=False, dimensionless=True)
         x = np.array([row.value for row in report.rows])
         rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
         for kind, name, colour, marker in (

@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.summary import jump_table, reliability_lines, special_table, summary_facts
+from hbgear.analysis.quantities.axis_quantities import Ordinate
+from hbgear.analysis.quantities.engineering_quantities import problem_along
+from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, summary_facts
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import in_html, unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
-from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales
+from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales, length_scale, model_of
 from hbgear.io.branches.columns import bracketed, label_of
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
@@ -61,12 +65,12 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
         if layout_of(curve) is None or not len(curve):
             raise ValueError(f"{name} is not a branch of periodic motions; a page shows only these")
     return [
-        view(curve, name, found) | (tables(curve, curves, called) if whole else {})
+        view(curve, name, found, whole) | (tables(curve, curves, called) if whole else {})
         for curve, name, found in zip(curves, called, landings(curves), strict=True)
     ]
 
 
-def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, Any]:
+def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool = False) -> dict[str, Any]:
     """Return the drawn data of one branch.
 
     Parameters
@@ -77,16 +81,21 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         Name of the branch.
     found : sequence of Landing, optional
         Jumps of the branch.
+    whole : bool, optional
+        Whether to add dynamic factors and forces, whose computation takes time; default False.
 
     Returns
     -------
     dict
-        Data of the page.
+        Data of the page. The page shows speeds in r/min and lengths in um if the scales are known.
     """
     layout = layout_of(branch)
     assert layout is not None
     each = range(len(layout.elements))
     known = common_scales([branch])
+    length = length_scale(model_of(branch), branch.parameters_at(0)) if known else None
+    quantities = _quantities(branch, each, whole) if length else {}
+    axes = {name: entry[0] for name, entry in quantities.items()}
     label = label_of(branch, branch.parameter)
     motion = layout.labels.get("amplitude", "gap")
     Omega = [branch.parameters_at(i).get("Omega", math.nan) for i in range(len(branch))]
@@ -99,13 +108,15 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "unit": unit_of(motion),
         "x": plain(branch.values, 10),
         "Omega": plain(Omega, 10),
-        "scales": {"Hz": known.get(MESH), "rpm": known.get(PINION)},
+        "scales": {"Hz": known.get(MESH), "rpm": known.get(PINION), "um": 1e6 * length if length else None},
         "elements": list(layout.elements),
         "breakpoints": [list(points) for points in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,
-        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()},
-        "measures": _measures(),
+        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()}
+        | {name: [plain(values) for values in entry[1]] for name, entry in quantities.items()},
+        "measures": {name: without_unit(label) for name, label in axes.items()} | _measures(),
+        "axes": axes,
         "sections": [
             [[regime, _stability(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
         ],
@@ -116,9 +127,9 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "special": _special(branch, layout),
         "jumps": _jumps(layout, found),
         "asymptotes": list(branch.asymptotes.values()),
-        "top": _tops(branch, each) if branch.asymptotes else None,
+        "top": _tops(branch, each, quantities) if branch.asymptotes else None,
         "status": str(branch.status),
-        "message": branch.message,
+        "message": message_of(branch),
     }
 
 
@@ -140,11 +151,11 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
         Texts and tables of the page.
     """
     others = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
-    headers, rows, notes = jump_table(branch, "pp2", 0, [curve for curve, _ in others], [name for _, name in others])
+    headers, rows, notes = jump_table(branch, None, 0, [curve for curve, _ in others], [name for _, name in others])
     return {
         "parameters": parameter_rows(branch),
-        "facts": [[name, text] for name, text in summary_facts(branch, "pp2") if text],
-        "specialTable": special_table(branch, "pp2", 0),
+        "facts": [[name, text] for name, text in summary_facts(branch) if text],
+        "specialTable": special_table(branch),
         "jumpTable": [headers, rows],
         "notes": notes,
         "reliability": reliability_lines(branch),
@@ -232,9 +243,28 @@ def _measures() -> dict[str, str]:
     return {name: entry.text for name, entry in default_measures(same_unit=True).items()}
 
 
-def _tops(branch: Branch, elements: Sequence[int]) -> dict[str, list[float]]:
+def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[str, tuple[str, list[Array]]]:
+    """Return the label and the values of each element of engineering quantities, by name; empty without the model."""
+    try:
+        problem = problem_along(branch)
+    except ValueError:
+        return {}
+    branch = replace(branch, problem=problem)
+    found = {}
+    for name in ("dte", "dynamic factor", "force") if whole else ("dte",):
+        heights = [Ordinate(name, j) for j in elements]
+        with suppress(ValueError):  # no static force
+            found[name] = heights[0].label(branch), [height.along(branch) for height in heights]
+    return found
+
+
+def _tops(
+    branch: Branch, elements: Sequence[int], quantities: Mapping[str, tuple[str, list[Array]]]
+) -> dict[str, list[float]]:
     """Return upper limits of the axes of a branch that goes to infinity, by measure and element."""
-    return {m: [HEADROOM * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in _measures()}
+    sizes = {m: [branch.amplitude(m, j) for j in elements] for m in _measures()}
+    sizes |= {name: entry[1] for name, entry in quantities.items()}
+    return {m: [HEADROOM * bounded(branch, of) for of in each] for m, each in sizes.items()}
 
 
 def _stability(stable: bool | str | None) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.analysis.engineering_quantities import problem_along
+from hbgear.analysis.quantities.engineering_quantities import problem_along
 from hbgear.gears.mesh.tooth_mesh import tooth_mesh
 
 TURN = 2 * np.pi

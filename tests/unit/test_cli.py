@@ -17,6 +17,7 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear.analysis import summary
+from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.cli import app as cli
 from hbgear.cli import support as cli_support
 from hbgear.common.text.digits import concise
@@ -75,7 +76,7 @@ def test_trace_saves_what_the_library_computes(run):
         place = summary.text_at(jump.before, "Omega")
         line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if place in x)
         assert jump.label in line and ("increasing" if jump.direction > 0 else "decreasing") in line
-        assert all(summary.size_text(end, "pp2", 0) in line for end in (jump.before, jump.after))
+        assert all(summary.size_text(end, Ordinate("pp2"), there) in line for end in (jump.before, jump.after))
     assert len(there.jumps()) >= 2 and "wrote d.npz" in out
 
 
@@ -140,7 +141,7 @@ def test_jumps_of_a_file(run, saved):
     assert code == 0 and curve.jumps() and "special points" not in out
     for jump in curve.jumps():
         assert summary.text_at(jump.before, "Omega") in out
-        assert summary.size_text(jump.before, "rms", 0) in out
+        assert summary.size_text(jump.before, Ordinate("rms"), curve) in out
 
 
 def test_frequency_and_speed_of_models_that_have_them(run):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.engineering_quantities import forces_along
+from hbgear.analysis.quantities.engineering_quantities import forces_along
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch

@@ -76,8 +76,8 @@ def map_command(
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
-    parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
+    parameter, span = range_of(within, problem.model, first, last)
     frequencies = span_of(problem.model, first, last)
     part = output.with_suffix(".part.npz") if output else None
     known = None

@@ -13,6 +13,7 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
+from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -29,7 +30,6 @@ from hbgear.cli.support import (
     chosen_model,
     element_of,
     finish,
-    number_of,
     point_of,
     print_table,
     problem_in,
@@ -109,9 +109,11 @@ def scatter(
     To first order, and by Monte Carlo: the equations of each jump are solved for every draw.
     """
     check_writable(plot, FIGURES)
-    deviations = {name: number_of(name, text) for name, text in assignments("NAME=DEVIATION", spread)}
     branch = hb.load(file)
     branch = hb.load(file, problem=problem_in(branch, model))
+    labels = branch.problem.model.labels
+    pairs = assignments("NAME=DEVIATION", spread)
+    deviations = {name: parameter_value(labels, "NAME=DEVIATION", name, text) for name, text in pairs}
     with bar("scatter") as progress:
         jumps = hb.design.jump_tolerance(branch, deviations, draws=draws, progress=progress) if branch.jumps() else ()
         band = hb.design.response_band(
@@ -184,7 +186,7 @@ def fit(
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
-    wanted = dict(_bounds(text) for text in free.split(",") if text.strip())
+    wanted = dict(_bounds(machine, text) for text in free.split(",") if text.strip())
     measured = hb.design.read_measurements(
         data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
         element=element_of(element),
@@ -255,9 +257,12 @@ def redesign(
     if peak is not None and margin is not None:
         raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
     goal = hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, which)
-    parts = dict(_bounds(text) for text in free.split(",") if text.strip())
+    parts = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
     within = {name: bounds for name, bounds in parts.items() if bounds is not None}
-    spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
+    spread = {
+        name: value_in_model(problem.model, "--scatter", name, text)
+        for name, text in assignments("--scatter", scatter or [])
+    }
     span = span_of(problem.model, first, last)
     if draws and not spread:
         raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
@@ -288,15 +293,16 @@ GOAL_MISSED = 1
 """Exit code of a redesign that does not reach its goal."""
 
 
-def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
+def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, float] | None]:
     """Return the name and the bounds of an entry of --free."""
     name, equals, ends = (part.strip() for part in text.partition("="))
+    check_parameter(model, name)
     if not equals:
         return name, None
     low, colon, high = (part.strip() for part in ends.partition(":"))
     if not (name and colon):
         raise ValueError(f"{text}: need NAME or NAME=LOW:HIGH, such as zeta=0.01:0.2")
-    return name, (number_of(name, low), number_of(name, high))
+    return name, (value_in_model(model, "--free", name, low), value_in_model(model, "--free", name, high))
 
 
 def _known(number: float, form: str) -> str:

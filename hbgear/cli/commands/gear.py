@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import re
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
-from math import degrees, floor, log10, pi
+from math import degrees, pi
 from operator import methodcaller
 from pathlib import Path
 from threading import Event
@@ -16,22 +19,29 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.engineering_quantities import problem_along
-from hbgear.analysis.summary import digits_of, text_at
+from hbgear.analysis.quantities.engineering_quantities import problem_along
+from hbgear.analysis.summary import message_of, text_at
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
+from hbgear.cli.commands.machine_report import ACCURACY_GRADE, recommendation, show_speeds
+from hbgear.cli.quantities import is_number
 from hbgear.cli.support import (
     Changes,
+    Dimensionless,
     Element,
     Figure,
     File,
     Harmonics,
     OwnModel,
+    ShownMeasure,
+    check_shown,
     chosen_model,
     exit_code,
     harmonics_of,
     loaded,
     print_table,
+    print_text,
     problem_in,
+    span_of,
     traced,
 )
 from hbgear.common.process.threads import begun
@@ -40,6 +50,7 @@ from hbgear.common.text.digits import rounded
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from hbgear.gears import DrawnPair
     from hbgear.io.machines.machine_file import Machine
 
 FACTOR_CANDIDATES = 5
@@ -50,9 +61,6 @@ PARAMETRIC_SPAN = 2.4
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
-
-ACCURACY_GRADE = 6
-"""Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
@@ -106,6 +114,7 @@ def gear(
     plot: Annotated[
         Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="gear-Z1-Z2.png")
     ] = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute geometry, mesh stiffness, natural frequency and jump speeds of a gear pair from its drawing.
 
@@ -122,8 +131,8 @@ def gear(
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
         torque_orders,
     )  # fmt: skip
-    with drawing_process() as by:
-        curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by)
+    with in_terms_of_the_machine(), drawing_process() as by:
+        curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by, dimensionless)
     raise typer.Exit(exit_code(curve))
 
 
@@ -137,13 +146,15 @@ def speed(
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the curve as .npz, .csv or .mat.")] = None,
     plot: Figure = None,
+    measure: ShownMeasure = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
-    """Compute the speeds at which a machine jumps, with the dynamic factor before and after each jump.
+    """Compute resonances, jumps, safe and critical speeds of a machine.
+
+    Resonances and jumps have their dynamic factors, transmission errors and forces.
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
-    from hbgear.io.machines.machine_file import read_machine
-
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     model = chosen_model(file, changes)
@@ -151,14 +162,20 @@ def speed(
         raise ValueError(
             f"'{file}' has no scales, so its speeds in r/min are unknown: give the file of a machine (hbgear gear -o)"
         )
-    span = [_Omega(option, text, model, defaults) for option, text, defaults in
-            zip(("--from", "--to"), (first, last), model.default_span, strict=True)]  # fmt: skip
-    curve = traced(hb.HarmonicBalance(model, harmonics_of(harmonics)), "Omega", (span[0], span[1]))
+    for option, text in (("--from", first), ("--to", last)):
+        if text is not None and is_number(text):
+            raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
+    span = span_of(model, first, last)
+    problem = hb.HarmonicBalance(model, harmonics_of(harmonics))
+    check_shown(problem, measure, 0)
+    with in_terms_of_the_machine():
+        curve = traced(problem, "Omega", span)
     with outputs() as out:
         out.branch(output, curve)
-        out.figure(plot, lambda drawing: drawing.response(curve))
-        print(f"{file}: {len(curve)} points; {curve.message}")
-        show_speeds(model, curve, None if changes else read_machine(Path(file)))
+        out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
+        print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
+        show_speeds(model, curve, dimensionless)
+        print_text(recommendation(model, curve))
     raise typer.Exit(exit_code(curve))
 
 
@@ -184,7 +201,7 @@ def results(
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
-    branch, which = loaded(file, "pp2", element)
+    branch, which, _ = loaded(file, "pp2", element)
     at = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, own) if own else problem_along(branch)
     branch = dataclasses.replace(branch, problem=problem)  # the problem of its points, too
@@ -224,47 +241,13 @@ def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterato
                "-" if rpm is None else f"{rpm[i]:.0f}"]  # fmt: skip
 
 
-def show_speeds(model: hb.mechanics.Model, curve: hb.Branch, machine: Machine | None = None) -> None:
-    """Print the jumps of all curves in r/min, with dynamic factors, and K_v if the machine is given."""
-    if model.scales is None:
-        raise ValueError("the model has no scales, so its speeds in r/min are unknown")
-    rows = []
-    for branch in (curve, *curve.others):
-        for jump in branch.jumps():
-            digits = digits_of(jump.before, 6)
-            factors = [_factor(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
-            rpm = _fixed_point(float(model.scales.pinion_speed(jump.value)), digits)
-            hertz = _fixed_point(float(model.scales.mesh_frequency(jump.value)), digits)
-            direction = "increasing" if jump.direction > 0 else "decreasing"
-            row = [jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors]
-            if machine is not None:
-                speed = float(model.scales.pinion_speed(jump.value))
-                factor = hb.gears.iso_dynamic_factor(machine.pair, machine.mesh_torque, speed, ACCURACY_GRADE)
-                row.append(f"{float(factor):.2f}")
-            rows.append(row)
-    if not rows:
-        print("no jumps")
-        return
-    headers = ["", "pinion r/min", "mesh Hz", "Omega", "sweep", "dynamic factor before", "after"]
-    title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
-    if machine is not None:
-        headers.append("K_v")
-        title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
-    print_table(headers, rows, title)
-
-
-def _fixed_point(value: float, digits: int) -> str:
-    """Return a number with this many significant digits, without an exponent."""
-    after = digits - 1 - floor(log10(abs(value)))
-    return f"{round(value, after):.{max(after, 0)}f}"
-
-
 # ---- output of hbgear gear
 
 
 def _trace_and_report(
-    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None
-) -> hb.Branch:
+    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None,
+    dimensionless: bool,
+) -> hb.Branch:  # fmt: skip
     """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.io.machines.machine_file import write_machine
 
@@ -272,9 +255,9 @@ def _trace_and_report(
     model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def alternative(assumption: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[list[str]]:
+    def alternative(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[list[str]]:
         name, changed = assumption
-        return [[name, *_alternative_results(changed(), model, curve, count, stop)]]
+        return [[name, *_alternative_results(changed().equations, model.equations, curve, count, stop)]]
 
     def subharmonics(stop: Event) -> list[list[str]]:
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
@@ -295,19 +278,22 @@ def _trace_and_report(
         damping = [row for row in computed if row[0].startswith("damping")]
         first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
         print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
-        show_speeds(model, curve, machine)
-        if getattr(model, "contacts", None) is not None and machine.torque > 0:  # loads of the driving flanks
-            print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         found = doubled.result()
+        others = [(float(a), float(b)) for row in found for a, b in re.findall(r"(\d+) to (\d+)", row[1])]
+        show_speeds(model, curve, dimensionless, others)
+        if getattr(model.equations, "contacts", None) is not None and machine.torque > 0:  # loads of the driving flanks
+            print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         if found:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
         headers = ["assumption: alternative", "largest dynamic factor", jumps]
         first[0] = "as computed"
-        print_table(headers, [first, *(row for row in computed if row not in damping)])
+        print_table(headers, [first, *(row for row in computed if row not in damping)], "assumptions and their effect")
+        helpful = [(_MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in _MEASURES]
+        print_text(recommendation(model, curve, helpful, _number_in(first[1]), others))
         if machine.torque_orders:
-            print("With torque orders, other assumptions and motions of twice the period are not computed: every curve "
-                  "takes minutes.")  # fmt: skip
+            print_text("With torque orders, other assumptions and motions of twice the period are not computed: every "
+                       "curve takes minutes.")  # fmt: skip
     return curve
 
 
@@ -427,6 +413,23 @@ def _nothing(_: Event) -> list[list[str]]:
     return []
 
 
+_MEASURES = {"no tip relief: 10 um": "tip relief of 10 um on both gears"}
+"""Changes of the design among the alternatives, by the name of the alternative."""
+
+
+def _number_in(text: str) -> float:
+    """Return a dynamic factor of a table; infinite if it is unbounded."""
+    return float(text) if is_number(text) else math.inf
+
+
+@contextmanager
+def in_terms_of_the_machine() -> Iterator[None]:
+    """Suppress the warning of a response without loss of contact, which the report states in terms of the machine."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "no element comes near", hb.mechanics.ImplausibleInputWarning)
+        yield
+
+
 def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]]:
     return work(stop)
 
@@ -481,17 +484,17 @@ def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str,
     return _largest_factor(model, curve), _jump_speeds(model, curve)
 
 
-def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
+def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], DrawnPair]]]:
     """Yield each assumption with an alternative value, and the model with that value."""
     from hbgear.gears.mesh.iso_dynamics import deviations
     from hbgear.gears.mesh.mesh_models import MESHES
 
     zeta, pair = machine.damping, machine.pair
 
-    def made(**changes: Any) -> Callable[[], hb.mechanics.Model]:
+    def made(**changes: Any) -> Callable[[], DrawnPair]:
         return dataclasses.replace(machine, **changes).model
 
-    def paired(**changes: Any) -> Callable[[], hb.mechanics.Model]:
+    def paired(**changes: Any) -> Callable[[], DrawnPair]:
         return made(pair=dataclasses.replace(pair, **changes))
 
     origin = "assumed" if by_default else "given"
@@ -515,16 +518,6 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
 
 _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}
 """Names of the models of the mesh in tables."""
-
-
-def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
-    """Return the dynamic factor at a point; "-" without a point or a static force."""
-    if point is None:
-        return "-"
-    try:
-        return rounded(hb.analysis.dynamic_factor(model, point), digits)
-    except ValueError:
-        return "-"
 
 
 def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
@@ -562,16 +555,3 @@ def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any
     except ValueError:
         raise ValueError(f"{option} {text}: need two numbers, such as {option} {example}") from None
     return first, second
-
-
-def _Omega(option: str, text: str | None, model: hb.mechanics.Model, defaults: float) -> float:
-    """Return a speed of the pinion as Omega."""
-    if text is None:
-        return defaults
-    from hbgear.common.units import to_si
-
-    if _plain(text) != text:
-        raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
-    rate = to_si(option, "speed", text, "rad/s")
-    assert model.scales is not None
-    return float(model.scales.from_pinion_speed(rate * 30 / pi))

@@ -10,6 +10,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
+from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
     STOPPED_EARLY,
     At,
@@ -29,7 +30,6 @@ from hbgear.cli.support import (
     check_landing,
     chosen_model,
     element_of,
-    number_of,
     path_of,
     print_table,
     problem_in,

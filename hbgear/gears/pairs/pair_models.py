@@ -16,6 +16,7 @@ of the pinion lies on the line of centres: k(2 tau_c - tau) and -e(2 tau_c - tau
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from math import cos, degrees, pi, sin, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -53,9 +54,11 @@ class _Mesh(NamedTuple):
     """Data of the mesh that every form uses."""
 
     k_mean: float
+    """Unit of the stiffness [N/m]: the mean stiffness by default."""
     b_c: float
+    """Unit of length [m]: half the backlash by default."""
     fields: dict[str, Any]
-    """Fields stiffness and error, or contacts, of the model."""
+    """Fields b, stiffness and error, or contacts, of the model."""
 
 
 def build_model(
@@ -69,6 +72,7 @@ def build_model(
     cycle: MeshCycle | None = None,
     direction: Any = 0.0,
     torque_orders: Any = (),
+    units: tuple[float, float] | None = None,
 ) -> Model:
     """Return a model of a gear pair under a torque.
 
@@ -96,6 +100,8 @@ def build_model(
     torque_orders : mapping, optional
         Harmonics of the torque on the pinion by order of its rotation, such as ``{2: "60 N m"}``, or ``{2: ("60 N m",
         "30 deg")}`` with a phase; see `hbgear.gears.torque_orders`.
+    units : tuple of float, optional
+        Angular frequency [rad/s] of Omega = 1 and unit of length [m], default omega_n and b_c of this pair.
 
     Raises
     ------
@@ -116,10 +122,16 @@ def build_model(
     if not torque and not any(amplitude for _, amplitude, _ in orders):
         raise ValueError("GearPair.model: torque = 0 N m: the mesh is computed under load; give a torque, or "
                          "torque_orders of a torque without a mean")  # fmt: skip
-    found = mesh_model("GearPair.model", pair, effective_torque(torque, orders), mesh, cycle)
-    zeta *= sqrt(found.k_0 / found.k_mean)
-    fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), b_c)
-    given = _Mesh(found.k_mean, b_c, fields | _fluctuation(pair, orders, found.k_mean * b_c, form))
+    # the mesh of pairs that differ in backlash is computed once
+    shape = pair if pair.center_distance is not None else replace(pair, backlash=None)
+    found = mesh_model("GearPair.model", shape, effective_torque(torque, orders), mesh, cycle)
+    k_unit, length = found.k_mean, b_c
+    if units is not None:
+        k_unit, length = pair.equivalent_mass * units[0] ** 2, units[1]
+    zeta *= sqrt(found.k_0 / k_unit)
+    fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), found.k_mean / k_unit, length)
+    fields["b"] = b_c / length
+    given = _Mesh(k_unit, length, fields | _fluctuation(pair, orders, k_unit * length, form))
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
@@ -158,14 +170,15 @@ def _fluctuation(pair: GearPair, orders: TorqueOrders, force: float, form: str) 
     return {"mesh_order": int(1 / common), "fluctuation": Series(0.0, tuple(row[0]), tuple(row[1]))}
 
 
-def _fields(mesh: MeshModel, b_c: float) -> dict[str, Any]:
-    """Return the fields of the model, in half backlashes."""
+def _fields(mesh: MeshModel, stiffness: float, length: float) -> dict[str, Any]:
+    """Return the fields of the model, with a factor of the stiffness and in a unit of length [m]."""
     fields: dict[str, Any] = {"eps": (), "e": ()}
     if mesh.contacts is not None:
-        return {**fields, "contacts": mesh.contacts.scaled(1.0, 1 / b_c)}
-    fields["stiffness"] = mesh.stiffness
+        return {**fields, "contacts": mesh.contacts.scaled(stiffness, 1 / length)}
+    assert mesh.stiffness is not None
+    fields["stiffness"] = mesh.stiffness if stiffness == 1 else mesh.stiffness.scaled(stiffness)
     if mesh.error is not None and mesh.error.varies:
-        fields["error"] = mesh.error.scaled(1 / b_c)
+        fields["error"] = mesh.error.scaled(1 / length)
     return fields
 
 

@@ -1,6 +1,6 @@
-"""Frequencies in physical units: mesh frequency and shaft speed of models with physical scales.
+"""Frequencies and lengths in physical units: mesh frequency, shaft speed and amplitudes of models with scales.
 
-    f_mesh = Omega model.mesh_frequency(1) [Hz],   n = Omega model.pinion_speed(1) [r/min]
+    f_mesh = Omega model.mesh_frequency(1) [Hz],   n = Omega model.pinion_speed(1) [r/min],   x = length xbar [m]
 
 A model provides them by `Model.scales`, or by methods ``mesh_frequency`` and ``pinion_speed`` that are proportional to
 Omega.
@@ -43,6 +43,14 @@ def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, fl
         own = getattr(known, "scales", None)
     known = own or known
     return {MESH: float(known.mesh_frequency(1.0)), PINION: float(known.pinion_speed(1.0))}
+
+
+def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float | None:
+    """Return the unit of element coordinates [m] with these parameters; None if the model has no scales."""
+    own = None if model is None else model.scales
+    if model is not None and own is not None and parameters:
+        own = model.at(parameters).scales
+    return None if own is None else own.length
 
 
 def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:

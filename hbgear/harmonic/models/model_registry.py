@@ -11,12 +11,15 @@ from hbgear.gears import (
     Beam,
     Bearing,
     DoubleHelicalPair,
+    DrawnPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
     Housing,
     Mesh,
+    MeshCycle,
+    MeshTable,
     PlanetarySet,
     Shaft,
     SpurPair,
@@ -46,15 +49,15 @@ MODELS: dict[str, type[Model]] = {
 """Classes of the built-in models by their name on the command line."""
 
 _MODEL_CLASSES: dict[str, type[Model]] = {
-    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System
+    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair
 }  # fmt: skip
 """Classes of hbgear by name, which a file can be loaded with without naming its model."""
 
 _PART_CLASSES: dict[str, type] = {
     each.__name__: each
     for each in (
-        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
-        Receptances,
+        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, MeshCycle, MeshTable, Element, Load,
+        SpeedTerms, MatrixTable, Receptances,
     )
 }  # fmt: skip
 """Classes of the parts of these models by name."""

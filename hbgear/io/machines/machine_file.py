@@ -33,12 +33,12 @@ from hbgear.common.units import QuantityField
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
+from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
 from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.io.tables.mesh_table import read_mesh_table
-from hbgear.mechanics.models import Model
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
 _TORQUE = QuantityField("N m")
@@ -96,12 +96,10 @@ class Machine:
         linearized = "tangent" if self.mesh_model == "tangent" else "secant"
         return self.cycle or self.pair.mesh(self.mesh_torque, linearized=linearized)
 
-    def model(self, **options: Any) -> Model:
-        """Return the model made by `GearPair.model`."""
-        given = {"supports": self.supports, "cycle": self.cycle, "mesh": self.mesh_model,
-                 "torque_orders": self.torque_orders, **options}  # fmt: skip
-        model: Model = self.pair.model(self.torque, self.damping, self.form, **given)
-        return model
+    def model(self) -> DrawnPair:
+        """Return the model, whose parameters are the quantities of the drawing."""
+        return DrawnPair(self.pair, self.torque, self.damping, self.form, self.supports or (), self.mesh_model,
+                         self.cycle, self.torque_orders)  # fmt: skip
 
 
 def read_machine(path: str | os.PathLike[str]) -> Machine:

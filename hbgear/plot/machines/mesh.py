@@ -81,7 +81,7 @@ def _twice(table: MeshTable, factor: float) -> tuple[Any, Any]:
     return np.concatenate([table.phase, table.phase + 1]), factor * np.concatenate([table.value] * 2)
 
 
-def drive(cycle: MeshCycle, curve: Branch, measure: str = "pp2") -> Figure:
+def drive(cycle: MeshCycle, curve: Branch, measure: str | None = None) -> Figure:
     """Draw mesh stiffness, static transmission error and response of a gear pair side by side.
 
     Parameters
@@ -91,7 +91,7 @@ def drive(cycle: MeshCycle, curve: Branch, measure: str = "pp2") -> Figure:
     curve : Branch
         Branch in Omega of a model with this mesh.
     measure : str, optional
-        Measure of amplitude, see `Branch.amplitude`; default "pp2".
+        Measure of amplitude or engineering quantity, see `response`; default the dynamic transmission error.
 
     Returns
     -------

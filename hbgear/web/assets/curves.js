@@ -8,9 +8,10 @@ const hbgear = (() => {
                    h: "hexagon", ".": "circle", "<": "triangle-left", ">": "triangle-right" };
   const SANS = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
   const NARROW = 560, LOW = 400; // width and height [px] of the response below which the layout is that of a phone
-  const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null, printing: false };
+  const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null, printing: false,
+                  units: null };
   const PAPER = [700, 440], SMALL = [340, 230]; // size [px] of printed figures, equal to that in page.css
-  let settings = null, busy = false;
+  let settings = null, busy = false, chosenMeasure = false;
 
   const $ = (id) => document.getElementById(id);
   const words = (text) => text.replace(/_sided/g, "-sided").replace(/_/g, " ");
@@ -31,6 +32,40 @@ const hbgear = (() => {
       }
     }
     return curve;
+  }
+
+  function physical(curves) { // speeds in r/min and lengths in um, if all curves have the same scales
+    const same = (name) => curves.every((c) => c.scales[name] && Math.abs(c.scales[name] / curves[0].scales[name] - 1) < 1e-9);
+    state.units = curves.length && same("rpm") && same("um") && !settings.dimensionless ? { ...curves[0].scales } : null;
+    return state.units ? curves.map(converted) : curves;
+  }
+
+  function converted(curve) {
+    const { rpm, um, Hz } = state.units, out = prepared({ ...curve }), times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
+    const length = (all) => Object.fromEntries(Object.entries(all).map(([m, of]) => [m, m in curve.axes ? of : of.map((y) => (Array.isArray(y) ? times(y, um) : y * um))]));
+    const own = (of) => of && Object.fromEntries(Object.entries(of).map(([m, each]) => [m, times(each, um)]));
+    return { ...out, x: times(curve.x, rpm), asymptotes: times(curve.asymptotes, rpm), c: out.c.map((x) => x * um),
+             breakpoints: curve.breakpoints.map((points) => times(points, um)), amplitudes: length(curve.amplitudes),
+             top: curve.top && length(curve.top), special: curve.special.map((p) => ({ ...p, x: p.x * rpm, sizes: own(p.sizes) })),
+             jumps: curve.jumps.map((j) => ({ ...j, x: j.x * rpm, before: own(j.before), after: own(j.after) })),
+             parameter: "n", label: "speed of the pinion [r/min]", xUnit: " r/min", unit: "µm", motion: curve.motion.replace(/ \/ .*$/, ""),
+             scales: { Hz: Hz / rpm, rpm: null } };
+  }
+
+  function usualMeasure() { // that of measured points, or the transmission error
+    const dots = state.behind.find((b) => b.measure), known = state.curves[0].amplitudes;
+    if (dots) return dots.measure;
+    return "dte" in known && state.units ? "dte" : "pp2";
+  }
+
+  function compared() { // measured points were added: show their measure
+    if (!chosenMeasure && state.curves.length) { state.measure = usualMeasure(); fillControls(); }
+    return redraw();
+  }
+
+  function behind() { // lines and dots behind the curves, in the units of the axes
+    const { rpm, um } = state.units || { rpm: 1, um: 1 }, times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
+    return state.behind.map((b) => ({ ...b, x: times(b.x, rpm), y: times(b.y, um), jumps: b.jumps && times(b.jumps, rpm) }));
   }
 
   function coefficientsAt(curve, i, element) { // a0, a1, b1, ... of an element at point i
@@ -58,7 +93,7 @@ const hbgear = (() => {
   }
 
   function pointText(curve, i, y) { // description of one point
-    const lines = [`${curve.parameter} = ${short(curve.x[i], 6)}`];
+    const lines = [`${curve.parameter} = ${short(curve.x[i], 6)}${curve.xUnit || ""}`];
     const { Hz, rpm } = curve.scales;
     if (rpm) lines.push(`${short(curve.x[i] * rpm)} r/min`);
     if (Hz) lines.push(`${short(curve.x[i] * Hz)} Hz mesh`);
@@ -116,7 +151,7 @@ const hbgear = (() => {
         const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.index];
         k.x.push(point.x); k.y.push(v); k.points.push([n, point.index]);
         k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // grazing points are many and have no label
-        k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}` +
+        k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}${curve.xUnit || ""}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
                      `<br>${state.measure} = ${short(v)}`);
       }
@@ -202,7 +237,7 @@ const hbgear = (() => {
   const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
 
   function span() { // range of the parameter with a margin
-    const all = state.curves.flatMap((curve) => curve.x).concat(state.behind.flatMap((b) => b.x)).filter((x) => x !== null);
+    const all = state.curves.flatMap((curve) => curve.x).concat(behind().flatMap((b) => b.x)).filter((x) => x !== null);
     const low = all.reduce((a, b) => Math.min(a, b)), high = all.reduce((a, b) => Math.max(a, b));
     const margin = 0.02 * (high - low) || 0.05 * Math.abs(high) || 1;
     return [low - margin, high + margin];
@@ -226,12 +261,18 @@ const hbgear = (() => {
              hoverlabel: { bgcolor: ink.paper, bordercolor: ink.line, font: { color: ink.text } }, ...more };
   }
 
+  const unitText = (curve) => (state.units ? ` [${curve.unit}]` : curve.unit && curve.unit !== "1" ? "" : " [-]");
+
+  function heightText(curve) { // label of the vertical axis
+    return curve.axes[state.measure] || `${measureText(curve)} of ${curve.motion}${unitText(curve)}`;
+  }
+
   function responseFigure() {
     const first = state.curves[0], rpm = common("rpm"), Hz = common("Hz"), range = state.frame || span();
     const narrow = !state.printing && $("response").clientWidth < NARROW, ink = palette();
     const layout = layoutOf({
       xaxis: axis(first.label, { range: [...range] }),
-      yaxis: axis(`${measureText(first)} of ${first.motion}${first.unit && first.unit !== "1" ? "" : " [-]"}`, { rangemode: "tozero" }),
+      yaxis: axis(heightText(first), { rangemode: "tozero" }),
       annotations: jumpArrows(),
       shapes: state.curves.flatMap((curve) => curve.asymptotes.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
         line: { color: ink.line, width: 1, dash: "dot" } }))),
@@ -239,7 +280,7 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const shown = state.behind.filter((b) => !b.measure || b.measure === state.measure); // points of another measure are not comparable
+    const shown = behind().filter((b) => !b.measure || b.measure === state.measure); // points of another measure are not comparable
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const behind = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
@@ -253,7 +294,7 @@ const hbgear = (() => {
     let above = 0;
     const low = ($("response").clientHeight || 520) < LOW; // space for one axis only
     for (const [scale, title] of [[low ? null : Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
-      if (!scale || first.parameter !== "Omega") continue;
+      if (!scale) continue;
       above += 1;
       layout[`xaxis${above + 1}`] = axis(title, {
         overlaying: "x", side: "top", range: range.map((x) => x * scale), showgrid: false, fixedrange: true, tickmode: "auto",
@@ -358,7 +399,7 @@ const hbgear = (() => {
     const regime = curve.sections[j].find(([, , first, last]) => first <= i && i <= last)[0];
     const color = state.curves.length > 1 ? ink.branches[n % ink.branches.length] : ink.regimes[regime];
     const m = motion(curve, i, j, Math.min(2048, 16 * curve.harmonics + 256)), line = { color, width: 1.6 };
-    const a = coefficientsAt(curve, i, j), name = curve.motion, unit = curve.unit && curve.unit !== "1" ? "" : " [-]";
+    const a = coefficientsAt(curve, i, j), name = curve.motion, unit = unitText(curve);
     const order = [], height = [];
     for (let k = 1; k <= curve.harmonics; k++) { order.push(k / curve.nu); height.push(Math.hypot(a[2 * k - 1], a[2 * k])); }
     const top = Math.max(...height) || 1, floor = top * 1e-6, stems = { x: [], y: [] };
@@ -440,7 +481,8 @@ const hbgear = (() => {
 
   function show(curves, motionToo = true) { // replace the curves
     const kept = state.at && state.curves[state.at[0]] ? state.curves[state.at[0]].x[state.at[1]] : null;
-    state.curves = curves;
+    curves = state.curves = physical(curves);
+    if (!chosenMeasure) state.measure = usualMeasure();
     if (state.at) { // the point nearest to the previous selection
       const n = Math.min(state.at[0], curves.length - 1), x = curves[n].x;
       let best = 0;
@@ -456,7 +498,7 @@ const hbgear = (() => {
     settings = given;
     state.behind = data.behind || [];
     setTheme(window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-    $("measure").addEventListener("change", (event) => { state.measure = event.target.value; redraw(); });
+    $("measure").addEventListener("change", (event) => { state.measure = event.target.value; chosenMeasure = true; redraw(); });
     $("element").addEventListener("change", (event) => { state.element = Number(event.target.value); redraw(); });
     $("theme").addEventListener("click", () => { setTheme(state.theme === "dark" ? "light" : "dark"); redraw(); });
     let before = null;
@@ -477,5 +519,5 @@ const hbgear = (() => {
     return data.curves && data.curves.length ? show(data.curves) : Promise.resolve();
   }
 
-  return { begin, show, redraw, choose, state, short, escaped, layoutOf, axis, palette, drawMotion, CONFIG };
+  return { begin, show, redraw, compared, choose, state, short, escaped, layoutOf, axis, palette, drawMotion, CONFIG };
 })();

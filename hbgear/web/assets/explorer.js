@@ -267,7 +267,7 @@ const explorer = (() => {
       for (let i = 0; i < bytes.length; i += 8192) binary += String.fromCharCode(...bytes.subarray(i, i + 8192));
       const { groups } = await asked("/measured", { ...question(), content: btoa(binary), name: file.name });
       hbgear.state.behind = [...hbgear.state.behind.filter((b) => b.file !== groups[0].file), ...groups];
-      await hbgear.redraw();
+      await hbgear.compared();
       const count = groups.reduce((sum, group) => sum + group.x.length, 0);
       say(`${count} measured points of ${groups[0].file}, as ${groups[0].measure}`);
     } catch (error) { say(error.message, true); }

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.mesh_dynamic_factor import force_level, force_samples, is_static
+from hbgear.analysis.quantities.mesh_dynamic_factor import force_level, force_samples, is_static
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
@@ -31,7 +31,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.equations.layout import derivative, half_peak_to_peak, rms
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.models.frequency_units import speeds_at
+from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
 from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, to_real
@@ -161,6 +161,43 @@ def machine_quantities(
     )
 
 
+def transmission_error(found: Branch | Point, element: int | str = 0) -> Array:
+    """Return half the peak-to-peak dynamic transmission error at each point, without the other quantities.
+
+    Parameters
+    ----------
+    found : Branch or Point
+        Branch of a harmonic balance, or one of its points with its problem.
+    element : int or str, optional
+        Mesh by number or name; default 0.
+
+    Returns
+    -------
+    ndarray
+        Values [um] if the model has `Scales`, else in its unit.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
+    >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]))
+    True
+    """
+    if isinstance(found, Branch):
+        problem, X = problem_along(found), np.asarray(found.X)
+        each = [found.parameters_at(i) for i in range(len(found))]
+    else:
+        if not isinstance(found.problem, HarmonicBalance):
+            raise ValueError("the transmission error of a point needs the problem of its branch")
+        problem, X, each = found.problem.at_resolution_of(found), found.X[None], [dict(found.parameters)]
+    index, values = problem.layout.index(element), np.empty(len(X))
+    for i, (row, here) in enumerate(zip(X, each, strict=True)):
+        changed = {name: value for name, value in here.items() if name != "Omega"}
+        scale = length_scale(problem.model, changed)
+        values[i] = half_peak_to_peak(_error(problem, row, here, index)) * (1.0 if scale is None else 1e6 * scale)
+    return values
+
+
 def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     """Return the harmonic balance of a branch: the given one, its own, or the one that its file describes.
 
@@ -286,11 +323,18 @@ def _of_motion(
     The largest force is the one in the direction of the static force.
     """
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    row = problem.rows(X)[index]
     force = _force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
-    dte = row + compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
     level = force_level(compiled.system.elements, problem.rows(X))
     known = is_static(static, float(np.abs(force).max()), level)
-    return float(half_peak_to_peak(dte)), largest, static if known else 0.0, largest / static if known else math.nan
+    swing = float(half_peak_to_peak(_error(problem, X, here, index)))
+    return swing, largest, static if known else 0.0, largest / static if known else math.nan
+
+
+def _error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+    """Return the coefficients of the dynamic transmission error d + e of an element."""
+    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
+    e = compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
+    error: Array = problem.rows(X)[index] + e
+    return error

@@ -1,0 +1,282 @@
+"""Quantities on the axes of figures and in the columns of tables, in physical units if the model has `Scales`.
+
+    n [r/min] = pinion_speed(1) Omega,   x [um] = 1e6 length xbar
+
+`Abscissa` is the parameter of branches; Omega becomes the speed of the pinion if it is the same multiple at all points.
+`Ordinate` is a measure of amplitude, or an engineering quantity such as the dynamic factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hbgear.analysis.quantities.engineering_quantities import machine_quantities, problem_along, transmission_error
+from hbgear.common.arrays import Array
+from hbgear.common.text.messages import quoted
+from hbgear.common.text.symbols import without_unit
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
+from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of
+from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales, length_scale, model_of
+from hbgear.mechanics.models import Model
+
+SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acceleration": "acceleration, rms"}
+"""Engineering quantities by the short names that measures may have."""
+
+DTE = "dte, half peak-to-peak"
+"""Name of the dynamic transmission error among the engineering quantities."""
+
+QUANTITIES = (*SHORT_NAMES, *SHORT_NAMES.values(), "dynamic factor", "force, static", "acceleration, level")
+"""Names of engineering quantities that may be shown instead of an amplitude."""
+
+SPEED_LABEL, MESH_LABEL = "speed of the pinion [r/min]", "mesh frequency [Hz]"
+"""Labels of axes of frequencies in physical units."""
+
+MICROMETRE = "um"
+"""Unit of lengths in tables; figures have the sign of micro."""
+
+
+def in_figure(text: str) -> str:
+    """Return a label of a table in the notation of figures.
+
+    Parameters
+    ----------
+    text : str
+        Label with its unit.
+
+    Returns
+    -------
+    str
+        Label.
+
+    Examples
+    --------
+    >>> in_figure("gap [um]")
+    'gap [\N{MICRO SIGN}m]'
+    """
+    return text.replace("[um", "[\N{MICRO SIGN}m")
+
+
+def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
+    """Return the measure that is shown by default: the dynamic transmission error, or "pp2" without physical units.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch to show.
+    dimensionless : bool, optional
+        Whether amplitudes keep the unit of the model; default False.
+
+    Returns
+    -------
+    str
+        Name of the measure.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> usual_measure(hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9)))
+    'pp2'
+    """
+    if dimensionless or layout_of(branch) is None or length_scale(model_of(branch), {}) is None:
+        return "pp2"
+    try:
+        problem_along(branch)
+    except ValueError:
+        return "pp2"
+    return "dte"
+
+
+class Abscissa:
+    """Parameter of branches on the horizontal axis of a figure.
+
+    Parameters
+    ----------
+    branches : sequence of Branch
+        Branches of a figure.
+    dimensionless : bool, optional
+        Whether Omega is kept; default False.
+
+    Attributes
+    ----------
+    scale : float
+        Value on the axis for a parameter of one.
+    label : str
+        Label of the axis.
+    above : dict of str to float
+        Scales of additional axes by `MESH` and `PINION`, relative to the axis.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4), "Omega", (1.6, 1.5))
+    >>> Abscissa([curve]).label, Abscissa([curve], dimensionless=True).scale
+    ('speed of the pinion [r/min]', 1.0)
+    """
+
+    def __init__(self, branches: Sequence[Branch], dimensionless: bool = False) -> None:
+        known = common_scales(branches)
+        first, layout = branches[0], layout_of(branches[0])
+        names = layout.labels if layout else {}
+        usual = r"$\Omega$" if first.parameter == "Omega" else first.parameter
+        self.scale, self.label, self.above = 1.0, str(names.get(first.parameter, usual)), known
+        if known and not dimensionless:
+            self.scale, self.label = known[PINION], SPEED_LABEL
+            self.above = {MESH: known[MESH] / known[PINION]}
+
+    def along(self, branch: Branch) -> Array:
+        """Return the values at the points of a branch."""
+        return self.scale * branch.values
+
+
+class Ordinate:
+    """Measure of amplitude of an element, or engineering quantity, of points of branches.
+
+    Parameters
+    ----------
+    measure : str
+        Measure, see `Branch.amplitude`, or name of a quantity of `machine_quantities`; the short names "dte", "force"
+        and "acceleration" are allowed.
+    element : int or str, optional
+        Element by number or name; default 0.
+    dof : int or str, optional
+        Coordinate for accelerations.
+    dimensionless : bool, optional
+        Whether amplitudes keep the unit of the model; default False.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4), "Omega", (1.6, 1.5))
+    >>> Ordinate("pp2").header(curve), Ordinate("pp2", dimensionless=True).header(curve)
+    ('pp2 [um]', 'pp2')
+    >>> Ordinate("dte").header(curve)
+    'dte, half peak-to-peak [um]'
+    """
+
+    def __init__(
+        self, measure: str, element: int | str = 0, dof: int | str | None = None, dimensionless: bool = False
+    ) -> None:
+        self.measure, self.element, self.dof = SHORT_NAMES.get(measure, measure), element, dof
+        self.dimensionless = dimensionless
+        self._along: dict[int, tuple[Branch, Array]] = {}
+        self._lengths: dict[Any, float | None] = {}
+
+    @property
+    def is_amplitude(self) -> bool:
+        """Whether it is a measure of amplitude, which is known without the equations."""
+        return is_measure(self.measure)
+
+    def prepared(self, branch: Branch) -> Branch:
+        """Return the branch, with its problem if the quantity is computed from it.
+
+        Raises
+        ------
+        ValueError
+            If the problem is unknown.
+        """
+        if branch.problem is not None or self.is_amplitude:
+            return branch
+        try:
+            return replace(branch, problem=problem_along(branch))
+        except ValueError as error:
+            names = ", ".join(MEASURES)
+            raise ValueError(f"no measure {quoted(self.measure)}; there are {names}, H1, H2, ...; {error}") from None
+
+    def along(self, branch: Branch) -> Array:
+        """Return the values at the points of a branch (computed once).
+
+        Raises
+        ------
+        ValueError
+            If the quantity is unknown at all points.
+        """
+        known = self._along.get(id(branch))
+        if known is not None:
+            return known[1]
+        if self.is_amplitude:
+            values = branch.amplitude(self.measure, self.element) * self._factors(branch)
+        else:
+            values = self._quantity(branch)
+            if not np.isfinite(values).any():
+                raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
+                                 "quantity, such as 'force, largest'")  # fmt: skip
+        self._along[id(branch)] = branch, values  # the branch is kept, so that its id is not used again
+        return values
+
+    def at(self, point: Point, branch: Branch | None = None) -> float:
+        """Return the value at a point of a branch."""
+        if not self.is_amplitude:
+            return float(self._quantity(point)[0])
+        model = getattr(point.problem, "model", None) or (model_of(branch) if branch is not None else None)
+        return float(point.amplitude(self.measure, self.element)) * self._factor(model, dict(point.parameters))
+
+    def label(self, branch: Branch) -> str:
+        """Return the label of the axis."""
+        layout = layout_of(branch)
+        if self.is_amplitude:
+            return in_figure(axis_text(self.measure, self._motion(branch, layout)))
+        title = machine_quantities(self.prepared(branch)[0], self.element, self.dof).title(self.measure)
+        title = in_figure(title.replace("dte, half peak-to-peak", "dynamic transmission error, half peak-to-peak"))
+        return title + (f" of {self.dof}" if self.dof is not None and self.measure.startswith("acc") else "")
+
+    def header(self, branch: Branch) -> str:
+        """Return the header of a column of a table."""
+        if not self.is_amplitude:
+            return machine_quantities(self.prepared(branch)[0], self.element, self.dof).title(self.measure)
+        dimension = self._dimension
+        unit = f"{MICROMETRE}^{dimension}" if dimension > 1 else MICROMETRE
+        known = dimension and self._length(model_of(branch), branch.parameters_at(0)) is not None
+        return f"{self.measure} [{unit}]" if known else self.measure
+
+    @property
+    def _dimension(self) -> int:
+        """Power of the length in the measure; 0 for ratios and for measures with their own unit."""
+        entry = MEASURES.get(self.measure)
+        return 1 if entry is None else 0 if entry.unit else entry.dimension
+
+    def _motion(self, branch: Branch, layout: Layout | None) -> str:
+        """Return the symbol of the motion of the element with its unit."""
+        if layout is None:
+            return "gap (model units)"
+        name = f", {layout.elements[layout.index(self.element)]}" if len(layout.elements) > 1 else ""
+        symbol = layout.labels.get("amplitude", "gap (model units)")
+        if self._length(model_of(branch), branch.parameters_at(0)) is None:
+            return symbol + name
+        plain = without_unit(symbol).partition(" / ")[0]
+        return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
+
+    def _length(self, model: Model | None, parameters: dict[str, float]) -> float | None:
+        """Return the unit of amplitudes [um]; None if amplitudes keep the unit of the model."""
+        if self.dimensionless or model is None:
+            return None
+        changed = {name: value for name, value in parameters.items() if name != "Omega"}
+        key = id(model), tuple(changed.items())
+        if key not in self._lengths:
+            length = length_scale(model, changed)
+            self._lengths[key] = None if length is None else 1e6 * length
+        return self._lengths[key]
+
+    def _factor(self, model: Model | None, parameters: dict[str, float]) -> float:
+        length = self._length(model, parameters)
+        return 1.0 if length is None else length**self._dimension
+
+    def _factors(self, branch: Branch) -> Array:
+        model = model_of(branch)
+        fixed = branch.parameter == "Omega" and not branch.tracked
+        points = range(1 if fixed else len(branch))
+        return np.array([self._factor(model, branch.parameters_at(i)) for i in points])
+
+    def _quantity(self, found: Branch | Point) -> Array:
+        """Return an engineering quantity of the points of a branch, or of one point."""
+        if self.measure == DTE:
+            return transmission_error(found, self.element)
+        quantities = machine_quantities(found, self.element, self.dof)
+        try:
+            return quantities[self.measure]
+        except KeyError as error:
+            raise KeyError(f"{error.args[0]}; measures are {', '.join(MEASURES)}, H1, H2, ...") from None

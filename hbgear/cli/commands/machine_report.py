@@ -1,0 +1,342 @@
+"""Report on the speeds of a machine: resonances, jumps, safe ranges, critical speeds and a recommendation.
+
+resonance      largest dynamic transmission error of stable motions between its minima
+safe range     speeds at which all known motions keep the teeth in contact
+critical speed n = 60 f / order of a natural frequency f, for the orders of the mesh and of the shafts
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import floor, log10
+from typing import Any
+
+import numpy as np
+
+import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import Ordinate
+from hbgear.analysis.summary import digits_of, text_at
+from hbgear.cli.support import print_table, print_text
+from hbgear.common.arrays import Array
+from hbgear.common.text.digits import rounded
+from hbgear.harmonic.equations.layout import layout_of
+
+MIN_PROMINENCE = 1.15
+"""Peak over the larger of the minima on both sides, above which it is a resonance."""
+
+SAME_SPEED = 0.01
+"""Relative difference of the speeds of a peak and of a jump that ends its branch."""
+
+ACCURACY_GRADE = 6
+"""Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
+
+Ranges = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """Largest stable motion of a resonance.
+
+    Attributes
+    ----------
+    point : Point
+        Motion.
+    speed : float
+        Speed of the pinion [r/min].
+    transmission_error : float
+        Half the peak-to-peak dynamic transmission error [um].
+    factor : float
+        Dynamic factor.
+    force : float
+        Largest force of the mesh [N].
+    ends : bool
+        Whether the motion is the last one before a jump.
+    """
+
+    point: hb.Point
+    speed: float
+    transmission_error: float
+    factor: float
+    force: float
+    ends: bool
+
+
+def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
+    """Return the resonances of a curve and of the other curves of its range, the lowest speed first."""
+    scales = model.scales
+    assert scales is not None
+    found = []
+    for branch in (curve, *curve.others):
+        size = Ordinate("dte").along(branch)
+        stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
+        jumps = [jump.value for jump in branch.jumps()]
+        for i in _peaks(size, stable):
+            ends = any(abs(branch.values[i] - value) < SAME_SPEED * value for value in jumps)
+            if i in (0, len(branch) - 1) and not ends:
+                continue  # the range ends there, not the resonance
+            point = branch[i]
+            one = hb.analysis.machine_quantities(point)
+            speed = float(scales.pinion_speed(point.parameters["Omega"]))
+            found.append(Resonance(point, speed, float(size[i]), float(one["dynamic factor"][0]),
+                                   abs(float(one["force, largest"][0])), ends))  # fmt: skip
+    return sorted(found, key=lambda one: one.speed)
+
+
+def _peaks(size: Array, stable: Array) -> list[int]:
+    """Return the largest stable points between minima that are lower by `MIN_PROMINENCE`."""
+    found: list[int] = []
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], stable.astype(int), [0]])))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        top, low = int(first), float(size[first]) if first == 0 else 0.0  # unstable motions are no minimum
+        rising = True
+        for i in range(int(first), int(end)):
+            if rising and size[i] >= size[top]:
+                top = i
+            elif rising and size[top] > MIN_PROMINENCE * size[i]:
+                if size[top] > MIN_PROMINENCE * low or top == first:
+                    found.append(int(top))
+                rising, low = False, float(size[i])
+            elif not rising and size[i] < low:
+                low = float(size[i])
+            elif not rising and size[i] > MIN_PROMINENCE * low:
+                rising, top = True, i
+        if rising and size[top] > MIN_PROMINENCE * low:
+            found.append(top)
+    return found
+
+
+def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
+    """Return the ranges of the pinion speed [r/min] in which a known motion loses the contact of the teeth."""
+    scales = model.scales
+    assert scales is not None
+    parts = []
+    for branch in (curve, *curve.others):
+        layout = layout_of(branch)
+        lost = np.asarray(branch.regime)[:, layout.index(0) if layout else 0] > 0
+        speeds = np.asarray(scales.pinion_speed(branch.values))
+        for i in np.flatnonzero(lost[:-1] & lost[1:]):
+            parts.append((float(min(speeds[i : i + 2])), float(max(speeds[i : i + 2]))))
+    return merged(parts)
+
+
+def merged(ranges: Iterable[tuple[float, float]]) -> Ranges:
+    """Return the union of ranges as ranges that do not overlap.
+
+    Examples
+    --------
+    >>> merged([(5.0, 7.0), (1.0, 2.0), (6.0, 9.0)])
+    [(1.0, 2.0), (5.0, 9.0)]
+    """
+    found: Ranges = []
+    for low, high in sorted(ranges):
+        if found and low <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], high)
+        else:
+            found.append((low, high))
+    return found
+
+
+def outside(ranges: Ranges, low: float, high: float) -> Ranges:
+    """Return the parts of the range from low to high that are in none of the ranges.
+
+    Examples
+    --------
+    >>> outside([(1.0, 2.0), (5.0, 9.0)], 0.0, 10.0)
+    [(0.0, 1.0), (2.0, 5.0), (9.0, 10.0)]
+    """
+    found, start = [], low
+    for a, b in [*ranges, (high, high)]:
+        if min(a, high) > start:
+            found.append((start, min(a, high)))
+        start = max(start, b)
+    return found
+
+
+def speeds_text(ranges: Ranges) -> str:
+    """Return ranges of the speed as text."""
+    return ", ".join(f"{low:.0f} to {high:.0f}" for low, high in ranges) + " r/min"
+
+
+def show_speeds(
+    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, others: Ranges | None = None
+) -> None:
+    """Print resonances, jumps, speed ranges and critical speeds of a machine.
+
+    Parameters
+    ----------
+    model : Model
+        Model with scales.
+    curve : Branch
+        Its curve in Omega.
+    dimensionless : bool, optional
+        Whether Omega is printed as well; default False.
+    others : list of tuple of float, optional
+        Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
+
+    Raises
+    ------
+    ValueError
+        If the model has no scales.
+    """
+    if model.scales is None:
+        raise ValueError("the model has no scales, so its speeds in r/min are unknown")
+    _show_resonances(model, curve)
+    _show_jumps(model, curve, dimensionless)
+    _show_ranges(model, curve, others or [])
+    _show_critical(model, curve)
+
+
+def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
+    assert model.scales is not None
+    rows = [
+        [f"{one.speed:.0f}", f"{float(model.scales.mesh_frequency(one.point.parameters['Omega'])):.0f}",
+         _known(one.factor), rounded(one.transmission_error, 3), f"{one.force:.0f}",
+         "before a jump" if one.ends else ""]
+        for one in resonances(model, curve)
+    ]  # fmt: skip
+    for branch in (curve, *curve.others):
+        if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
+            end = branch.asymptotes.get("last", float(branch.values[-1]))
+            speeds = [float(of(end)) for of in (model.scales.pinion_speed, model.scales.mesh_frequency)]
+            rows.append([*(f"{x:.0f}" for x in speeds), *["unbounded"] * 3, "more damping would limit it"])
+    rows.sort(key=lambda row: float(row[0]))
+    if rows:
+        headers = ["pinion r/min", "mesh Hz", "dynamic factor", "transmission error [um]", "largest force [N]", ""]
+        title = "resonances of the mesh; the transmission error is half peak to peak"
+        print_table(headers, rows, title)
+    else:
+        print_text("no resonance in this range of speeds")
+
+
+def _known(value: float) -> str:
+    return rounded(value, 3) if np.isfinite(value) else "-"
+
+
+def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool) -> None:
+    scales, pair = model.scales, getattr(model, "pair", None)
+    assert scales is not None
+    rows = []
+    for branch in (curve, *curve.others):
+        for jump in branch.jumps():
+            digits = digits_of(jump.before, 6)
+            factors = [factor_text(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
+            rpm = fixed_point(float(scales.pinion_speed(jump.value)), digits)
+            hertz = fixed_point(float(scales.mesh_frequency(jump.value)), digits)
+            direction = "increasing" if jump.direction > 0 else "decreasing"
+            Omega = [text_at(jump.before, "Omega")] if dimensionless else []
+            row = [jump.label, rpm, hertz, *Omega, direction, *factors]
+            if pair is not None:
+                speed = float(scales.pinion_speed(jump.value))
+                row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
+            rows.append(row)
+    if not rows:
+        print_text("no jumps")
+        return
+    headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
+               "after"]  # fmt: skip
+    title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
+    if pair is not None:
+        headers.append("K_v")
+        title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
+    print_table(headers, rows, title)
+
+
+def mesh_torque(model: Any) -> float:
+    """Return the torque at which the mesh of a gear pair is computed [N m]."""
+    from hbgear.gears.torque_orders import effective_torque
+
+    return effective_torque(model.torque, model.torque_orders)
+
+
+def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) -> None:
+    scales = model.scales
+    assert scales is not None
+    values = np.concatenate([branch.values for branch in (curve, *curve.others)])
+    low, high = (float(scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
+    lost = merged([*contact_lost(model, curve), *others])
+    if not lost:
+        print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
+        return
+    safe = outside(lost, low, high)
+    print_text(f"safe speeds, at which the teeth stay in contact and nothing jumps: "
+               f"{speeds_text(safe) if safe else f'none from {low:.0f} to {high:.0f} r/min'}")  # fmt: skip
+    print_text(f"loss of contact is possible: {speeds_text(lost)}")
+
+
+def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
+    scales, pair = model.scales, getattr(model, "pair", None)
+    assert scales is not None
+    if pair is None:
+        return
+    Omega = float(np.max(np.abs(curve.values)))
+    found = hb.analysis.campbell(model, (0.5 * Omega, Omega), points=2)
+    order = float(getattr(model, "mesh_order", 1))
+    z1, z2 = pair.pinion.teeth, pair.wheel.teeth
+    orders = {"mesh order 1": order, "2": 2 * order, "3": 3 * order, "pinion order 1": order / z1,
+              "wheel order 1": order / z2}  # fmt: skip
+    rows = []
+    for frequency in found.frequencies[-1]:
+        if np.isfinite(frequency) and frequency > 0:
+            hertz = float(scales.mesh_frequency(float(frequency))) / order
+            speeds = [f"{float(scales.pinion_speed(float(frequency) / one)):.0f}" for one in orders.values()]
+            rows.append([f"{hertz:.0f}", *speeds])
+    if rows:
+        title = "critical speeds of the pinion in r/min, at which an order meets a natural frequency (closed gaps)"
+        print_table(["natural frequency [Hz]", *orders], rows, title)
+
+
+def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
+    """Return the dynamic factor at a point; "-" without a point or a static force."""
+    if point is None:
+        return "-"
+    try:
+        return rounded(hb.analysis.dynamic_factor(model, point), digits)
+    except ValueError:
+        return "-"
+
+
+def fixed_point(value: float, digits: int) -> str:
+    """Return a number with this many significant digits, without an exponent."""
+    after = digits - 1 - floor(log10(abs(value)))
+    return f"{round(value, after):.{max(after, 0)}f}"
+
+
+def recommendation(
+    model: hb.mechanics.Model, curve: hb.Branch, measures: Sequence[tuple[str, float]] = (), reference: float = np.inf,
+    others: Ranges | None = None,
+) -> str:  # fmt: skip
+    """Return one sentence on the speeds to avoid and on the change of the design that helps most.
+
+    Parameters
+    ----------
+    model : Model
+        Model with scales.
+    curve : Branch
+        Its curve.
+    measures : sequence of (str, float), optional
+        Changes of the design that a designer can make, with the largest dynamic factor that each gives.
+    reference : float, optional
+        Largest dynamic factor of the design.
+    others : list of tuple of float, optional
+        Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
+
+    Returns
+    -------
+    str
+        The sentence.
+    """
+    lost = merged([*contact_lost(model, curve), *(others or [])])
+    found = [one for one in resonances(model, curve) if np.isfinite(one.factor)]
+    if lost:
+        text = f"avoid {speeds_text(lost)}"
+    elif found:
+        worst = max(found, key=lambda one: one.factor)
+        text = f"no speed has to be avoided because of jumps; the dynamic factor is largest at {worst.speed:.0f} r/min"
+    else:
+        text = "no speed of this range has to be avoided"
+    better = min(measures, key=lambda one: one[1], default=None)
+    if better is not None and better[1] < 0.9 * reference:
+        was = "" if np.isinf(reference) else f" instead of {reference:.3g}"
+        text += f"; {better[0]} gives a largest dynamic factor of {better[1]:.3g}{was}"
+    return f"recommendation: {text}"

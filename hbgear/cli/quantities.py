@@ -1,0 +1,147 @@
+"""Values on the command line with their units: parameters in the unit of their label, frequencies in r/min or Hz.
+
+--set backlash=90um    the label of backlash ends in [um]: 90
+--from 9000r/min       Omega = 9000 / pinion_speed(1);    2500Hz is a mesh frequency
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import hbgear as hb
+from hbgear.common.text.messages import did_you_mean
+from hbgear.common.text.symbols import unit_of
+from hbgear.common.units import known_unit, to_si
+
+SPEED = "speed"
+"""Other name of Omega on the command line, for values in r/min or Hz."""
+
+_NOT_PARAMETERS = ("Omega", "amplitude")
+"""Labels of a model that belong to no parameter."""
+
+
+def number_of(what: str, text: str) -> float:
+    """Convert a text to a finite number; ``what`` names it in errors."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{what}={text}: need a finite number")
+    return value
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number without a unit."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str) -> float:
+    """Return the value of a parameter: a number in the unit of its label, or a quantity with another unit.
+
+    Parameters
+    ----------
+    labels : mapping
+        Labels of parameters by name, which end in their units.
+    option : str
+        Option, for messages.
+    name : str
+        Name of the parameter.
+    text : str
+        Number or quantity.
+
+    Returns
+    -------
+    float
+        Value in the unit of the label.
+
+    Raises
+    ------
+    ValueError
+        If the text is no number and no quantity of this unit.
+
+    Examples
+    --------
+    >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm")
+    90.0
+    """
+    unit = unit_of(str(labels.get(name, name)))
+    unit = "" if unit == "1" else unit
+    if is_number(text) or not re.search(r"[^\W\d_]", text) or not known_unit(unit):
+        return number_of(f"{option} {name}", text)
+    if not unit and re.search(r"\d\s*[A-Za-z]", text):
+        raise ValueError(f"{option} {name}={text}: need a finite number: {name} has no unit")
+    return to_si(option, name, text, unit)
+
+
+def value_in_model(model: hb.mechanics.Model, option: str, name: str, text: str) -> float:
+    """Return the value of a parameter of a model, or of Omega, see `parameter_value` and `Omega_of`."""
+    if name in ("Omega", SPEED):
+        return Omega_of(model, f"{option} {name}", text)
+    return parameter_value(model.labels, option, name, text)
+
+
+def named(name: str) -> str:
+    """Return the name of a parameter: "Omega" for "speed"."""
+    return "Omega" if name == SPEED else name
+
+
+def check_parameter(model: hb.mechanics.Model, name: str) -> None:
+    """Raise KeyError for a name that is no parameter of a model."""
+    known = model.parameters | model.entries
+    if name != "Omega" and name not in known:
+        kind = type(model).__name__
+        raise KeyError(f"{kind} has no parameter '{name}'{did_you_mean(name, known)}")
+
+
+def changes_of(model: hb.mechanics.Model, pairs: list[tuple[str, str]]) -> dict[str, Any] | None:
+    """Return changed parameters of a model whose parameters are no fields; None if a name is another field."""
+    known = {*model.parameters, *model.entries, *(name for name in model.labels if name not in _NOT_PARAMETERS)}
+    if any(name not in known for name, _ in pairs):
+        return None
+    return {name: parameter_value(model.labels, "--set", name, text) for name, text in pairs}
+
+
+def Omega_of(model: hb.mechanics.Model, option: str, text: str) -> float:
+    """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
+
+    Parameters
+    ----------
+    model : Model
+        Model with scales for values with units.
+    option : str
+        Option, for messages.
+    text : str
+        Number or quantity.
+
+    Returns
+    -------
+    float
+        Omega.
+
+    Raises
+    ------
+    ValueError
+        If the text is no number or frequency, or the model has no scales.
+    """
+    if is_number(text):
+        return number_of(option, text)
+    scales = model.scales
+    if scales is None:
+        raise ValueError(
+            f"{option} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
+        )
+    if text.strip().lower().endswith("hz"):
+        return float(scales.from_mesh_frequency(to_si(option, "frequency", text, "Hz")))
+    try:
+        rate = to_si(option, "speed", text, "rad/s")
+    except ValueError:
+        raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min") from None
+    return float(scales.from_pinion_speed(rate * 30 / math.pi))
