@@ -45,6 +45,19 @@ def test_a_hard_stop_is_decided_right_or_not_at_all():
     assert held and all(one.verdict in (one.right, "undecided") for one in held)
 
 
+@pytest.mark.parametrize(("k", "refined"), [(1.0, False), (1e4, True)])
+def test_short_contacts_are_refined_only_where_they_can_change_the_stability(k, refined):
+    """A motion that just touches a stop with 8 harmonics: multipliers at 0.73, exact only for the hard stop."""
+    stop = Stop(0.2, k, 0.5, 0.1)
+    problem = hb.HarmonicBalance(stop.system, 8)
+    X, Omega = np.zeros(17), 1.0
+    X[1], X[2] = 0.0, 0.5 * (1 + 1e-3 / np.sqrt(k))
+    seen = problem.observe(X, True, Omega=Omega) | {"determinant": 0}
+    problem.verify_stability(X[None], "Omega", np.array([Omega]), [seen], {})
+    assert problem.compiled({}).shortest_intervals(X[None])[0] < np.pi / 8
+    assert (seen["modulus_error"] >= 1e-7) == refined
+
+
 @pytest.mark.parametrize(("k", "gap", "q", "v"), [(5.5e4, 0.0, -1.9e-2, 1.3e-4), (9.6e4, 0.5, 0.4998, 1.9e-2)])
 def test_contacts_shorter_than_a_step_of_the_reference_are_found(k, gap, q, v):
     """The exact march from contact to contact ends where a Runge-Kutta method of small steps does."""
