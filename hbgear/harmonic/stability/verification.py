@@ -305,7 +305,12 @@ def _exact_stability(
     count = min(len(mu), len(exact.multipliers))
     mu[:count] = exact.multipliers[:count]
     other_side = bool(expected) and expected != _parity_beyond_one(mu)
-    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not other_side)
+    error = EXACT_MULTIPLIER_ERROR
+    if exact.Omega != here["Omega"]:
+        error = max(error, abs(float(_modulus(mu) - _modulus(stability.multipliers))))
+        if _parity_beyond_one(mu) < 0:  # unstable, however large the multiplier is
+            error = min(error, 0.99 * float(_modulus(mu) - 1.0))
+    return _Stability(mu, error, not other_side)
 
 
 def _parity_beyond_one(mu: ComplexArray) -> int:
