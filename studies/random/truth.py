@@ -279,7 +279,7 @@ def stated(point: Point) -> float:
 
 def said(point: Point) -> bool | None:
     """The verdict on a point; None if it is undecided."""
-    return None if getattr(point, "verdict", "") == "undecided" else point.stable
+    return None if getattr(point, "stability", "") == "undecided" else point.stable
 
 
 def curves(branch: Branch) -> list[Branch]:

@@ -15,8 +15,8 @@ For every point of a curve:
 2. **Parity.** The number of real multipliers beyond +1 is compared with the sign of det(dR/dX) at every point. For
    refined motions the number beyond -1 is compared with the sign of the half-integer block (`parity`). A mismatch flags
    the point. So do a special point that contradicts the stability, and contacts or flights shorter than half a period
-   of the highest harmonic: there the multipliers of hard stops change by more than ten thousand times the relative
-   error of the motion.
+   of the highest harmonic, if their stiffness is large enough for a multiplier to reach the circle: there the
+   multipliers of hard stops change by more than ten thousand times the relative error of the motion.
 3. **Refinement.** A point is refined if its error reaches the circle, its contacts are too short for H harmonics, or it
    is flagged. With piecewise-linear laws the exact motion is computed (`hbgear.harmonic.instants`), whose multipliers
    have no truncation error. With other laws, or where that fails, more harmonics are used. Both are solved at the same
@@ -52,6 +52,7 @@ from hbgear.harmonic.multipliers.multiplier_error import (
 )
 from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 from hbgear.harmonic.stability.parity import Parity
+from hbgear.harmonic.structure.receptance import dense
 
 MAX_SENSITIVITY = 1e4
 """Largest difference of multipliers over the relative error of the motion."""
@@ -100,9 +101,7 @@ def verify_multipliers(
     flagged = parity.mismatch(multipliers, signs) | np.array(
         [observed[i].get("contradicts", False) for i in known.tolist()]
     )
-    flagged |= _has_short_intervals(
-        problem, X[known], {**parameters, name: float(values[known[0]])}, UNRESOLVED_INTERVAL
-    )
+    flagged |= _has_hard_short_intervals(problem, X[known], name, values[known], parameters, multipliers)
     reachable = may_reach(multipliers, MAX_SENSITIVITY * relative_errors) | flagged
     if not reachable.any():
         return
@@ -268,6 +267,25 @@ def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods
     return short
 
 
+def _has_hard_short_intervals(
+    problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float], multipliers: ComplexArray
+) -> NDArray[np.bool_]:
+    """Return whether motions X (k, n) have unresolved contacts or flights that can change the stability.
+
+    A contact of stiffness k and duration delta changes multipliers by about (k / m) delta / Omega^2. A soft one at a
+    grazing needs no refinement if the multipliers are far from the unit circle.
+    """
+    short = _has_short_intervals(problem, X, {**parameters, name: float(values[0])}, UNRESOLVED_INTERVAL)
+    if short.any():
+        compiled = problem.compiled({**parameters, name: float(values[0])})
+        system, Omega = compiled.system, values if name == "Omega" else parameters["Omega"]
+        mobility = np.einsum("ij,ij->j", system.W, np.linalg.solve(dense(system.M), system.W))
+        rate = max(abs(k * law.reference) for k, law in zip(mobility.tolist(), compiled.laws, strict=True))
+        effect = rate * problem.nu * compiled.shortest_intervals(X) / np.square(Omega)
+        short &= effect > np.abs(_modulus(multipliers) - 1.0)
+    return short
+
+
 def _exact_stability(
     problem: Any, X: Array, name: str, here: Mapping[str, float], stability: _Stability, expected: int
 ) -> _Stability | None:
@@ -292,7 +310,12 @@ def _exact_stability(
     count = min(len(mu), len(exact.multipliers))
     mu[:count] = exact.multipliers[:count]
     other_side = bool(expected) and expected != _parity_beyond_one(mu)
-    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not other_side)
+    error = EXACT_MULTIPLIER_ERROR
+    if exact.Omega != here["Omega"]:
+        error = max(error, abs(float(_modulus(mu) - _modulus(stability.multipliers))))
+        if _parity_beyond_one(mu) < 0:  # unstable, however large the multiplier is
+            error = min(error, 0.99 * float(_modulus(mu) - 1.0))
+    return _Stability(mu, error, not other_side)
 
 
 def _parity_beyond_one(mu: ComplexArray) -> int:
