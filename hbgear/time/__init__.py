@@ -6,6 +6,7 @@ from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram, Window, bifurcation_diagram
+    from hbgear.time.attractors.torus_check import TorusCheck, verify_torus
     from hbgear.time.attractors.verdicts import Verdict
     from hbgear.time.basins_of_attraction import basins
     from hbgear.time.frequency_sweep import sweep
@@ -18,6 +19,7 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "BifurcationDiagram",
     "StabilityComparison",
+    "TorusCheck",
     "Verdict",
     "Window",
     "basins",
@@ -28,6 +30,7 @@ __all__ = [
     "shoot",
     "sweep",
     "validate",
+    "verify_torus",
 ]
 
 if not TYPE_CHECKING:
