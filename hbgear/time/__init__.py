@@ -6,6 +6,7 @@ from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram, Window, bifurcation_diagram
+    from hbgear.time.attractors.steady_states import SteadyMotion, SteadyStates, steady_states
     from hbgear.time.attractors.torus_check import TorusCheck, verify_torus
     from hbgear.time.attractors.verdicts import Verdict
     from hbgear.time.basins_of_attraction import basins
@@ -19,6 +20,8 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "BifurcationDiagram",
     "StabilityComparison",
+    "SteadyMotion",
+    "SteadyStates",
     "TorusCheck",
     "Verdict",
     "Window",
@@ -28,6 +31,7 @@ __all__ = [
     "integrate",
     "integrate_jumps",
     "shoot",
+    "steady_states",
     "sweep",
     "validate",
     "verify_torus",
