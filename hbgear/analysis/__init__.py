@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
     from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
+    from hbgear.harmonic.autonomous.tori.branch import torus
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "run_up",
     "sensitivity",
     "tooth_loads",
+    "torus",
     "trace_all",
 ]
 

@@ -36,6 +36,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, so
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.coverage import trace_both_directions
 from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.series.fourier import to_complex, to_real
 
@@ -93,6 +94,7 @@ def trace_all(
     frequencies: Sequence[float] | int = 5,
     guesses: int = 20,
     second: tuple[str, tuple[float, float]] | None = None,
+    motions: Sequence[Point] = (),
     seed: int = 0,
     steps: StepControl = StepControl(),
     stability: bool = True,
@@ -119,6 +121,9 @@ def trace_all(
     second : tuple (str, (float, float)), optional
         Name and range of a parameter of the model, such as ``("zeta", (0.05, 0.2))``. By default no second parameter
         is used.
+    motions : sequence of Point, optional
+        Known motions, such as ``hb.steady_states(model, Omega).points``. They are traced before the search if they lie
+        on no branch. Those of more periods than ``nu`` of the problem are left out.
     seed : int, optional
         Seed of the random starts; the same seed finds the same branches. The default is 0.
     steps : StepControl, optional
@@ -157,6 +162,7 @@ def trace_all(
     ending, where = Termination(), "on the branches from the linear response"
     try:
         search.trace_linear_responses()
+        search.trace_motions(motions)
         rng = np.random.default_rng(seed)
         for Omega in search_frequencies:
             where = f"at Omega = {Omega:.5g}"
@@ -225,6 +231,15 @@ class _Search:
             self.report(
                 f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}"
             )
+
+    def trace_motions(self, motions: Sequence[Point]) -> None:
+        """Trace the branches of given motions whose period divides that of the problem, within the span."""
+        low, high = sorted(self.span)
+        for point in motions:
+            layout, Omega = layout_of(point), point.parameters["Omega"]
+            if layout is not None and self.problem.nu % layout.nu == 0 and low <= Omega <= high:
+                X = solve(self.problem, self.problem.from_point(point), self._parameters_at(Omega)).X
+                self._trace_new(X, Omega, "a given motion")
 
     def known(self, Omega: float) -> list[Array]:
         """Return the motions of all branches at a frequency, with their copies shifted by excitation periods."""

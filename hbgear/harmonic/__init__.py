@@ -8,6 +8,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.autonomous.backbone import BackboneProblem
     from hbgear.harmonic.autonomous.equilibrium import EquilibriumProblem
     from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
+    from hbgear.harmonic.autonomous.tori.problem import TorusProblem
     from hbgear.harmonic.bifurcations.extremum import AmplitudeExtremum
     from hbgear.harmonic.bifurcations.grazing import GrazingProblem
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
@@ -26,6 +27,7 @@ __all__ = [
     "LimitCycleProblem",
     "NeimarkSackerProblem",
     "PeriodDoublingProblem",
+    "TorusProblem",
     "register_measure",
 ]
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
-    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram
+    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram, torus, torus_section, torus_spectrum
     from hbgear.plot.curves import jump_map, response, responses, speed_axes
     from hbgear.plot.designs.bands import band
     from hbgear.plot.designs.effects import tornado
@@ -113,6 +113,9 @@ __all__ = [
     "time_history",
     "tooth_loads",
     "tornado",
+    "torus",
+    "torus_section",
+    "torus_spectrum",
     "train",
     "validation",
     "waterfall",

@@ -1,15 +1,16 @@
-"""Figures of attractors over a parameter: bifurcation diagrams with verdicts, over the curves of periodic motions."""
+"""Figures of motions that are not periodic: bifurcation diagrams; amplitudes, sections and spectra of tori."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.equations.layout import axis_text, layout_of
 from hbgear.harmonic.models.frequency_units import model_of, scales
 from hbgear.mechanics.series.fourier import evaluate
@@ -150,3 +151,189 @@ def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool) -> N
                 zorder=1, gid="unstable" if stable is False else "stable",
                 label=f"curve, {'unstable' if stable is False else 'stable'}",
             )  # fmt: skip
+
+
+# ---- tori
+
+_LARGEST_SPECTRUM = 1e-5
+"""Amplitude over the largest one from which lines of a spectrum are drawn."""
+
+
+def _torus_problem(tori: Branch) -> TorusProblem:
+    if not isinstance(tori.problem, TorusProblem):
+        raise ValueError("the branch has no tori: give the branch of hb.analysis.torus(curve, 'NS1')")
+    return tori.problem
+
+
+@checked_arguments()
+def torus(
+    tori: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *,
+    label: str = "quasi-periodic", **style: Any,
+) -> Axes:  # fmt: skip
+    """Draw an amplitude of tori over the parameter, also on the axes of a response curve.
+
+    Parameters
+    ----------
+    tori : Branch
+        Branch of `hbgear.analysis.torus`.
+    measure : str, optional
+        Measure of the whole torus: "pp2" (default), "rms", "max" or "mean".
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on, such as those of `response`; new ones by default.
+    label : str, optional
+        Text of the legend; default "quasi-periodic". No legend if it is empty.
+    **style
+        Properties of the line, such as ``color``.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        If the branch has no tori, or the measure is unknown.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+    >>> hb.plot.torus(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    ValueError: the branch has no tori
+    """
+    problem, own = _torus_problem(tori), ax is None
+    height = tori.amplitude(measure, element)
+    with styled():
+        ax = axes_or_new(ax, (4.6, 3.2))
+        line: dict[str, Any] = {"color": VERDICTS[Verdict.QUASI_PERIODIC], "linewidth": 1.4}
+        ax.plot(tori.values, height, **(line | style), label=label or "_", zorder=4, gid="tori")
+        if own:
+            ax.set_xlabel(problem.layout.labels.get(tori.parameter, tori.parameter))
+            ax.set_ylabel(axis_text(measure, _element_name(problem, element)))
+            dress(ax)
+        if label:
+            add_legend(ax)
+    return ax
+
+
+def _element_name(problem: TorusProblem, element: int | str) -> str:
+    layout = problem.layout
+    return layout.elements[layout.index(element)] or f"element {layout.index(element)}"
+
+
+@checked_arguments()
+def torus_section(
+    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, phases: int = 400
+) -> Axes:
+    """Draw the section of a torus at tau = 0: rate over displacement, a closed curve that the motion fills.
+
+    Parameters
+    ----------
+    tori : Branch
+        Branch of `hbgear.analysis.torus`.
+    point : int, optional
+        Number of the point; default the last one.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    phases : int, optional
+        Number of points of the curve; default 400.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        If the branch has no tori.
+
+    Examples
+    --------
+    See `hbgear.analysis.torus` for a branch.
+
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+    >>> hb.plot.torus_section(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    ValueError: the branch has no tori
+    """
+    problem, found = _torus_problem(tori), tori[point]
+    layout, basis = problem.layout, problem.basis
+    theta = np.column_stack([np.zeros(phases + 1), np.linspace(0.0, 2 * np.pi, phases + 1)])
+    rows = layout.rows(found.X, element)
+    here = {name: np.array([x]) for name, x in found.parameters.items()}
+    rate = layout.in_time(rows[None], here, 1)[0]
+    d, v = (basis.evaluate(basis.to_complex(x), theta) for x in (rows, rate))
+    name = _element_name(problem, element)
+    with styled():
+        ax = axes_or_new(ax, (3.6, 3.2))
+        ax.plot(d, v, color=VERDICTS[Verdict.QUASI_PERIODIC], linewidth=1.2, gid="section")
+        ax.set_xlabel(f"{name} at " + r"$\tau = 0$")
+        ax.set_ylabel(f"rate of {name}")
+        dress(ax)
+    return ax
+
+
+@checked_arguments()
+def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None) -> Axes:
+    """Draw the spectrum of a torus: amplitudes at the frequencies |k_1 Omega / nu + k_2 Omega_2|.
+
+    Parameters
+    ----------
+    tori : Branch
+        Branch of `hbgear.analysis.torus`.
+    point : int, optional
+        Number of the point; default the last one.
+    element : int or str, optional
+        Element by number or name; default 0.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+
+    Returns
+    -------
+    Axes
+        The axes. Lines without the second frequency are black.
+
+    Raises
+    ------
+    ValueError
+        If the branch has no tori.
+
+    Examples
+    --------
+    See `hbgear.analysis.torus` for a branch.
+
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+    >>> hb.plot.torus_spectrum(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    ValueError: the branch has no tori
+    """
+    problem, found = _torus_problem(tori), tori[point]
+    layout, basis = problem.layout, problem.basis
+    size = np.abs(basis.to_complex(layout.rows(found.X, element)))
+    w = np.abs(basis.k @ np.array([found.parameters["Omega"] / layout.nu, found.parameters["Omega_2"]]))
+    shown = size > _LARGEST_SPECTRUM * size[1:].max()
+    with styled():
+        ax = axes_or_new(ax, (4.6, 3.2))
+        kinds = (
+            (basis.k[:, 1] > 0, VERDICTS[Verdict.QUASI_PERIODIC], r"with $\Omega_2$"),
+            (basis.k[:, 1] == 0, "black", r"multiples of $\Omega$"),
+        )
+        for which, colour, label in kinds:
+            rows = shown & which
+            floor = _LARGEST_SPECTRUM * size[1:].max()
+            ax.vlines(w[rows], floor, size[rows], color=colour, linewidth=1.2, label=label, gid=label)
+        ax.set_yscale("log")
+        ax.set_xlabel(r"frequency, in the unit of $\Omega$")
+        ax.set_ylabel(f"amplitude of {_element_name(problem, element)}")
+        dress(ax)
+        add_legend(ax)
+    return ax

@@ -6,6 +6,8 @@ from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram, Window, bifurcation_diagram
+    from hbgear.time.attractors.steady_states import SteadyMotion, SteadyStates, steady_states
+    from hbgear.time.attractors.torus_check import TorusCheck, verify_torus
     from hbgear.time.attractors.verdicts import Verdict
     from hbgear.time.basins_of_attraction import basins
     from hbgear.time.frequency_sweep import sweep
@@ -18,6 +20,9 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "BifurcationDiagram",
     "StabilityComparison",
+    "SteadyMotion",
+    "SteadyStates",
+    "TorusCheck",
     "Verdict",
     "Window",
     "basins",
@@ -26,8 +31,10 @@ __all__ = [
     "integrate",
     "integrate_jumps",
     "shoot",
+    "steady_states",
     "sweep",
     "validate",
+    "verify_torus",
 ]
 
 if not TYPE_CHECKING:

@@ -26,7 +26,7 @@ def two_wells(gamma: float = 0.2) -> hb.System:
 
 @model
 def two_masses(F: float = 0.13) -> hb.System:
-    """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1127 and 1.1957."""
+    """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1153 and 1.2513."""
     C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
     springs = [hb.Element([1.0, 0.0], Cubic(1.0), name="ground"), hb.Element([1.0, -1.0], Cubic(0.0042), name="link")]
     return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))

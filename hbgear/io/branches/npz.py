@@ -53,7 +53,7 @@ def save(branch: Branch, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ValueError
-        If the path has another ending.
+        If the path has another ending, or the branch consists of tori.
 
     Examples
     --------
@@ -81,6 +81,11 @@ def packed(branch: Branch) -> bytes:
 
 
 def _arrays_of(branch: Branch) -> dict[str, Any]:
+    if branch.layout is not None and layout_of(branch) is None:
+        raise ValueError(
+            f"a branch with unknowns of the kind {type(branch.layout).__name__} cannot be saved: only curves of "
+            "periodic motions and of plain numbers can; compute it from the curve again"
+        )
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
     motions = [_recorded(curve) for curve in (branch, *branch.others)]

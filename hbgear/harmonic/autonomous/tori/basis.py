@@ -1,0 +1,115 @@
+"""Fourier basis of two phases: coefficients, samples on a grid, products.
+
+    d(theta_1, theta_2) = Re sum_k c_k e^{i (k_1 theta_1 + k_2 theta_2)},   c_k = a_k - i b_k
+
+The indices k lie in half a plane (k_2 > 0, or k_2 = 0 and k_1 >= 0), within the diamond |k_1| / H_1 + |k_2| / H_2 <= 1.
+The unknowns of one element are (a_0, ..., a_(K-1), b_1, ..., b_(K-1)), b_0 = 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+
+_OVERSAMPLING = 4
+"""Samples per highest harmonic [-]. Products of three functions of the basis are exact with more than four."""
+
+
+class TorusBasis:
+    """Indices, grid and products of functions of two phases.
+
+    Parameters
+    ----------
+    H1, H2 : int
+        Highest harmonics of the two phases.
+    odd : bool, optional
+        Whether only odd harmonics of the first phase are kept: motions with x(theta_1 + pi) = -x(theta_1).
+    dense : int, optional
+        Factor of the number of samples. Default: 1.
+
+    Attributes
+    ----------
+    k : ndarray of int, shape (K, 2)
+        Indices; the first one is (0, 0).
+    shape : tuple of int
+        Number of samples of the two phases.
+    """
+
+    def __init__(self, H1: int, H2: int, odd: bool = False, dense: int = 1) -> None:
+        self.H1, self.H2, self.odd, self.dense = H1, H2, odd, dense
+        inside = [
+            (k1, k2)
+            for k2 in range(H2 + 1)
+            for k1 in range(-H1 if k2 else 0, H1 + 1)
+            if abs(k1) * H2 + k2 * H1 <= H1 * H2 and (not odd or k1 % 2 or (k1, k2) == (0, 0))
+        ]
+        self.k = np.array(inside)
+        self.shape = tuple(int(scipy.fft.next_fast_len(dense * (_OVERSAMPLING * H + 2), real=True)) for H in (H1, H2))
+        self._at = self.k[:, 0] % self.shape[0], self.k[:, 1]
+        self._mirrored = (-self.k[1:, 0]) % self.shape[0], self.k[1:, 1] == 0
+        minus, plus = (self.k[:, None] + sign * self.k for sign in (-1, 1))
+        self._minus, self._plus = ((n[..., 0] % self.shape[0], n[..., 1] % self.shape[1]) for n in (minus, plus))
+
+    @property
+    def width(self) -> int:
+        """Number of real unknowns of an element."""
+        return 2 * len(self.k) - 1
+
+    def to_complex(self, X: Array) -> ComplexArray:
+        """Return coefficients c (..., K) from unknowns (..., 2K - 1)."""
+        K = len(self.k)
+        out = X[..., :K].astype(complex)
+        out[..., 1:] -= 1j * X[..., K:]
+        return out
+
+    def to_real(self, c: ComplexArray) -> Array:
+        """Return unknowns (..., 2K - 1) from coefficients (..., K)."""
+        out: Array = np.concatenate([c.real, -c.imag[..., 1:]], axis=-1)
+        return out
+
+    def samples(self, c: ComplexArray) -> Array:
+        """Return samples (..., N1, N2) of functions with coefficients (..., K)."""
+        N1, N2 = self.shape
+        spectrum = np.zeros((*c.shape[:-1], N1, N2 // 2 + 1), dtype=complex)
+        spectrum[..., self._at[0], self._at[1]] = 0.5 * N1 * N2 * c
+        spectrum[..., 0, 0] *= 2.0
+        at, real_line = self._mirrored
+        spectrum[..., at[real_line], 0] = 0.5 * N1 * N2 * c[..., 1:][..., real_line].conj()
+        out: Array = scipy.fft.irfft2(spectrum, s=self.shape)
+        return out
+
+    def coefficients(self, samples: Array) -> ComplexArray:
+        """Return coefficients (..., K) of functions with samples (..., N1, N2)."""
+        c = 2.0 * scipy.fft.rfft2(samples)[..., self._at[0], self._at[1]] / np.prod(self.shape)
+        c[..., 0] = 0.5 * c[..., 0].real
+        out: ComplexArray = c
+        return out
+
+    def product(self, samples: Array) -> Array:
+        """Return the matrix (2K - 1, 2K - 1) of the product with a function with samples (N1, N2)."""
+        S, K = scipy.fft.fft2(samples) / np.prod(self.shape), len(self.k)
+        minus, plus = S[self._minus], S[self._plus]
+        out = np.empty((self.width, self.width))
+        out[:K, :K] = minus.real + plus.real
+        out[:K, K:] = (minus - plus).imag[:, 1:]
+        out[K:, :K] = -(minus + plus).imag[1:]
+        out[K:, K:] = (minus - plus).real[1:, 1:]
+        out[0] *= 0.5
+        return out
+
+    def evaluate(self, c: ComplexArray, theta: Array) -> Array:
+        """Return the values (..., T) at phases theta (T, 2)."""
+        out: Array = (c @ np.exp(1j * (self.k @ theta.T))).real
+        return out
+
+    def convert(self, X: Array, other: TorusBasis) -> Array:
+        """Return unknowns (..., 2K - 1) of this basis from those of another one, cut or padded with zeros."""
+        at = {tuple(k): i for i, k in enumerate(self.k.tolist())}
+        c = other.to_complex(X)
+        out = np.zeros((*X.shape[:-1], len(self.k)), dtype=complex)
+        for i, k in enumerate(other.k.tolist()):
+            if tuple(k) in at:
+                out[..., at[tuple(k)]] = c[..., i]
+        return self.to_real(out)

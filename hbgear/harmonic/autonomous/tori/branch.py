@@ -1,0 +1,229 @@
+"""Branches of tori from Neimark-Sacker points.
+
+    d = d_0(theta_1) + 2 eps Re(v(theta_1) e^{i theta_2}),   theta_2' = Omega_2 = Im s
+
+d_0 is the periodic motion at the Neimark-Sacker point, v the disturbance of its exponent s from Hill's determinant. The
+first torus has a small given modulation; its Omega and Omega_2 are unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import Range, checked, counted
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.mechanics.series.fourier import to_complex
+
+_MAX_EVEN_PART = 1e-8
+"""Even harmonics of a motion and its disturbance, over the whole, below which they are rounding."""
+
+LOCKING_DENOMINATOR = 12
+"""Largest denominator q of rotation numbers p/q that are named as the locking at which a branch ends."""
+
+LOCKING_DISTANCE = 2e-3
+"""Distance of the rotation number from p/q within which an end is named as locking."""
+
+
+class _StartEquations(MinimallyAugmentedProblem):
+    """Tori of given modulation near a Neimark-Sacker point: the parameter of the branch is the last unknown.
+
+    {R, phase condition} = 0,   s^T X = modulation
+    """
+
+    problem: TorusProblem
+    shape: Array
+    amplitude: float
+
+    def __init__(self, problem: TorusProblem, parameter: str, shape: Array, amplitude: float) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(shape=shape, amplitude=amplitude)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", here).size / self.amplitude)
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        now = linearise(self.problem, X, self.parameter, here)
+        g = base.weight * (self.shape @ X[:-1] - self.amplitude)
+        return AugmentedResidual(now, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
+
+
+@checked_arguments()
+def torus(
+    branch: Branch, label: str = "NS1", span: tuple[float, float] | None = None, *,
+    harmonics: tuple[int, int] | None = None, modulation: float = 0.05, dense: int = 1, **options: Any,
+) -> Branch:  # fmt: skip
+    """Trace the quasi-periodic motions that leave a curve at a Neimark-Sacker point.
+
+        d(t) = Re sum_k c_k e^{i (k_1 Omega / nu + k_2 Omega_2) t},   |k_1| / H_1 + |k_2| / H_2 <= 1
+
+    The second frequency Omega_2 is an unknown. The branch leaves the point in the direction in which the modulation
+    grows, and ends at another Neimark-Sacker point, at an end of the span, or where the spectrum no longer decays
+    (loss of smoothness, locking); `Branch.message` names the end. The stability of tori is not computed: verify it by
+    `hbgear.time.verify_torus`.
+
+    Parameters
+    ----------
+    branch : Branch
+        Curve of periodic motions of a harmonic balance, with its problem.
+    label : str, optional
+        Label of a Neimark-Sacker point. Default: "NS1".
+    span : (float, float), optional
+        Values of the parameter between which tori are traced, in any order. By default those of the curve.
+    harmonics : (int, int), optional
+        H_1 and H_2, highest harmonics of both frequencies. By default H_1 is the H of the curve, at most 9, and H_2
+        is 12. Laws with gaps need more of both.
+    modulation : float, optional
+        Modulation of the first torus, relative to the periodic motion. Default: 0.05.
+    dense : int, optional
+        Factor of the number of samples of the forces; larger ones reduce the error with gaps. Default: 1.
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        Curve of tori in the parameter of the curve, with ``tracked["Omega_2"]``. `Branch.amplitude` has the measures
+        "rms", "pp2", "max" and "mean" of the whole torus.
+
+    Raises
+    ------
+    KeyError
+        If the label does not exist.
+    ValueError
+        If the point is no Neimark-Sacker point, the curve has no harmonic balance, the multipliers are near a root of
+        unity of order 1 to 4 (locked second frequency), or the structure is not suitable, see `TorusProblem`.
+    NoConvergence
+        If no torus is found near the point.
+
+    References
+    ----------
+    Schilder, Vogt, Schreiber & Osinga (2006), Int. J. Numer. Meth. Eng. 67, https://doi.org/10.1002/nme.1632.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    >>> springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
+    >>> masses = hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
+    >>> curve = hb.trace(hb.HarmonicBalance(masses, 5), "Omega", (1.0, 1.15))
+    >>> tori = hb.analysis.torus(curve, "NS1", (1.11, 1.12), harmonics=(5, 4))
+    >>> bool(abs(tori.tracked["Omega_2"][-1] / 1.12 - 0.08538) < 1e-4)
+    True
+    """
+    point = branch[label]
+    balance = branch.problem
+    if not isinstance(point, SpecialPoint) or point.kind != "NS":
+        raise ValueError(f"{label} is no Neimark-Sacker point; tori leave at points of the kind NS, such as 'NS1'")
+    if not isinstance(balance, HarmonicBalance):
+        raise ValueError("tori need a curve of a harmonic balance with its problem; load it with problem=...")
+    checked("torus", "modulation", modulation, Range(above=0, below=1))
+    H1, H2 = harmonics or (min(balance.H, 9), 12)
+    counted("harmonics[0]", H1, 200)
+    counted("harmonics[1]", H2, 200)
+    low, high = sorted(map(float, span or (branch.values.min(), branch.values.max())))
+    at = dict(point.parameters)
+    name, value = branch.parameter, float(at[branch.parameter])
+    if not low <= value <= high:
+        raise ValueError(f"{label} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
+    balance = balance.at_resolution_of(point)
+    X = balance.from_point(point)
+    shape, Omega_2 = _disturbance(balance, X, at, name)
+    require_free_rotation(label, Omega_2 * balance.nu / at["Omega"])
+    problem, first, along = _linear_torus(balance, X, shape, (H1, H2), dense, modulation)
+    U, start = _first_torus(problem, first, along, Omega_2, at, name, modulation)
+    ends = (low, high) if U[-1] >= value else (high, low)
+    begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
+    usual = {"cover": False, "stability": False, "accuracy": None}
+    return named_end(trace(problem, name, ends, begin, **(usual | options)), name)
+
+
+def _disturbance(balance: HarmonicBalance, X: Array, at: dict[str, float], name: str) -> tuple[ComplexArray, float]:
+    """Return the coefficients (m, 2H + 1), orders -H..H, of the disturbance at a point, and its frequency."""
+    base = NeimarkSackerProblem(balance, name).base_at(X, at)
+    assert isinstance(base, Rotation) and base.c is not None
+    return base.c.reshape(2 * balance.H + 1, balance.m).T, float(base.exponent.imag)
+
+
+def require_free_rotation(label: str, turns: float) -> None:
+    """Raise ValueError at a strong resonance, where the second frequency is locked to the excitation."""
+    near = Fraction(turns).limit_denominator(4)
+    if abs(turns - near) < 1e-3:
+        raise ValueError(
+            f"{label}: the second frequency is {turns:.5f} of the first one, near {near.numerator}/{near.denominator}: "
+            "at this strong resonance the frequencies lock, and no torus leaves; change a parameter of the model"
+        )
+
+
+def _linear_torus(
+    balance: HarmonicBalance, X: Array, shape: ComplexArray, harmonics: tuple[int, int], dense: int, modulation: float
+) -> tuple[TorusProblem, Array, Array]:
+    """Return the problem, the linear torus (n,), and the unit vector (n,) of its modulation."""
+    periodic = to_complex(balance.rows(X))
+    orders = np.arange(-balance.H, balance.H + 1)
+    even = max(_part(periodic, periodic[:, ::2]), _part(shape, shape[:, orders % 2 == 0]))
+    basis = TorusBasis(*harmonics, odd=bool(even < _MAX_EVEN_PART), dense=dense)
+    problem = TorusProblem(balance, basis)
+    c, v = (np.zeros((balance.m, len(basis.k)), dtype=complex) for _ in range(2))
+    for i, (k1, k2) in enumerate(basis.k.tolist()):
+        if k2 == 0 and k1 <= balance.H:
+            c[:, i] = periodic[:, k1]
+        if k2 == 1 and abs(k1) <= balance.H:
+            v[:, i] = shape[:, k1 + balance.H]
+    along = basis.to_real(v).ravel()
+    along /= np.linalg.norm(along)
+    rest = basis.to_real(c).ravel()
+    return problem, rest + modulation * float(np.linalg.norm(rest)) * along, along
+
+
+def _part(c: ComplexArray, some: ComplexArray) -> float:
+    """Return the largest modulus of some coefficients over that of all."""
+    return float(np.abs(some).max() / np.abs(c).max())
+
+
+def _first_torus(
+    problem: TorusProblem,
+    guess: Array,
+    along: Array,
+    Omega_2: float,
+    at: dict[str, float],
+    name: str,
+    modulation: float,
+) -> tuple[Array, dict[str, float]]:
+    """Return the unknowns (X, Omega_2, parameter) of the first torus, and all parameters there."""
+    fixed = {key: x for key, x in at.items() if key != name}
+    started = problem.with_borders_at(np.append(guess, Omega_2), at, renew=True)
+    equations = _StartEquations(started, name, along, float(along @ guess))
+    U = solve(equations, np.concatenate([guess, [Omega_2, at[name]]]), fixed).X
+    return U, {**at, name: float(U[-1]), SECOND: float(U[-2])}
+
+
+def named_end(tori: Branch, name: str) -> Branch:
+    """Return the branch with a message that names locking as the reason of its end, if it ended near a resonance."""
+    last = tori[-1].parameters
+    turns = last[SECOND] * tori.problem.balance.nu / last["Omega"]
+    near = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
+    failed = tori.status in (Status.STEP_TOO_SMALL, Status.EVENT)
+    if not failed or abs(turns - near) > LOCKING_DISTANCE:
+        return tori
+    where = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
+    locking = f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"
+    return replace(tori, message=f"{tori.message}; {locking}")

@@ -1,0 +1,67 @@
+"""Ends of a branch of tori: the periodic motion at a Neimark-Sacker point, and loss of smoothness."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import Segment
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.status import Status
+
+MAX_SPECTRUM_END = 3e-2
+"""Outermost coefficients over the modulation above which a torus is not resolved: its spectrum does not decay."""
+
+_SMALLEST_MODULATION = 1e-7
+"""Modulation over the whole motion below which it is rounding of a periodic motion."""
+
+
+class TorusMergeEvent(Event):
+    """End of a branch of tori: its modulation passes zero, and it joins the periodic motions."""
+
+    kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
+
+    def __init__(self) -> None:
+        pass
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the point of a segment at which the modulation vanishes."""
+        problem: Any = segment.problem
+        first, second = problem.modulation(segment.a.X[:-1]), problem.modulation(segment.b.X[:-1])
+        threshold = _SMALLEST_MODULATION * float(np.linalg.norm(segment.a.X))
+        if min(np.linalg.norm(first), np.linalg.norm(second)) <= threshold or float(first @ second) >= 0:
+            return []
+        return [locate_root(segment, self, lambda point: float(first @ problem.modulation(point.X[:-1])))]
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        """Return None: the point is located as a root along the segment."""
+        return None
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        """Return status and message of the end."""
+        return Status.MERGED, f"the torus became a periodic motion at a Neimark-Sacker point, {name} = {value:.6g}"
+
+
+class _SmoothnessEvent(Event):
+    """End of a branch of tori whose spectrum does not decay."""
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        """Return status and message of the end."""
+        return Status.EVENT, (
+            f"loss of smoothness at {name} = {value:.6g}: the outermost coefficients exceed {MAX_SPECTRUM_END:g} of "
+            "the modulation; more harmonics move this end, or the two frequencies lock"
+        )
+
+
+def smoothness_event() -> Event:
+    """Return the event at which the spectrum of a torus no longer decays; the trace ends there."""
+
+    def margin(point: Point) -> float:
+        layout: Any = point.layout
+        return math.log(max(layout.spectrum_end(point.X), 1e-300) / MAX_SPECTRUM_END)
+
+    return _SmoothnessEvent("SM", margin, "end: the spectrum of the torus does not decay", "x", terminal=True)

@@ -1,0 +1,307 @@
+"""Harmonic balance of two frequencies: quasi-periodic motions on a torus.
+
+    d_k + G(w_k) [p_k(d, d') - kr d_k + g_k] = 0,   w_k = k_1 Omega / nu + k_2 Omega_2
+    <d x_ref / d theta_2, x> = 0                                           unknowns (X, Omega_2)
+
+G are the receptances of the structure with the reference springs kr, g_k the loads and prescribed displacements (only
+k_2 = 0). The forces are sampled on a grid of both phases (AFT). The second condition selects one of the motions that
+differ by a shift of the second phase.
+
+References
+----------
+Schilder, Vogt, Schreiber & Osinga (2006), Int. J. Numer. Meth. Eng. 67, https://doi.org/10.1002/nme.1632.
+Guskov & Thouverez (2012), J. Vib. Acoust. 134(3), https://doi.org/10.1115/1.4005823.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import Range
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_event
+from hbgear.harmonic.autonomous.tori.layout import TorusLayout
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.mechanics.models import describe
+
+SECOND = "Omega_2"
+"""Name of the second frequency."""
+
+
+class _Forces(NamedTuple):
+    """Coefficients p (m, K) of the forces, and the slopes (m, N1, N2) in d and d' (None without dependence)."""
+
+    p: ComplexArray
+    stiffness: Array
+    damping: Array | None
+
+
+class TorusProblem(ContinuationProblem):
+    """Quasi-periodic motions in a parameter: a problem for `trace`, with the second frequency unknown.
+
+    Parameters
+    ----------
+    balance : HarmonicBalance
+        Balance of the periodic motions.
+    basis : TorusBasis
+        Fourier basis of the two phases.
+
+    Raises
+    ------
+    ValueError
+        If the structure depends on Omega, is measured or too large for its modes, elements measure dependent
+        displacements, or a law has memory.
+
+    Examples
+    --------
+    See `hbgear.analysis.torus`.
+
+    >>> import hbgear as hb
+    >>> from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+    >>> hb.harmonic.TorusProblem(hb.HarmonicBalance(hb.Duffing(), 3), TorusBasis(3, 2)).unknown_parameters
+    ('Omega_2',)
+    """
+
+    usual_parameter = "Omega"
+    unknown_parameters = (SECOND,)
+    singular_hint = "the two frequencies lock"
+
+    def __init__(self, balance: HarmonicBalance, basis: TorusBasis) -> None:
+        structure, evaluator = balance.compiled({}).structure, balance.compiled({})
+        if structure.spins or structure.modes is None:
+            raise ValueError("tori need a structure with constant matrices and modes: give a System at one speed")
+        if structure.constrained:
+            raise ValueError(
+                "tori need elements with independent displacements: join elements on the same displacement"
+            )
+        if evaluator.sliders:
+            raise ValueError("tori need laws without memory: friction sliders have none")
+        self.balance, self.basis, self._phase = balance, basis, np.zeros(balance.m * basis.width)
+
+    def __repr__(self) -> str:
+        return f"TorusProblem({self.balance.model!r}, H=({self.basis.H1}, {self.basis.H2}))"
+
+    # ---- parameters and unknowns
+
+    @property
+    def size(self) -> int:  # type: ignore[override]
+        """Number of unknowns: the coefficients and the second frequency."""
+        return self.balance.m * self.basis.width + 1
+
+    @property
+    def smooth(self) -> bool:  # type: ignore[override]
+        """Whether the Jacobian is differentiable: no law has breakpoints."""
+        return not len(self.balance.compiled({}).breakpoints)
+
+    @property
+    def resolution(self) -> str:
+        """Harmonics in words."""
+        return f"H = ({self.basis.H1}, {self.basis.H2})"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the model."""
+        return self.balance.parameters
+
+    @property
+    def layout(self) -> TorusLayout:
+        """Names and measures of the unknowns."""
+        names = tuple(element.name for element in self.balance.compiled({}).system.elements)
+        return TorusLayout(self.basis, names, self.balance.nu, dict(self.balance.model.labels))
+
+    def check_parameter(self, name: str) -> None:
+        """Raise KeyError for a name other than Omega and the parameters of the model."""
+        if name == SECOND:
+            raise ValueError(f"{SECOND} is an unknown of a torus; trace it in Omega or in a parameter of the model")
+        self.balance.check_parameter(name)
+
+    def range_of(self, name: str) -> Range:
+        """Return the valid values of a parameter."""
+        return self.balance.range_of(name)
+
+    def unit_of(self, name: str, value: float) -> float:
+        """Return the size relative to which a parameter change is small."""
+        return self.balance.unit_of(name, value)
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """Return ``Omega`` if it is not given."""
+        return self.balance.missing(known)
+
+    def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """Return the coefficients, and the second frequency by name."""
+        return X[:-1], {SECOND: float(X[-1])}
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """Return the unknowns of this problem from coefficients and all parameters."""
+        return np.append(X, parameters[SECOND])
+
+    def resized(self, X: Array) -> Array:
+        """Return the unknowns themselves: the basis is fixed."""
+        return X
+
+    def solution_norm(self, X: Array) -> float:
+        """Return the norm of the coefficients, which scales the arclength."""
+        return norm(X[:-1])
+
+    def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """Return the problem with the phase condition relative to a motion, if ``renew`` or it has none."""
+        if not renew and self._phase.any():
+            return self
+        b = self.shifted(X[:-1])
+        if not b.any():
+            return self
+        out = copy.copy(self)
+        out._phase = b / norm(b)
+        return out
+
+    def shifted(self, X: Array) -> Array:
+        """Return the coefficients (n,) of the derivative of a motion in the second phase."""
+        c = self.basis.to_complex(X.reshape(self.balance.m, -1))
+        return self.basis.to_real(1j * self.basis.k[:, 1] * c).ravel()
+
+    def modulation(self, X: Array) -> Array:
+        """Return the coefficients with the second phase (k_2 > 0), zero for a periodic motion."""
+        c = self.basis.to_complex(X.reshape(self.balance.m, -1))
+        return self.basis.to_real(np.where(self.basis.k[:, 1] > 0, c, 0.0)).ravel()
+
+    # ---- equations
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """Return the residual, its Jacobian, its derivative in a parameter and the size of its terms."""
+        d, own = self.split(X)
+        basis, evaluator = self.basis, self.balance.compiled(parameters)
+        m, n = evaluator.m, len(d)
+        omega = np.array([parameters["Omega"] / self.balance.nu, own[SECOND]])
+        w = basis.k @ omega
+        c = basis.to_complex(d.reshape(m, -1))
+        forces = self._forces(evaluator, c, w)
+        G, dG = evaluator.structure.transfer(1j * w)
+        dG = 1j * dG  # in w
+        kr = evaluator.structure.kr
+        g, dg = self._constants(evaluator, parameters["Omega"])
+        load = forces.p - kr[:, None] * c + g
+        R = c + np.einsum("kij,jk->ik", G, load)
+        change = np.einsum("kij,jk->ik", dG, load)
+        slopes = np.array([basis.product(s) for s in forces.stiffness])
+        rates = None if forces.damping is None else np.array([basis.product(s) for s in forces.damping])
+        if rates is not None:
+            slopes = slopes + np.array([self._after_derivative(one, w) for one in rates])
+        slopes[:, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
+        A = np.zeros((n + 1, n + 1))
+        A[:n, :n] = _applied(G, slopes, len(basis.k)).reshape(n, n)
+        A[np.arange(n), np.arange(n)] += 1.0
+        A[:n, n] = self._in_frequency(1, change, G, rates, d)
+        size = norm(basis.to_real(c)) + norm(basis.to_real(load - g)) * float(np.abs(G).max(initial=0.0)) + 1e-300
+        weight = size / max(norm(d), 1e-300)
+        A[n, :n] = weight * self._phase
+        out = np.append(basis.to_real(R).ravel(), weight * (self._phase @ d))
+        rate = np.zeros(n + 1)
+        if name == "Omega":
+            constant = basis.to_real(np.einsum("kij,jk->ik", G, dg)).ravel()
+            rate[:n] = self._in_frequency(0, change, G, rates, d) / self.balance.nu + constant
+        elif name:
+            near = {**parameters, SECOND: own[SECOND]}
+            (rate,) = parameter_derivatives(
+                self, name, near, lambda at: (self.linearise(X, "", **{k: v for k, v in at.items() if k != SECOND}).R,)
+            )
+        return Evaluation(out, A, rate, size)
+
+    def _in_frequency(self, i: int, change: ComplexArray, G: ComplexArray, rates: Array | None, d: Array) -> Array:
+        """Return the derivative (n,) of the balance in one of the two basis frequencies."""
+        basis, m = self.basis, self.balance.m
+        out = basis.to_real(change * basis.k[:, i])
+        if rates is not None:
+            turned = basis.to_real(1j * basis.k[:, i] * basis.to_complex(d.reshape(m, -1)))
+            moved = basis.to_complex(np.einsum("jab,jb->ja", rates, turned))
+            out += basis.to_real(np.einsum("kij,jk->ik", G, moved))
+        return out.ravel()
+
+    def _after_derivative(self, product: Array, w: Array) -> Array:
+        """Return a matrix times the derivative in time."""
+        K, out = len(self.basis.k), np.zeros_like(product)
+        out[:, 1:K] = -product[:, K:] * w[1:]
+        out[:, K:] = product[:, 1:K] * w[1:]
+        return out
+
+    def _forces(self, evaluator: Evaluator, c: ComplexArray, w: Array) -> _Forces:
+        """Return forces and slopes of the laws at a motion with coefficients (m, K) and frequencies (K,)."""
+        basis, m = self.basis, len(c)
+        d, v = basis.samples(np.stack([c, 1j * w * c]))
+        tau = np.broadcast_to(
+            2 * np.pi * self.balance.nu * np.arange(basis.shape[0])[:, None] / basis.shape[0], basis.shape
+        )
+        found = [
+            [
+                np.broadcast_to(x, tau.size).reshape(tau.shape)
+                for x in law.force(d[j].ravel(), v[j].ravel(), tau.ravel())
+            ]
+            for j, law in enumerate(evaluator.laws)
+        ]
+        p, stiffness, damping = (np.array([one[i] for one in found]).reshape(m, *basis.shape) for i in range(3))
+        return _Forces(basis.coefficients(p), stiffness, damping if damping.any() else None)
+
+    def _constants(self, evaluator: Evaluator, Omega: float) -> tuple[ComplexArray, ComplexArray]:
+        """Return g and its derivative in Omega, (m, K) each."""
+        linear, k = evaluator.linear(Omega), self.basis.k
+        out = np.zeros((2, evaluator.m, len(k)), dtype=complex)
+        highest = linear.constants.shape[1] - 1
+        own = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] <= highest))
+        out[:, :, own] = linear.constants[:, k[own, 0]].transpose(0, 2, 1)
+        return out[0], out[1]
+
+    # ---- quantities of a motion
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return the regime and the size of the outermost coefficients, which estimates the truncation error."""
+        return {"regime": np.zeros(self.balance.m, dtype=np.int8), "error": self.layout.spectrum_end(X[:-1])}
+
+    def motion(self, X: Array, **parameters: float) -> ComplexArray:
+        """Return the coefficients (n, K) of all coordinates of a motion X (n,), with Omega and Omega_2 given."""
+        basis = self.basis
+        here = {name: value for name, value in parameters.items() if name != SECOND}
+        evaluator = self.balance.compiled(here)
+        structure, receptance = evaluator.structure, evaluator.receptance
+        w = basis.k @ np.array([parameters["Omega"] / self.balance.nu, parameters[SECOND]])
+        c = basis.to_complex(X.reshape(self.balance.m, -1))
+        u = (self._forces(evaluator, c, w).p - structure.kr[:, None] * c).T
+        rhs = -(u @ structure.W.T)
+        F, e = receptance.loads(parameters["Omega"]), receptance.e
+        for i in np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] < len(F))):
+            order = basis.k[i, 0]
+            rhs[i] += F[order] + ((structure.kr + 1j * w[i] * structure.c) * e[order]) @ structure.W.T
+        return np.array([structure.solve(wk, rhs[i][:, None])[:, 0] for i, wk in enumerate(w)]).T
+
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        """Return the ends of a branch of tori: a periodic motion, or a spectrum that does not decay."""
+        return TorusMergeEvent(), smoothness_event()
+
+    def describe(self) -> dict[str, Any]:
+        """Return the data for the header of a file."""
+        return {
+            "model": describe(self.balance.model),
+            "balance": self.balance.discretization.describe(None),
+            "curve": {"of": type(self).__name__, "harmonics": [self.basis.H1, self.basis.H2]},
+        }
+
+
+def _applied(G: ComplexArray, slopes: Array, K: int) -> Array:
+    """Return G applied to the slopes, (m, w, m, w), w = 2K - 1, in real form; slopes (m, w, w), G (K, m, m)."""
+    m, width = slopes.shape[:2]
+    out = np.empty((m, width, m, width))
+    for i in range(m):
+        for j in range(m):
+            re, im, P = G[:, i, j].real[:, None], G[:, i, j].imag[:, None], slopes[j]
+            out[i, :K, j] = re * P[:K]
+            out[i, 1:K, j] += im[1:] * P[K:]
+            out[i, K:, j] = re[1:] * P[K:] - im[1:] * P[1:K]
+    return out

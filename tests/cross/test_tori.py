@@ -1,0 +1,190 @@
+"""Tori of two masses against invariant circles of the stroboscopic map, time integration, and Neimark-Sacker points.
+
+m 1 and .05; k 1 (ground) and .0453 (link); d .002 and .013; cubic 1 and .0042 at the same places; .13 cos(Omega t) on
+the first mass. The invariant circles were computed by Fourier collocation of an integrated stroboscopic map.
+"""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.autonomous.tori import ends
+from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.autonomous.tori.branch import named_end, require_free_rotation
+
+CIRCLES = {
+    1.12: (0.08538421776875502, 0.3573361101504505, 1.4217762117117727),
+    1.16: (0.09060912674225884, 0.3923012490472335, 1.3639454591090436),
+    1.21: (0.07976049351697487, 0.41420508857739086, 1.2287133854515826),
+}
+"""Rotation number, and rms of both coordinates, at Omega."""
+
+
+def two_masses(damped=False):
+    """The two masses; with a cubic damper that depends on the rate, if wanted."""
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    ground = CubicDamper() if damped else hb.Cubic(1.0)
+    springs = [hb.Element([1.0, 0.0], ground, name="ground"), hb.Element([1.0, -1.0], hb.Cubic(0.0042), name="link")]
+    return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
+
+
+class CubicDamper(hb.mechanics.Law):
+    """A cubic spring and a small cubic damper."""
+
+    def force(self, d, v, tau):
+        return d**3 + 1e-2 * v**3, 3 * d**2, 3e-2 * v**2
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(two_masses(), 9), "Omega", (1.1, 1.27))
+
+
+@pytest.fixture(scope="module")
+def tori(curve):
+    return hb.analysis.torus(curve, "NS1", harmonics=(8, 12))
+
+
+def at(tori, Omega):
+    """Coefficients and second frequency of the torus at one Omega."""
+    (i,) = np.flatnonzero((tori.values[:-1] - Omega) * (tori.values[1:] - Omega) <= 0)
+    problem, point = tori.problem, tori[int(i)]
+    U = problem.join(point.X, point.parameters)
+    return solve(problem.with_borders_at(U, {"Omega": Omega}, renew=True), U, {"Omega": Omega}).X
+
+
+@pytest.mark.parametrize("Omega", CIRCLES)
+def test_rotation_number_and_rms_are_those_of_invariant_circles(tori, Omega):
+    rotation, *rms = CIRCLES[Omega]
+    U = at(tori, Omega)
+    assert U[-1] / Omega == pytest.approx(rotation, abs=3e-8)
+    q = tori.problem.motion(U[:-1], Omega=Omega, Omega_2=U[-1])
+    np.testing.assert_allclose(np.sqrt(np.sum(np.abs(q[:, 1:]) ** 2, axis=1) / 2), rms, rtol=3e-7)
+    assert tori.layout.measure("rms", U[:-1], "ground") == pytest.approx(rms[0], rel=3e-7)
+
+
+def test_errors_fall_exponentially_with_the_harmonics(curve):
+    errors = []
+    for harmonics in ((4, 4), (6, 8), (8, 12)):
+        found = hb.analysis.torus(curve, "NS1", (1.1, 1.12), harmonics=harmonics)
+        errors.append(abs(found.tracked["Omega_2"][-1] / 1.12 - CIRCLES[1.12][0]))
+    assert errors[1] < 0.05 * errors[0] and errors[2] < 0.05 * errors[1]
+
+
+def test_branch_ends_at_the_other_neimark_sacker_point(curve, tori):
+    assert tori.status is hb.Status.MERGED and "Neimark-Sacker" in tori.message
+    first, last = curve["NS1"].parameters["Omega"], curve["NS2"].parameters["Omega"]
+    assert tori["EP1"].parameters["Omega"] == pytest.approx(last, abs=1e-6)
+    assert tori.problem.basis.odd and tori.values[0] == pytest.approx(first, abs=1e-3)
+    exponent = hb.harmonic.NeimarkSackerProblem(curve.problem, "Omega").exponent(
+        curve.problem.from_point(curve["NS2"]), **curve["NS2"].parameters
+    )
+    assert tori.tracked["Omega_2"][-1] == pytest.approx(abs(exponent.imag), abs=1e-4)
+
+
+def test_time_integration_stays_on_the_torus(tori):
+    i = int(np.argmin(np.abs(tori.values - 1.15)))
+    check = hb.time.verify_torus(tori, i, periods=400)
+    assert check.stable and abs(check.growth) < 2e-3 and check.deviation < 1e-3 and check.rotation_error < 1e-6
+    Omega_2 = 1.001 * tori.tracked["Omega_2"][i]  # a torus of another frequency is noticed
+    moved = replace(tori, tracked={**tori.tracked, "Omega_2": np.full(len(tori), Omega_2)})
+    assert hb.time.verify_torus(moved, i, periods=400).deviation > 0.1
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_jacobian_is_the_derivative_of_the_residual(damped):
+    balance = hb.HarmonicBalance(two_masses(damped), 3)
+    problem = hb.harmonic.TorusProblem(balance, TorusBasis(3, 3))
+    rng = np.random.default_rng(0)
+    U, v = rng.normal(size=(2, problem.size))
+    U[-1] = 0.3
+    here = {"Omega": 1.1}
+    problem = problem.with_borders_at(U, here)
+    now = problem.linearise(U, "Omega", **here)
+    h = 1e-6
+    near = [problem.linearise(U + s * h * v, "", **here).R for s in (1, -1)]
+    np.testing.assert_allclose((near[0] - near[1]) / (2 * h), now.dR_dX @ v, rtol=1e-6, atol=1e-6 * now.size)
+    near = [problem.linearise(U, "", Omega=1.1 + s * h).R for s in (1, -1)]
+    np.testing.assert_allclose((near[0] - near[1]) / (2 * h), now.dR_dp, rtol=1e-6, atol=1e-6 * now.size)
+
+
+def test_products_and_samples_of_the_basis():
+    basis, rng = TorusBasis(4, 3), np.random.default_rng(1)
+    a, b = (basis.to_complex(x) for x in rng.normal(size=(2, basis.width)))
+    samples = basis.samples(a)
+    np.testing.assert_allclose(basis.coefficients(samples), a, atol=1e-13)
+    theta = np.array([[2 * np.pi * 3 / basis.shape[0], 2 * np.pi * 5 / basis.shape[1]]])
+    assert basis.evaluate(a, theta)[0] == pytest.approx(samples[3, 5], abs=1e-12)
+    product = basis.coefficients(samples * basis.samples(b))
+    np.testing.assert_allclose(basis.product(samples) @ basis.to_real(b), basis.to_real(product), atol=1e-12)
+
+
+def test_measures_are_those_of_dense_samples(tori):
+    X, basis = tori[30].X, TorusBasis(8, 12, odd=True, dense=12)
+    d = basis.samples(basis.to_complex(tori.layout.rows(X, "link")))
+    assert tori.layout.measure("max", X, "link") == pytest.approx(np.abs(d).max(), rel=2e-4)
+    assert tori.layout.measure("pp2", X, "link") == pytest.approx(0.5 * np.ptp(d), rel=2e-4)
+    assert tori.layout.measure("rms", X, "link") == pytest.approx(d.std(), rel=1e-12)
+    assert tori.layout.measure("mean", X, "link") == pytest.approx(0.0, abs=1e-12)
+
+
+def test_figures(curve, tori):
+    ax = hb.plot.torus(tori, "rms", "link", hb.plot.response(curve, "rms", "link"))
+    (line,) = (line for line in ax.lines if line.get_gid() == "tori")
+    np.testing.assert_array_equal(line.get_ydata(), tori.amplitude("rms", "link"))
+    (section,) = hb.plot.torus_section(tori, 10).lines
+    x, y = section.get_data()
+    assert (x[0], y[0]) == pytest.approx((x[-1], y[-1])) and len(x) == 401
+    ax = hb.plot.torus_spectrum(tori, 10)
+    heights = [segment[1] for lines in ax.collections for segment in lines.get_segments()]
+    highest = max(heights, key=lambda end: end[1])
+    assert highest[0] == pytest.approx(tori.values[10])  # the frequency of the excitation
+    plt.close("all")
+
+
+def test_bad_input(curve, tori, tmp_path):
+    with pytest.raises(ValueError, match="LP1 is no Neimark-Sacker point"):
+        hb.analysis.torus(curve, "LP1")
+    with pytest.raises(ValueError, match="outside the span"):
+        hb.analysis.torus(curve, "NS1", (1.2, 1.3))
+    with pytest.raises(ValueError, match="Omega_2 is an unknown"):
+        tori.problem.check_parameter("Omega_2")
+    with pytest.raises(ValueError, match="no measure 'H1'"):
+        tori.amplitude("H1")
+    with pytest.raises(ValueError, match="has no tori"):
+        hb.time.verify_torus(curve)
+    with pytest.raises(ValueError, match="TorusLayout cannot be saved"):
+        tori.save(tmp_path / "tori.npz")
+    slider = hb.Element([1.0], hb.Jenkins(1.0, 0.1))
+    few = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [1.0]})), 3)
+    with pytest.raises(ValueError, match="laws without memory"):
+        hb.harmonic.TorusProblem(few, TorusBasis(2, 2))
+
+
+def test_a_spectrum_that_does_not_decay_ends_the_branch(curve, monkeypatch):
+    monkeypatch.setattr(ends, "MAX_SPECTRUM_END", 1e-3)
+    found = hb.analysis.torus(curve, "NS1", harmonics=(6, 8))
+    assert found.status is hb.Status.EVENT and "loss of smoothness" in found.message
+    last = found["SM1"]
+    assert last.parameters["Omega"] == found.values[-1] < 1.25
+    assert found.layout.spectrum_end(last.X) == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_an_end_near_a_simple_rotation_number_is_named_as_locking(tori):
+    i = int(np.argmin(np.abs(tori.tracked["Omega_2"] / tori.values - 1 / 11)))
+    turns = tori.tracked["Omega_2"][i] / tori.values[i]
+    assert abs(turns - 1 / 11) < 1e-3
+    failed = replace(tori, status=hb.Status.STEP_TOO_SMALL, tracked={
+        "Omega_2": np.append(tori.tracked["Omega_2"][:-1], turns * tori.values[-1])})  # fmt: skip
+    assert "locking at 1/11" in named_end(failed, "Omega").message
+    assert "locking" not in named_end(tori, "Omega").message
+
+
+def test_no_torus_leaves_at_a_strong_resonance():
+    with pytest.raises(ValueError, match="near 1/3: at this strong resonance"):
+        require_free_rotation("NS1", 0.3334)
+    require_free_rotation("NS1", 0.34)
