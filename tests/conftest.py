@@ -19,6 +19,21 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the backgrou
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_sessionstart():
+    """Compile the large kernels in two workers of pytest-xdist: those of tracing in one, of stability in the other."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker not in ("gw0", "gw1"):
+        return
+    import hbgear as hb
+
+    for stiffness in (None, hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)):  # without and with breakpoints
+        problem = hb.HarmonicBalance(hb.SpurPair(stiffness=stiffness), 5)
+        if worker == "gw0":
+            hb.trace(problem, "Omega", (0.8, 0.81), stability=False, special=False)
+        else:
+            problem.observe(np.ones(problem.size), Omega=0.8)
+
+
 @pytest.fixture(autouse=True)
 def figures_are_closed():
     """Figures that a test leaves open would be counted, and warned of, in another one."""

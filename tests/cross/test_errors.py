@@ -35,9 +35,15 @@ def by_shooting(system, span):
     return out
 
 
-def test_two_masses_by_the_default_call():
+@pytest.fixture(scope="module")
+def default_curve():
+    """Two masses by the default call with 16 harmonics."""
+    return hb.trace(hb.HarmonicBalance(two_masses(), 16), "Omega", SPAN)
+
+
+def test_two_masses_by_the_default_call(default_curve):
     """16 harmonics alone put the doublings at .717 and .677 and a pair of multipliers where none is."""
-    curve = hb.trace(hb.HarmonicBalance(two_masses(), 16), "Omega", SPAN)
+    curve = default_curve
     found = {p.label: p for p in curve.special if p.kind != "GR"}
     assert list(found) == list(POINTS) and all(p.located for p in found.values())
     for label, true in POINTS.items():  # which have six digits
@@ -52,10 +58,10 @@ def test_two_masses_by_the_default_call():
     assert curve.layout.harmonics == 16
 
 
-def test_verdicts_of_two_masses():
-    """Rows are stable and unstable as with ten times the harmonics."""
-    curve = hb.trace(hb.HarmonicBalance(two_masses(), 16), "Omega", SPAN)
-    fine = hb.trace(hb.HarmonicBalance(two_masses(), 160), "Omega", SPAN, special=False, accuracy=None)
+def test_verdicts_of_two_masses(default_curve):
+    """Rows are stable and unstable as with six times the harmonics."""
+    curve = default_curve
+    fine = hb.trace(hb.HarmonicBalance(two_masses(), 96), "Omega", SPAN, special=False, accuracy=None)
     sure = 0
     special = {p.index for p in curve.special}
     for i in set(range(0, len(curve), 3)) - special:
@@ -181,11 +187,10 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
     assert some.sum() > 5 and np.median(told[some] / every[some]) < 3
 
 
-@pytest.mark.parametrize("first", [0, 10])
-def test_random_spur_pairs(first):
-    """True errors, from eight times the harmonics, lie below three times the stated ones, but for one in twenty."""
+def test_random_spur_pairs():
+    """True errors, from five times the harmonics, lie below three times the stated ones, but for one in twenty."""
     true, stated = [], []
-    for seed in range(first, first + 10):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         eps = tuple(rng.uniform(0.05, 0.25, 2))
         model = hb.SpurPair(zeta=rng.uniform(0.03, 0.08), F_m=rng.uniform(0.05, 0.2), eps=eps, e=(0.05,))
@@ -193,7 +198,7 @@ def test_random_spur_pairs(first):
             warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)
             curve, fine = (
                 hb.trace(hb.HarmonicBalance(model, H), "Omega", (1.6, 0.5), accuracy=accuracy)
-                for H, accuracy in ((12, 1e-4), (96, 1e-6))
+                for H, accuracy in ((12, 1e-4), (60, 1e-6))
             )
         assert [p.kind for p in curve.special] == [p.kind for p in fine.special], seed
         true += [
@@ -211,9 +216,9 @@ def test_a_cusp_and_a_peak_state_their_errors():
     cusp = hb.follow(curve, "LP1", "zeta", (0.05, 0.2))["CP1"]
     assert abs(cusp.parameters["zeta"] - 0.11800747) <= STATED * cusp.error + 1e-8  # by shooting
     assert 0 < cusp.error <= 1e-5 * cusp.parameters["zeta"]
+    fine = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 80), "Omega", (1.0, 0.6))
     for measure in ("rms", "H1", "max"):
         (top,) = hb.analysis.peaks(curve, measure, share=0.99)
-        fine = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 80), "Omega", (1.0, 0.6))
         (true,) = hb.analysis.peaks(fine, measure, share=0.99)
         away = abs(top.parameters["Omega"] - true.parameters["Omega"])
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure

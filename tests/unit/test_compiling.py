@@ -338,6 +338,21 @@ def test_arguments_of_another_type_are_compiled_for_and_stored(tmp_path):
     assert told(start(begin + "print(two.f(2.5))" + said, tmp_path / "kept"))[0] == "5.0\n1 0\n"
 
 
+def test_arguments_of_the_same_classes_and_of_another_type_are_stored(tmp_path):
+    """A tuple can hold arrays of other dimensions: a later process loads both forms and compiles nothing."""
+    pytest.importorskip("numba")
+    (tmp_path / "two.py").write_text(
+        "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a):\n    return a[0].sum()\n"
+    )
+    script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two, numpy as np\n"
+    script += "print(two.f((np.ones(2),)), two.f((np.ones((2, 2)),)), two.f((np.ones(3),)), len(two.f.signatures))"
+    script += "\nprint(sum(two.f._call.stats.cache_hits.values()), sum(two.f._call.stats.cache_misses.values()))"
+    assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n0 2\n"
+    assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n2 0\n"
+    wrong = script.partition("print")[0] + "two.f(('a',))"
+    assert "TypingError" in start(wrong, tmp_path / "kept").communicate(timeout=100)[1]
+
+
 def test_without_numba_the_same_curves_are_found(without_numba):
     """Some hundred times slower, which is said once."""
     out, err = told(without_numba)

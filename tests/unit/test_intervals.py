@@ -66,6 +66,23 @@ def test_bounds_are_kept():
     assert errors == pytest.approx(first, rel=1e-9)
 
 
+def test_curves_are_traced_two_standard_errors_away():
+    """At the ends of the linear model, where the sum of squares has increased by four."""
+    best, seen = Known(np.zeros(2)), []
+    J = best.information(best.deviation)
+    C = np.linalg.inv(J.T @ J)
+
+    def at(a):
+        seen.append(Known(a))
+        return seen[-1]
+
+    profile_interval(best, at, best.a, C, 1.0, np.full(2, -9.0), np.full(2, 9.0))
+    ends = [side * 2 * C[:, j] / np.sqrt(C[j, j]) for j in range(2) for side in (-1, 1)]
+    np.testing.assert_allclose([known.a for known in seen], ends, rtol=1e-12)
+    sums = [np.square(known.residuals(best.deviation)).sum() for known in seen]
+    np.testing.assert_allclose(sums, 4.0, rtol=1e-12)
+
+
 def test_nothing_is_said_where_nothing_can_be_traced():
     best = Known(np.zeros(2))
     C = np.array([[0.01, np.nan], [np.nan, np.nan]])

@@ -1,6 +1,6 @@
 """Form factors of ISO 6336-3, loads of single pairs of teeth and static transmission error over torque."""
 
-from math import cos, pi
+from math import cos, pi, radians
 
 import numpy as np
 import pytest
@@ -45,6 +45,32 @@ def test_the_root_is_where_the_generated_fillet_is_inclined_by_30_degrees(z, x, 
     thickness = 2 * np.interp(np.tan(pi / 6), slope[order], half[order])
     found = hb.gears.root_factors(one, one.reference_diameter)
     assert found.thickness == pytest.approx(thickness, rel=1e-3)
+
+
+@pytest.mark.parametrize(("z", "x"), [(17, 0.0), (25, 0.4), (60, -0.2)])
+def test_factors_along_the_flank_are_those_of_its_normals(z, x):
+    """The normal of the flank meets the centre line at r_b / cos(slope); the root is found by differences."""
+    one = gear(z, profile_shift=x)
+    r, a = Tooth(one)._fillet()
+    up, half = r * np.cos(a), r * np.sin(a)
+    first, second = np.gradient(half, up), np.gradient(np.gradient(half, up), up)
+    order = np.argsort(-first)
+    root, thickness, curvature = (
+        np.interp(np.tan(pi / 6), -first[order], y[order])
+        for y in (up, 2 * half, np.abs(second) / (1 + first**2) ** 1.5)
+    )
+    alpha, base = radians(20), one.base_diameter / 2
+    for at in np.linspace(1.02 * base, one.tip_diameter_used / 2, 4).tolist():
+        angle = np.arccos(base / at)
+        half_angle = (pi / 2 + 2 * x * np.tan(alpha)) / z + np.tan(alpha) - alpha - np.tan(angle) + angle
+        slope = angle - half_angle
+        arm = base / np.cos(slope) - root
+        form = 6 * arm * one.module * np.cos(slope) / (thickness**2 * np.cos(alpha))
+        L, notch = thickness / arm, thickness * curvature / 2
+        found = hb.gears.root_factors(one, 2 * at)
+        assert float(found.form) == pytest.approx(form, rel=2e-3)
+        assert float(found.correction) == pytest.approx((1.2 + 0.13 * L) * notch ** (1 / (1.21 + 2.3 / L)), rel=4e-3)
+    assert found.fillet_radius == pytest.approx(1 / curvature, rel=1e-2)
 
 
 def test_what_has_no_form_factor():

@@ -67,12 +67,23 @@ class Kernel:
         functools.update_wrapper(self, function)
         self.function = cast(FunctionType, function)
         self._inline, self._known = inline, set[tuple[type, ...]]()
-        self._call: Callable[..., Any] = function
+        self._call: Any = function
 
     def __call__(self, *args: Any) -> Any:
-        """Call the entry; compile or load it first if there is no entry for arguments of these classes."""
+        """Call the entry; compile or load it first if there is no entry for arguments of these types.
+
+        Numba does not compile at a call, for its code would not be stored. Arguments of known classes can be of another
+        type (tuples with other elements, read-only arrays), which Numba refuses with a `TypeError`.
+        """
         if tuple(map(type, args)) not in self._known:
             self._prepare(args)
+        try:
+            return self._call(*args)
+        except TypeError:
+            known = len(self.signatures)
+            self._prepare(args)
+            if len(self.signatures) == known:
+                raise
         return self._call(*args)
 
     @property
@@ -101,7 +112,10 @@ class Kernel:
             if numba is not None:
                 if self._call is self.function:
                     self._call = self._entry()
+                if self.signatures:
+                    self._call.disable_compile(False)
                 self._compile(tuple(numba.typeof(argument) for argument in args))
+                self._call.disable_compile()
             self._known.add(tuple(map(type, args)))
 
     def _entry(self) -> Any:
