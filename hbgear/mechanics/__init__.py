@@ -14,7 +14,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
     from hbgear.mechanics.laws.registry import register_law
     from hbgear.mechanics.laws.slider import Slider
-    from hbgear.mechanics.models import Element, Load, Model, Reaction, System
+    from hbgear.mechanics.laws.vector_laws import Directed, Polynomial, RadialClearance, VectorLaw
+    from hbgear.mechanics.models import Element, Load, Model, Reaction, System, VectorElement
     from hbgear.mechanics.oscillators import Duffing
     from hbgear.mechanics.plausibility import ImplausibleInputWarning
     from hbgear.mechanics.reduction import Reduction, reduce
@@ -30,6 +31,7 @@ __all__ = [
     "Coulomb",
     "Cubic",
     "DampedContact",
+    "Directed",
     "Duffing",
     "Element",
     "HuntCrossley",
@@ -44,6 +46,8 @@ __all__ = [
     "Parallel",
     "Periodic",
     "PiecewiseLinear",
+    "Polynomial",
+    "RadialClearance",
     "Range",
     "Reaction",
     "Receptances",
@@ -53,6 +57,8 @@ __all__ = [
     "SpeedTerms",
     "System",
     "Unilateral",
+    "VectorElement",
+    "VectorLaw",
     "model",
     "reduce",
     "register_law",

@@ -28,6 +28,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.vector_laws import Component, VectorLaw, vector_groups
 from hbgear.mechanics.serialization import source_of, to_plain
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
@@ -286,6 +287,11 @@ class Element:  # numpydoc ignore=PR02
             raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
         if not isinstance(self.law, Law):
             raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {quoted(self.law)}")
+        if isinstance(self.law, VectorLaw):
+            raise TypeError(
+                f"{owner}: {type(self.law).__name__} has {self.law.size} displacements: use VectorElement(directions, "
+                "law)"
+            )
         if not isinstance(self.displacement, Phased):
             raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series or a Periodic")
         if isinstance(self.displacement, Periodic) and not self.displacement.continuous:
@@ -297,6 +303,67 @@ class Element:  # numpydoc ignore=PR02
         checked(owner, "damping", self.damping, NOT_NEGATIVE)
         w.flags.writeable = False
         object.__setattr__(self, "direction", w)
+
+
+def VectorElement(
+    directions: ArrayLike, law: VectorLaw, damping: float = 0.0, name: str = "", displacements: Sequence[Phased] = ()
+) -> tuple[Element, ...]:
+    """Return the elements of a law of several displacements, one for each direction.
+
+        d = directions q - displacements(tau),   force on the structure  -directions^T [law(d, d', tau) + damping d']
+
+    Parameters
+    ----------
+    directions : array_like, shape (p, n)
+        Directions in the coordinates, in the order of the displacements of the law.
+    law : VectorLaw
+        Law with p displacements.
+    damping : float, optional
+        Viscous coefficient of a damper in each direction, >= 0. Default 0.
+    name : str, optional
+        Name; the elements are ``name 1``, ``name 2``, ...
+    displacements : sequence of Series, optional
+        Prescribed displacement in each direction. Default: zero.
+
+    Returns
+    -------
+    tuple of Element
+        The p elements, for ``elements=[..., *VectorElement(directions, law)]``.
+
+    Raises
+    ------
+    TypeError
+        If the law is not a `VectorLaw`.
+    ValueError
+        If the number of directions or displacements is not that of the law.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> hole = hb.mechanics.RadialClearance(k=4.0, clearance=1.0)
+    >>> rotor = hb.System(
+    ...     [[1.0, 0.0], [0.0, 1.0]], [[0.1, 0.0], [0.0, 0.1]], [[1.0, 0.0], [0.0, 1.0]],
+    ...     [*hb.mechanics.VectorElement([[1.0, 0.0], [0.0, 1.0]], hole, name="seal")],
+    ...     hb.Load(cosine={1: [0.3, 0.0]}, sine={1: [0.0, 0.3]}, power=2))
+    >>> [element.name for element in rotor.elements]
+    ['seal 1', 'seal 2']
+    """
+    if not isinstance(law, VectorLaw):
+        raise TypeError(f"VectorElement '{name}': law = {quoted(law)} must be a VectorLaw, such as RadialClearance")
+    rows = real_numbers(
+        f"VectorElement '{name}': directions", directions, "one vector of numbers for each displacement"
+    )
+    p = law.size
+    if rows.ndim != 2 or len(rows) != p:
+        raise ValueError(
+            f"VectorElement '{name}': directions have the shape {rows.shape}; {type(law).__name__} needs {p} rows, one "
+            "for each displacement"
+        )
+    moved = tuple(displacements) or (Series(),) * p
+    if len(moved) != p:
+        raise ValueError(f"VectorElement '{name}': {len(moved)} displacements for {p} directions; give one for each")
+    names = [f"{name} {i + 1}" if name else "" for i in range(p)]
+    return tuple(Element(rows[i], Component(law, i), moved[i], damping, names[i]) for i in range(p))
 
 
 @dataclass(frozen=True)
@@ -475,6 +542,7 @@ class System(Model):  # numpydoc ignore=PR02
         with_names = tuple(
             e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements)
         )
+        vector_groups([e.law for e in elements])
         set_(self, "elements", with_names)
         set_(self, "load", loads)
         set_(self, "dof_names", names)

@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
@@ -96,7 +97,9 @@ class Flow:
         self.size = 2 * self.n + len(self.sliders)
         self.columns = 1 + self.size if variational else 1
         self.c = np.array([e.damping for e in system.elements])
-        self._curved = np.array([j for j in np.flatnonzero(~self.segments.line) if not self.laws[j].damped], dtype=int)
+        self.vectors = vector_groups(self.laws)
+        curved = [j for j in np.flatnonzero(~self.segments.line) if not isinstance(self.laws[j], Component)]
+        self._curved = np.array([j for j in curved if not self.laws[j].damped], dtype=int)
         self._matrices(system)
         self._series(system)
         phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
@@ -204,6 +207,8 @@ class Flow:
         if Y.shape[1] > 1:
             u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
             out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
+            for rows, kd, kv in self._coupling(d, v, self._phase(t, between)):
+                out[: 2 * n, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
             out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
             out[2 * n + slips, 1:] = rate[on[slips]]
         return out.ravel()
@@ -222,6 +227,9 @@ class Flow:
         J = self.A.copy()
         J[:, : self.n] -= (self.B * kd) @ self.W.T
         J[:, self.n :] -= (self.B * kv) @ self.W.T
+        for rows, kd, kv in self._coupling(d, v, self._phase(t, between)):
+            J[:, : self.n] -= self.B[:, rows] @ kd @ self.W[:, rows].T
+            J[:, self.n :] -= self.B[:, rows] @ kv @ self.W[:, rows].T
         return J
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
@@ -232,7 +240,14 @@ class Flow:
         for j in self._curved:
             p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
         self.contacts.add_forces(contact, d, v, p, kd, kv)
+        for rows, law in self.vectors:
+            p[rows] += law.force(d[rows, None], v[rows, None], np.array([tau]))[0][:, 0]
         return p, kd, kv
+
+    def _coupling(self, d: Array, v: Array, tau: float) -> list[tuple[Integers, Array, Array]]:
+        """Return the elements (p,), dp/dd and dp/dv (p, p) of vector laws."""
+        found = [law.force(d[rows, None], v[rows, None], np.array([tau])) for rows, law in self.vectors]
+        return [(rows, kd[..., 0], kv[..., 0]) for (rows, _), (_, kd, kv) in zip(self.vectors, found, strict=True)]
 
     def integrate(
         self, t: float, Y: Array, end: float, method: str, tolerance: float,

@@ -159,7 +159,7 @@ def static(train):
 
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_clearance_and_housing_in_series():
-    """The force of the teeth closes the clearance and bends bearing and housing: c + F / k + F / k_h."""
+    """The force of the teeth closes the round clearance and bends bearing and housing: c + F / k + F / k_h."""
     F, k, k_h, c, alpha = 100.0 / 0.028, 2e8, 5e8, 3e-5, 0.35
     still = hb.gears.Mesh("pinion", "gear", 4e8, 4e-5, direction=0.0, pressure_angle=alpha)
     box = hb.gears.Housing([[60.0]], [[k_h]], [[1e4]], ["side"], {"pinion": {"y": "side"}})
@@ -168,7 +168,7 @@ def test_clearance_and_housing_in_series():
     for bearings, gap, seat in (([free], 0.0, None), ([bearing], c, None), ([bearing], c, box), ([free], 0.0, box)):
         train = hb.gears.Train(gears(moves="plane"), [still], bearings=bearings, housing=seat, balance="gear")
         found = static(train)
-        across, along = (gap * np.sign(f) + f / k for f in (abs(F) * cos(alpha), F * np.sin(alpha)))
+        across, along = ((gap + abs(F) / k) * x for x in (cos(alpha), np.sin(alpha)))
         side = F * cos(alpha) / k_h if seat else 0.0
         assert abs(found["x_pinion"]) == pytest.approx(along, rel=1e-9)
         assert abs(found["y_pinion"]) == pytest.approx(across + side, rel=1e-9)

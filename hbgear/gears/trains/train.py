@@ -5,7 +5,7 @@
 q are the coordinates of the wheels (`hbgear.gears.trains.train_components`). Every mesh is an element with its own
 backlash, stiffness, error and phase. All tooth frequencies, and the frequencies of rotation of unbalanced wheels, are
 multiples of Omega (`hbgear.gears.trains.train_kinematics`). With a single tooth frequency, as with idlers, Omega is
-this frequency. A bearing with a clearance is one element in each direction.
+this frequency. A bearing with a clearance is two elements: a round hole (`RadialClearance`), or one in each direction.
 
 Dimensionless form returned by `Train.system`: the unit of length is the half backlash b_c of the first mesh that has
 one. The units of time sqrt(m_c/k_mean) and force k_mean b_c belong to the first mesh, with m_c = 1 / (r_1^2/J_1 +
@@ -36,6 +36,7 @@ from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
 from hbgear.mechanics.laws.laws import Backlash, Law
+from hbgear.mechanics.laws.vector_laws import Component, RadialClearance
 from hbgear.mechanics.models import Element, Load, Model, Reaction, System
 from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
@@ -468,15 +469,21 @@ class Train(Model):  # numpydoc ignore=PR02
         return turned.scaled(ratio, 1 / self.b_c).widened(b)
 
     def _clearances(self, scale: Array) -> list[Element]:
-        """Return the elements of bearings with a clearance: a spring beyond a gap and a damper, for each direction."""
+        """Return the elements of bearings with a clearance.
+
+        A bearing of equal springs in x and y has a round hole; otherwise each direction has a spring beyond a gap.
+        """
         found = []
         for bearing in self.bearings:
             c = bearing.dampers(self._by_name[bearing.at].masses) / (self.m_c * self.omega_n)
-            for axis, k in enumerate((bearing.x, bearing.y) if bearing.clearance else ()):
-                w = scale * self._from_seat(bearing, axis)
-                if k and w.any():
-                    law = Backlash(self.clearance_scale * bearing.clearance / self.b_c, k / self.k_mean)
-                    found.append(Element(w, law, damping=float(c[axis]), name=f"{bearing.at} {AXES[axis]}"))
+            gap, both = self.clearance_scale * bearing.clearance / self.b_c, (bearing.x, bearing.y)
+            W = [scale * self._from_seat(bearing, axis) for axis in range(2)] if bearing.clearance else []
+            is_round = both[0] == both[1] and all(w.any() for w in W)
+            for axis, w in enumerate(W):
+                if both[axis] and w.any():
+                    k, name = both[axis] / self.k_mean, f"{bearing.at} {AXES[axis]}"
+                    law: Law = Component(RadialClearance(k, gap), axis) if is_round else Backlash(gap, k)
+                    found.append(Element(w, law, damping=float(c[axis]), name=name))
         return found
 
     def _unbalances(self, scale: Array) -> list[Load]:

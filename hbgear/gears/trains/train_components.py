@@ -261,9 +261,10 @@ class Bearing:  # numpydoc ignore=PR02
         Stiffness [N/m] and damping [N s/m] in x and y, (T, 2, 2), over the speed of the wheel [rad/s], added to the
         other springs and dampers.
     clearance : float or str, default 0.0
-        Radial clearance [m], half of the diametral one. The springs in x and y act only beyond it, each direction
-        separately: the hole is the square around the round one, and on its diagonal contact begins at 2^(1/2) times the
-        clearance. The dampers always act.
+        Radial clearance [m], half of the diametral one. The springs in x and y act only beyond it. If they are equal,
+        the hole is round (`RadialClearance`, evaluated by AFT). If not, each direction acts separately: the hole is the
+        square around the round one, and on its diagonal contact begins at 2^(1/2) times the clearance. The dampers
+        always act.
 
     Raises
     ------

@@ -249,7 +249,9 @@ class HarmonicEquations(ContinuationProblem):
         """Whether dR/dX is continuous: no law evaluated by AFT has a breakpoint, no friction, no clipped contact."""
         compiled = self.compiled({})
         clipped = any(contact.clipped for _, law in compiled.damped for contact in law.damped)
-        return not compiled.sliders and not clipped and not any(law.breakpoints for _, law in compiled.aft_laws)
+        if compiled.sliders or clipped or any(law.has_edges for _, law in compiled.vectors):
+            return False
+        return not any(law.breakpoints for _, law in compiled.aft_laws)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

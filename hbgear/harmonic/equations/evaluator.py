@@ -14,7 +14,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.harmonic.forces.aft import SampledLaws
+from hbgear.harmonic.forces.aft import SampledLaws, SampledVectorLaws
 from hbgear.harmonic.forces.breakpoints import gap, piecewise_excitation
 from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
@@ -23,8 +23,12 @@ from hbgear.harmonic.instants.equations import Equations
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
 from hbgear.harmonic.structure.receptance import LinearPart, LinearStructure, Receptance
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Transform, places, spread, to_real
+
+PythonForces = SampledLaws | SampledVectorLaws | DampedContacts
+"""Forces of laws that kernels do not evaluate."""
 
 
 class Crossings(NamedTuple):
@@ -73,11 +77,13 @@ class Evaluator:
         Laws of the elements.
     packed : PackedModel
         Arrays for kernels.
-    python_forces : tuple of SampledLaws or DampedContacts
+    python_forces : tuple of SampledLaws, SampledVectorLaws or DampedContacts
         Forces that Python adds, because the kernels cannot: laws evaluated by AFT, and damped contacts.
     aft_laws : tuple of (int, Law)
         All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
         closed form.
+    vectors : tuple of (ndarray, VectorLaw)
+        Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)
         Laws whose force jumps (`Law.damped`), each with the number of its element.
     sliders : int
@@ -105,9 +111,12 @@ class Evaluator:
         self._transform = transform
         packing = pack_laws(self.laws, sampled, nu)
         self.damped = tuple((int(j), self.laws[j]) for j in packing.left if self.laws[j].damped)
-        laws, left = packing.table, np.array([j for j in packing.left if not self.laws[j].damped], dtype=int)
+        self.vectors = vector_groups(self.laws)
+        alone = [j for j in packing.left if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
+        laws, left = packing.table, np.array(alone, dtype=int)
         own = own_of(self.laws)
-        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
+        coupled = [j for elements, _ in self.vectors for j in elements]
+        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ()), *coupled))
         linear = self.receptance.packed
         self.piecewise = piecewise = piecewise_excitation(
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
@@ -116,9 +125,11 @@ class Evaluator:
         sliders = sliders_of(self.laws)
         self.packed = PackedModel(laws, linear, transform.basis, piecewise if has_breakpoints else None, own, sliders)
         self.sliders = 0 if sliders is None else len(sliders.element)
-        self.python_forces: tuple[SampledLaws | DampedContacts, ...] = ()
+        self.python_forces: tuple[PythonForces, ...] = ()
         if left.size:
             self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid),)
+        if self.vectors:
+            self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:
             self.python_forces += (DampedContacts(self.laws, nu),)
         self.breakpoints = laws.level[: packing.public]
@@ -241,9 +252,7 @@ class Evaluator:
             size += self._add_python(forces, X, Omega, R, J, dR)
         return R, J, dR, size
 
-    def _add_python(
-        self, forces: SampledLaws | DampedContacts, X: Array, Omega: float, R: Array, J: Array, dR: Array
-    ) -> float:
+    def _add_python(self, forces: PythonForces, X: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add the forces and slopes of laws in Python, which have all harmonics; return the norm of the forces."""
         n = self.m * (2 * self.H + 1)
         if n == len(R):

@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.law_checks import check_returned
 from hbgear.mechanics.laws.laws import Forces, Law
+from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_complex, to_real
 from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
@@ -98,6 +99,59 @@ class SampledLaws:
         for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
             f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
+
+
+class SampledVectorLaws:
+    """Laws of several displacements, evaluated by AFT.
+
+    Parameters
+    ----------
+    groups : sequence of (ndarray, VectorLaw)
+        Numbers of the elements of each law, see `vector_groups`.
+    transform : Transform
+        Fourier transform with N samples per basis period.
+    nu : int
+        Subharmonic order.
+    """
+
+    def __init__(self, groups: Sequence[tuple[np.ndarray, VectorLaw]], transform: Transform, nu: int) -> None:
+        self.groups, self.nu, self._transform = groups, nu, transform
+        self._tau = 2 * np.pi * nu * np.arange(transform.N) / transform.N
+
+    def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
+        """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
+        m, n = coefficients.shape
+        blocks, size = J.reshape(m, n, m, n), 0.0
+        for elements, law in self.groups:
+            c, p = to_complex(coefficients[elements]), len(elements)
+            d = self._transform.samples(c)
+            v = Omega / self.nu * self._transform.samples(derive(c)) if law.rated else np.zeros_like(d)
+            force, kd, kv = law.force(d, v, self._tau)
+            f = to_real(one_sided(self._transform.spectrum(force)[:, : n // 2 + 1]))
+            R.reshape(m, n)[elements] += f
+            size += float(np.linalg.norm(f))
+            T = product_matrices(self._transform.spectrum(kd.reshape(p * p, -1))).reshape(p, p, n, n)
+            blocks[np.ix_(elements, np.arange(n), elements)] += T.transpose(0, 2, 1, 3)
+            if law.rated and kv.any():
+                T = product_matrices(self._transform.spectrum(kv.reshape(p * p, -1))).reshape(p, p, n, n)
+                blocks[np.ix_(elements, np.arange(n), elements)] += (
+                    Omega / self.nu * after_derivative(T).transpose(0, 2, 1, 3)
+                )
+                rates = derivative(coefficients[elements])
+                dR.reshape(m, n)[elements] += np.einsum("ijab,jb->ia", T, rates) / self.nu
+        return size
+
+    def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
+        """Add the truncated force harmonics ``left`` (L,) of motions X (P, n), up to N / 2, to f (P, m, L)."""
+        N, m = self._transform.N, f.shape[1]
+        reached = left[left < N // 2]
+        c = to_complex(X.reshape(len(X), m, -1))
+        for elements, law in self.groups:
+            d = samples_of(c[:, elements], N).swapaxes(0, 1).reshape(len(elements), -1)
+            rates = (Omega / self.nu)[:, None, None] * derive(c[:, elements])
+            v = samples_of(rates, N).swapaxes(0, 1).reshape(len(elements), -1)
+            p = law.force(d, v, np.tile(self._tau, len(X)))[0].reshape(len(elements), len(X), N).swapaxes(0, 1)
+            f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
 
 
 def _bind(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:

@@ -17,6 +17,7 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import moving_springs_of
+from hbgear.mechanics.laws.vector_laws import VectorLaw, vector_groups
 from hbgear.mechanics.models import System
 from hbgear.mechanics.reference_stiffness import at_rest, bend, references
 
@@ -57,6 +58,8 @@ def check_laws(system: System) -> None:
                 f"element '{element.name}' has a contact with a damper and a prescribed displacement with breakpoints, "
                 "a Periodic; give the displacement as a Series"
             )
+    for rows, whole in vector_groups([element.law for element in system.elements]):
+        check_vector_law(whole, max(float(system.elements[j].displacement.bound) for j in rows) or 1.0)
     user_laws = [[law for law in element.law.parts if moving_springs_of(law) is None] for element in system.elements]
     for laws in user_laws:
         for law in laws:
@@ -71,6 +74,64 @@ def check_laws(system: System) -> None:
             length = float(max(np.abs(law.breakpoints), default=0.0) or bend(law, stiffness))
             check_law(law, length or element.displacement.bound or 1.0, float(np.sqrt(stiffness * mobility)) or 1.0)
     _check_supported(system, springs)
+
+
+def check_vector_law(law: VectorLaw, length: float) -> None:
+    """Raise an error for a vector law that returns wrong shapes, or whose derivatives differ from differences.
+
+    Parameters
+    ----------
+    law : VectorLaw
+        Law to be checked.
+    length : float
+        Size of the displacements at which it is evaluated.
+
+    Raises
+    ------
+    ValueError
+        If the law does not return arrays of the required shapes, a number is not finite, or a derivative is wrong.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> check_vector_law(hb.mechanics.RadialClearance(k=2.0, clearance=0.1), length=1.0)
+    """
+    p, name, N = law.size, type(law).__name__, 16
+    random = np.random.default_rng(0)
+    state, tau = length * random.uniform(-1.5, 1.5, (2, p, N)), random.uniform(0, 2 * np.pi, N)
+    found = law.force(state[0], state[1], tau)
+    shapes = [np.shape(part) for part in found] if isinstance(found, tuple | list) else [np.shape(found)]
+    if shapes != [(p, N), (p, p, N), (p, p, N)]:
+        raise ValueError(
+            f"{name}.force must return (p, dp/dd, dp/dv) of shapes {(p, N)}, {(p, p, N)}, {(p, p, N)} for {p} "
+            f"displacements at {N} instants; it returned {', '.join(map(str, shapes))}"
+        )
+    if not all(np.isfinite(part).all() for part in found):
+        raise ValueError(f"{name}.force gives a number that is not finite: check roots and divisions in it")
+    for which, words in enumerate(("dp/dd", "dp/dv")):
+        stated = np.asarray(found[1 + which])
+        coarse, fine = (_vector_differences(law, state, tau, which, h * length) for h in (_LAW_STEP, 0.5 * _LAW_STEP))
+        size = np.abs(stated).max() + np.abs(found[0]).max() / length
+        smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * size
+        wrong = np.argwhere(smooth & (np.abs(fine - stated) > _SLOPE_TOLERANCE * size))
+        if len(wrong):
+            i, j, n = wrong[0].tolist()
+            raise ValueError(
+                f"{name}.force gives {words}[{i}, {j}] = {stated[i, j, n]:.6g} at d = {state[0, :, n]}, where "
+                f"differences of p give {fine[i, j, n]:.6g}: correct the array; its first axis is the force"
+            )
+
+
+def _vector_differences(law: VectorLaw, state: Array, tau: Array, which: int, h: float) -> Array:
+    """Return central differences (p, p, N) of a vector law in d (which = 0) or v (which = 1)."""
+    columns = []
+    for j in range(law.size):
+        ahead, behind = state.copy(), state.copy()
+        ahead[which, j] += h
+        behind[which, j] -= h
+        columns.append((law.force(ahead[0], ahead[1], tau)[0] - law.force(behind[0], behind[1], tau)[0]) / (2 * h))
+    out: Array = np.stack(columns, axis=1)
+    return out
 
 
 _MAX_COORDINATES_CHECKED = 300

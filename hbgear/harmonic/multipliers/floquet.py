@@ -23,6 +23,9 @@ modulations at the Gauss points, u = D (R z_0 - A u), and
 
 A, R and B belong to a segment, D to a step. The loops over segments, steps and modes are in `monodromy_kernels`.
 
+A law of several displacements has a full matrix of slopes. Each entry off the diagonal is one more modulation, of the
+displacement of one element and the force of another.
+
 A friction slider adds one state to the variational equation, see `monodromy_kernels`.
 
 A mode that no element excites or observes has a multiplier that does not depend on the motion: the exponential of its
@@ -42,12 +45,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
-from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks
+from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
 from hbgear.harmonic.structure.receptance import MODAL_LIMIT
+from hbgear.mechanics.laws.vector_laws import Component
+from hbgear.mechanics.series.fourier import evaluate
 
 MAX_STEP_OVER_PERIOD = 0.2
 """Longest step, as a fraction of the excitation period. It limits the step where no spring does."""
@@ -100,6 +106,10 @@ RETAINED_LEVELS_PER_OCTAVE = 4
 
 _SAME_PHASE = 1e-13
 """Distance of two phases [rad] that counts as none: the rounding of a switching time."""
+
+
+EDGE_SAMPLES = 32
+"""Samples of the highest harmonic of a motion between which the edges of vector laws are located."""
 
 
 LISTED_MULTIPLIERS = 32
@@ -249,7 +259,8 @@ def _multipliers_of_blocks(
     listed: int | None = None,
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
-    divisible = len(parts.split) > 1 and not compiled.sliders  # each slider would belong to one of the blocks
+    coupled = compiled.sliders or compiled.vectors  # their elements may belong to different blocks
+    divisible = len(parts.split) > 1 and not coupled
     alike = _move_identically(compiled, parts, X) if divisible else np.zeros(len(X), dtype=bool)
     idle = parts.idle[:listed]
     mu = np.empty((len(X), len(idle) + parts.whole.size + compiled.sliders), dtype=complex)
@@ -356,6 +367,7 @@ def _monodromy_with_python_laws(
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
     from hbgear.harmonic.multipliers import monodromy_kernels
 
+    part = _with_coupled_ports(part, compiled)
     packed, nu, ports = compiled.packed_of(X), compiled.nu, part.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     space, coarse = (
@@ -363,6 +375,8 @@ def _monodromy_with_python_laws(
         monodromy_kernels.circle(monodromy_kernels.MODULATION_SAMPLES * nu),
     )
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
+    for elements, slopes in _vector_slopes(compiled, rows, omega, coarse[0]):
+        largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     known = monodromy_kernels.steps_per_segment(packed, rows, mobility, coarse, space.waves, *buffers)
     which, longest = monodromy_kernels.step_of(
@@ -381,6 +395,7 @@ def _monodromy_with_python_laws(
     dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
+    _fill_coupled_modulation(compiled, rows, omega, points, work.D)
     if not jumps:
         monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
         return
@@ -396,10 +411,68 @@ def _monodromy_with_python_laws(
     out[:] = product
 
 
+def _with_coupled_ports(part: ModalBlock, compiled: Evaluator) -> ModalBlock:
+    """Return a block with one more port for each pair of coupled elements: displacement of one, force of the other."""
+    pairs = _coupled_pairs(compiled)
+    if not len(pairs):
+        return part
+    modes, g = part.modes, len(part.modes.ports)
+    force, seen = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
+    wider = SymmetricPair(
+        modes.poles, np.ascontiguousarray(modes.output[seen]), np.ascontiguousarray(modes.input[:, force]),
+        np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
+        np.ascontiguousarray(modes.rest[np.ix_(seen, force)]),
+    )  # fmt: skip
+    return ModalBlock(wider, part.size)
+
+
+def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
+    """Return the pairs (Q, 2) of different elements of vector laws: of the force, and of the displacement."""
+    pairs = [(i, j) for elements, _ in compiled.vectors for i in elements for j in elements if i != j]
+    return np.array(pairs, dtype=int).reshape(-1, 2)
+
+
+def _vector_slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> list[tuple[np.ndarray, Array]]:
+    """Return the elements (p,) and the slopes dp/dd, dp/dv (2, p, p, T) of each vector law at phases theta."""
+    found = []
+    for elements, law in compiled.vectors:
+        d, v = evaluate(rows[elements], theta), omega * evaluate(rows[elements], theta, 1)
+        found.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
+    return found
+
+
+def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, theta: Array, D: Array) -> None:
+    """Add the slopes of vector laws to the modulations D (2, steps, s, g) of `_with_coupled_ports`."""
+    if not compiled.vectors:
+        return
+    g = compiled.m
+    D[..., g:] = 0.0
+    at = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
+    for elements, slopes in _vector_slopes(compiled, rows, omega, theta):
+        for a, i in enumerate(elements.tolist()):
+            for b, j in enumerate(elements.tolist()):
+                D[..., i if i == j else at[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
+
+
+def _edge_phases(compiled: Evaluator, rows: Array) -> Array:
+    """Return the phases at which derivatives of vector laws jump."""
+    grid = np.linspace(0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1) + 1)
+    found: list[float] = []
+    for elements, law in compiled.vectors:
+        values = law.edges(evaluate(rows[elements], grid))
+        for e, n in zip(*np.nonzero(values[:, :-1] * values[:, 1:] < 0), strict=True):
+
+            def edge(theta: float, e: int = e, law: Any = law, elements: np.ndarray = elements) -> float:
+                return float(law.edges(evaluate(rows[elements], np.array([theta])))[e, 0])
+
+            found.append(float(scipy.optimize.brentq(edge, grid[n], grid[n + 1], xtol=1e-14)))
+    return np.array(found)
+
+
 def _with_contact_ends(
     compiled: Evaluator, rows: Array, omega: float, longest: float, segments: Array
 ) -> tuple[Array, dict[int, list[tuple[int, float]]]]:
-    """Divide segments (S, 3) where damped contacts begin and end.
+    """Divide segments (S, 3) where damped contacts begin and end, and where derivatives of vector laws jump.
 
     Returns
     -------
@@ -411,7 +484,7 @@ def _with_contact_ends(
     from hbgear.harmonic.forces.damped_contacts import intervals
 
     found = [(j, contact.c, intervals(contact, rows[j], omega)) for j, law in compiled.damped for contact in law.damped]
-    phases = np.concatenate([np.zeros(0), *(one.ends.ravel() for _, _, one in found)])
+    phases = np.concatenate([_edge_phases(compiled, rows), *(one.ends.ravel() for _, _, one in found)])
     start = segments[0, 0]
     begins = start + np.mod(np.concatenate([segments[:, 0], phases]) - start, 2 * np.pi)
     begins = np.unique(np.append(begins, start))
@@ -443,6 +516,8 @@ def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Arr
     """Return dp/dd and dp/dv (2, m, T) of the laws in Python at phases theta of the basis; zero for all other laws."""
     out = np.zeros((2, compiled.m, len(theta)))
     for j, law in (*compiled.aft_laws, *compiled.damped):
+        if isinstance(law, Component):
+            continue
         d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
         out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

@@ -33,7 +33,8 @@ from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly,
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.laws.registry import ELEMENT_KEYS, LAWS
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.laws.vector_laws import VectorLaw
+from hbgear.mechanics.models import Element, Load, System, VectorElement
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.receptances import Receptances
 
@@ -104,7 +105,7 @@ def _schema() -> Any:
             fields[key] = kind if key not in fields else fields[key] | kind
     fields = {key: (kind, None) for key, kind in fields.items()}
     element: Any = create_model(
-        "element", __config__=strict, name=(str, ""), direction=(vector, ...), law=(law, ...),
+        "element", __config__=strict, name=(str, ""), direction=(vector | list[vector], ...), law=(law, ...),
         damping=(float, 0.0), error=(list[float], None), **fields,
     )  # fmt: skip
     load: Any = create_model(
@@ -134,6 +135,7 @@ def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System
     )
     if problems:
         return None
+    elements = [each for some in elements for each in some]
     rest = {"ratio": table.get("ratio", 1.0)} if isinstance(part, Matrices) else {}
     return _tried(problems, (given[0],), lambda: part.system(elements, loads, **rest))  # type: ignore[no-any-return]
 
@@ -164,11 +166,22 @@ def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
     return from_receptances({(one["response"], one["force"]): folder / one["file"] for one in table["tables"]}, **rest)
 
 
-def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> Element:
+def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[Element, ...]:
+    """Return the element of a table, or the elements of a law of several displacements with a list of directions."""
     fields = {key: value for key, value in table.items() if key not in ELEMENT_KEYS and value is not None}
     law = LAWS[table["law"]].from_toml(fields)
     error = Series(0.0, tuple(table.get("error") or ()))
-    return Element(part.along(table["direction"]), law, error, table.get("damping", 0.0), table.get("name", ""))
+    damping, name = table.get("damping", 0.0), table.get("name", "")
+    if isinstance(law, VectorLaw):
+        if not isinstance(table["direction"], list) or table.get("error"):
+            raise ValueError(
+                f"law = '{table['law']}' has {law.size} displacements and no error: give a list of directions, such as "
+                "direction = [{ x = 1.0 }, { y = 1.0 }]"
+            )
+        return VectorElement([part.along(one) for one in table["direction"]], law, damping, name)
+    if isinstance(table["direction"], list):
+        raise ValueError(f"law = '{table['law']}' has one displacement: give one direction, such as {{ x = 1.0 }}")
+    return (Element(part.along(table["direction"]), law, error, damping, name),)
 
 
 def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:

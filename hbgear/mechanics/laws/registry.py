@@ -28,6 +28,7 @@ from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossl
 from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
+from hbgear.mechanics.laws.vector_laws import Component, Directed, Polynomial, RadialClearance
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
@@ -319,14 +320,18 @@ register_law(name="iwan")(Iwan)
 register_law(name="hunt-crossley")(HuntCrossley)
 register_law(name="kelvin-voigt")(KelvinVoigt)
 register_law(name="clipped kelvin-voigt")(ClippedKelvinVoigt)
+register_law(name="component")(Component)
+register_law(name="radial clearance")(RadialClearance)
+register_law(name="polynomial")(Polynomial)
+register_law(name="directed")(Directed)
 register_law(name="coulomb")(Coulomb)
 register_law(name="backlash", required=("k", "b"))(Backlash)
 register_law(name="unilateral", required=("k", "gap"))(Unilateral)
 
-_DAMPED = KelvinVoigt, ClippedKelvinVoigt
+_LATER = KelvinVoigt, ClippedKelvinVoigt, Component, RadialClearance, Polynomial, Directed
 
 BUILT_IN: Mapping[str, type[Law]] = {
     cls.__name__: cls
-    for cls in (Cubic, PiecewiseLinear, Parallel, ToothContact, MeshContacts, Jenkins, Iwan, HuntCrossley, *_DAMPED)
+    for cls in (Cubic, PiecewiseLinear, Parallel, ToothContact, MeshContacts, Jenkins, Iwan, HuntCrossley, *_LATER)
 }
 """Classes of hbgear that a file can hold, by name. Headers name them as parts of a model, as earlier versions did."""

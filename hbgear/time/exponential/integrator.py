@@ -32,6 +32,7 @@ from hbgear.common.ranges import counted
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
 from hbgear.harmonic.structure.modes import mobility_of
 from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.time.exponential.excitation import Excitation
@@ -125,9 +126,10 @@ class ExponentialIntegrator:
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        if any(element.law.sliders or element.law.damped for system in self.systems for element in system.elements):
+        laws = [element.law for system in self.systems for element in system.elements]
+        if any(law.sliders or law.damped or isinstance(law, Component) for law in laws):
             raise ValueError(
-                "the exponential method does not integrate friction and contacts with dampers: use "
+                "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
         self.structures = [

@@ -1,0 +1,174 @@
+"""Elements with several displacements against closed forms and event-exact motions.
+
+Circular whirl of z'' + 2 zeta z' + k0 z + k max(1 - c / |z|, 0) (1 + i mu) z = e Omega^2 exp(i Omega t):
+    |k0 + k (1 - c / r) (1 + i mu) - Omega^2 + 2 i zeta Omega| r = e Omega^2
+"""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite
+
+import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
+from hbgear.io.machines.structure_file import read_structure
+from hbgear.mechanics.laws.vector_laws import vector_groups
+from hbgear.mechanics.serialization import from_plain, to_plain
+from hbgear.mechanics.series.fourier import evaluate
+
+UNIT = np.eye(2)
+
+
+def rotor(mu=0.0, zeta=0.05, weight=0.0, k0=1.0):
+    hole = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(4.0, 1.0, mu), name="seal")
+    loads = [hb.Load(cosine={1: [0.3, 0.0]}, sine={1: [0.0, 0.3]}, power=2), hb.Load([0.0, -weight])]
+    return hb.System(UNIT, 2 * zeta * UNIT, k0 * UNIT, [*hole], loads)
+
+
+def whirl(r, Omega, mu=0.0):
+    """Return the unknowns with one harmonic of circular whirl in contact, zeta = .05."""
+    z = 0.3 * Omega**2 / (1 + 4 * (1 - 1 / r) * (1 + 1j * mu) - Omega**2 + 0.1j * Omega)
+    return np.array([0, z.real, -z.imag, 0, z.imag, z.real])
+
+
+@pytest.mark.parametrize(("mu", "fold", "r"), [(0.0, 2.0976089266449423, 5.940314558802791),
+                                               (0.1, 1.855192253344421, 2.3338959937986368)])  # fmt: skip
+def test_fold_of_circular_whirl(mu, fold, r):
+    problem, Omega = hb.HarmonicBalance(rotor(mu), 1), fold - 0.02
+    low = solve(problem, whirl(0.9 * r, Omega, mu), {"Omega": Omega}).X
+    curve = hb.trace(problem, "Omega", (Omega, fold + 0.01), start=low, cover=False, accuracy=None)
+    assert curve["LP1"].parameters["Omega"] == pytest.approx(fold, abs=1e-10)
+    assert np.hypot(curve["LP1"].X[1], curve["LP1"].X[2]) == pytest.approx(r, rel=1e-6)
+
+
+@pytest.mark.parametrize(("Omega", "r", "growth"), [(1.5, 1.6224556537822281, 0.019708893418146523),
+                                                    (1.0, 1.0671551520646974, 0.003076397257692265)])  # fmt: skip
+def test_stability_of_circular_whirl(Omega, r, growth):
+    """The largest growth rate in the rotating frame, by friction above zero."""
+    problem = hb.HarmonicBalance(rotor(0.1), 3)
+    X = np.zeros((2, 7))
+    X[:, :3] = whirl(r, Omega, 0.1).reshape(2, 3)
+    X = solve(problem, X.ravel(), {"Omega": Omega}).X
+    assert np.hypot(X[1], X[2]) == pytest.approx(r, rel=1e-10)
+    assert np.log(np.abs(problem.multipliers(X, Omega=Omega)).max()) / (2 * np.pi / Omega) == pytest.approx(
+        growth, abs=1e-9
+    )
+
+
+def test_rub_with_weight():
+    """A motion that enters and leaves contact in each period."""
+    state = [-0.511032212325911, -0.6146218529986206, 0.18340214362218535, -0.7984193659955277]
+    orbit = hb.time.shoot(rotor(zeta=0.1, weight=0.5), 1.5, state, tolerance=1e-9)
+    np.testing.assert_allclose(orbit.state, state, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(orbit.multipliers), 0.6577837688198399, rtol=0, atol=1e-8)
+    problem = hb.HarmonicBalance(rotor(zeta=0.1, weight=0.5), 15, samples=2048)
+    X = solve(problem, orbit.rows(15).ravel(), {"Omega": 1.5}).X.reshape(2, -1)
+    rms = np.sqrt(0.5 * (X[:, 1:] ** 2).sum(axis=1))
+    np.testing.assert_allclose(rms, [0.37175834650034373, 0.38791869772068943], rtol=0, atol=5e-6)
+
+
+def coupled(law, directions=UNIT, **keys):
+    K = np.array([[2.0, -1.0], [-1.0, 3.0]])
+    return hb.System(
+        UNIT, 0.1 * UNIT, K, [*hb.mechanics.VectorElement(directions, law, **keys)], hb.Load(cosine={1: [0.5, 0.2]})
+    )
+
+
+def test_polynomial_coupling():
+    """The springs of V = q1^2 q2^2 / 2 + q1^4 / 4, against shooting."""
+    law = hb.mechanics.Polynomial([[1, 2], [2, 1], [3, 0]], [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    orbit = hb.time.shoot(coupled(law), 1.1, [0.3, 0.2, 0.0, 0.1])
+    problem = hb.HarmonicBalance(coupled(law), 11)
+    X = solve(problem, orbit.rows(11).ravel(), {"Omega": 1.1}).X
+    np.testing.assert_allclose(evaluate(X.reshape(2, -1), [0.0])[:, 0], orbit.state[:2], rtol=0, atol=1e-8)
+    for mu in orbit.multipliers:
+        assert np.abs(problem.multipliers(X, Omega=1.1) - mu).min() < 1e-8
+
+
+def test_directed_spring_is_part_of_a_matrix_that_is_not_symmetric():
+    """A linear spring that measures q1 and acts on q2 is an entry of K."""
+    K, W = np.array([[2.0, -1.0], [-0.3, 3.0]]), [[1.0, 0.0], [0.0, 1.0]]
+    law = hb.mechanics.Directed(hb.Cubic(k3=0.0, k1=0.7))
+    rest = [hb.Element([1.0, 1.0], hb.Cubic(0.2))]
+    load = hb.Load(cosine={1: [0.5, 0.2]})
+    one = hb.System(UNIT, 0.1 * UNIT, [[2.0, -1.0], [-1.0, 3.0]], [*hb.mechanics.VectorElement(W, law), *rest], load)
+    two = hb.System(UNIT, 0.1 * UNIT, K, rest, load)
+    first, second = (hb.HarmonicBalance(model, 5) for model in (one, two))
+    X = solve(second, np.zeros(11), {"Omega": 1.3}).X
+    Y = solve(first, np.zeros(33), {"Omega": 1.3}).X
+    np.testing.assert_allclose(Y[22:], X, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        np.sort_complex(first.multipliers(Y, Omega=1.3)), np.sort_complex(second.multipliers(X, Omega=1.3)), atol=1e-8
+    )
+
+
+def test_derivatives_and_headers():
+    law = hb.mechanics.RadialClearance(2.0, 0.2, 0.3)
+    problem, h = hb.HarmonicBalance(coupled(law), 3), 1e-7
+    X = np.random.default_rng(2).standard_normal(14)
+    found = problem.linearise(X, "Omega", Omega=0.8)
+    difference = [problem.residual(X + e, Omega=0.8) - problem.residual(X - e, Omega=0.8) for e in h * np.eye(14)]
+    np.testing.assert_allclose(found.dR_dX, np.transpose(difference) / (2 * h), rtol=0, atol=1e-6)
+    elements = from_plain(json.loads(json.dumps(to_plain(coupled(law).elements))), {"Element": hb.Element})
+    assert vector_groups([element.law for element in elements])[0][1] == law
+
+
+def test_machine_file(tmp_path):
+    mmwrite(tmp_path / "unit.mtx", UNIT)
+    (tmp_path / "rotor.toml").write_text("""
+        [matrices]
+        M = "unit.mtx"
+        K = "unit.mtx"
+        names = ["x", "y"]
+        [[element]]
+        name = "seal"
+        direction = [{ x = 1.0 }, { y = 1.0 }]
+        law = "radial clearance"
+        k = 4.0
+        clearance = 1.0
+        friction = 0.1
+        [[load]]
+        cosine = { 1 = { x = 1.0 } }
+        """)
+    system = read_structure(tmp_path / "rotor.toml")
+    assert system.elements[1].law.law == hb.mechanics.RadialClearance(4.0, 1.0, 0.1)
+    assert system.elements[1].name == "seal 2"
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: hb.Element([1.0, 0.0], hb.mechanics.RadialClearance(1.0, 0.1)), "use VectorElement"),
+        (lambda: hb.mechanics.VectorElement([[1.0, 0.0]], hb.mechanics.RadialClearance(1.0, 0.1)), "needs 2 rows"),
+        (lambda: hb.mechanics.VectorElement(UNIT, hb.Cubic(1.0)), "must be a VectorLaw"),
+        (
+            lambda: hb.System(
+                UNIT, UNIT, UNIT, [hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(1.0, 0.1))[0]]
+            ),
+            "follow",
+        ),
+        (lambda: hb.mechanics.Directed(hb.Jenkins(1.0, 0.1)), "acts where it measures"),
+        (lambda: hb.mechanics.Polynomial([[1, 2]], [[1.0]]), "shape"),
+    ],
+)
+def test_refusals(make, match):
+    with pytest.raises((ValueError, TypeError), match=match):
+        make()
+
+
+class Wrong(hb.mechanics.VectorLaw):
+    size = 2
+
+    def __init__(self, factor, shape=2):
+        self.factor, self.shape = factor, shape
+
+    def force(self, d, v, tau):
+        kd = self.factor * np.repeat(np.eye(2)[:, :, None], d.shape[1], axis=2)
+        return d[: self.shape], kd, 0 * kd
+
+
+@pytest.mark.parametrize(("law", "match"), [(Wrong(2.0), r"dp/dd\[0, 0\] = 2"), (Wrong(1.0, 1), "of shapes")])
+def test_wrong_laws(law, match):
+    with pytest.raises(ValueError, match=match):
+        hb.HarmonicBalance(coupled(law), 3)
