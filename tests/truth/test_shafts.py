@@ -228,3 +228,16 @@ def bent(second, length=0.2, z=0.0):
 def test_bad_input(make, said):
     with pytest.raises(ValueError, match=said):
         make()
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_shear_coefficients_of_solid_sections_and_thin_tubes(nu):
+    """Limits of Cowper (1966), tables for the circle and the thin-walled round tube."""
+
+    def coefficient(inner):
+        return hb.gears.Beam("a", "b", outer=0.1, inner=inner, length=1.0, poisson=nu).shear_coefficient
+
+    assert coefficient(0.0) == pytest.approx(6 * (1 + nu) / (7 + 6 * nu), rel=1e-14)
+    assert coefficient(0.1 * (1 - 1e-9)) == pytest.approx(2 * (1 + nu) / (4 + 3 * nu), rel=1e-8)
+    with pytest.raises(ValueError, match="must be smaller than outer"):
+        coefficient(0.1)

@@ -12,6 +12,18 @@ from hbgear.design.least_change import _Cusp, _least_change, _Search, _Slack, _S
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
 
+@pytest.fixture(scope="module")
+def cusp():
+    """Damping at which the jump of the pair vanishes."""
+    return hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Damping of the redesign without tolerances."""
+    return hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"]).values["zeta"]
+
+
 def test_a_jump_is_removed_by_the_least_change():
     """Against the cusp in the damping at each of many factors of the error: the nearest of them to the design."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta", "e_scale"])
@@ -44,19 +56,17 @@ def test_a_peak_is_lowered_to_its_limit():
         assert curve.amplitude("pp2").max() > 0.9 * own
 
 
-def test_a_reserve_for_scatter():
+def test_a_reserve_for_scatter(plain):
     """With a standard deviation of the damping, the damping at the cusp and two deviations more."""
-    plain = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"])
     safe = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
-    assert safe.values["zeta"] - plain.values["zeta"] == pytest.approx(0.006, rel=1e-3)
+    assert safe.values["zeta"] - plain == pytest.approx(0.006, rel=1e-3)
     other = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"e_scale": 0.05})
-    assert other.values["zeta"] > plain.values["zeta"]
+    assert other.values["zeta"] > plain
 
 
-def test_a_goal_out_of_reach():
+def test_a_goal_out_of_reach(cusp):
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
-    cusp = hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
     assert found.short == pytest.approx((cusp - 0.08) / 0.05, abs=2e-3)
     assert "the goal is not reached: jumps remain: zeta would have to change by" in found.message
     found = hb.design.redesign(PAIR, hb.design.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
@@ -70,9 +80,8 @@ def test_a_parameter_that_removes_no_jump():
     assert found.message.startswith("jumps remain, and no value of eps_scale was found at which one vanishes")
 
 
-def test_a_cusp_farther_away():
+def test_a_cusp_farther_away(cusp):
     """A margin moves the damping that far beyond its cusp; the distance may be in a parameter that does not change."""
-    cusp = hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
     found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2), ["zeta"])
     assert found.reached and found.values["zeta"] == pytest.approx(cusp + 0.2 * 0.05, rel=1e-4)
     found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2, "zeta"), ["e_scale"])
@@ -108,9 +117,8 @@ def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
         assert missed == pytest.approx(expected, rel=1e-12) and not curve.jumps()
 
 
-def test_a_goal_for_every_machine_of_a_sample():
+def test_a_goal_for_every_machine_of_a_sample(plain):
     """Deviations of the damping alone: the worst of them, or that of the share, is at the cusp."""
-    plain = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"]).values["zeta"]
     drawn = hb.design.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
     off = np.sort([row["zeta"] for row in drawn.rows()])
     every = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], tolerances=drawn)
