@@ -49,6 +49,14 @@ class Window:
         Period in excitation periods; 0 if the motions are not periodic.
     count : int
         Number of values.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=2)
+    >>> (window,) = found.windows()
+    >>> window.low, window.high, window.period
+    (0.5, 0.6, 1)
     """
 
     low: float

@@ -60,6 +60,14 @@ class SteadyMotion:
         Fraction of the sampled starts whose motions approach it; 0 of unstable motions.
     hits : int
         Number of starts that reached it, of time integration and of Newton's method together.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
+    >>> (motion,) = found.motions
+    >>> motion.period, motion.stable, motion.share
+    (1, True, 1.0)
     """
 
     point: Point
