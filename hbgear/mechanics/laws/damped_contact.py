@@ -57,7 +57,7 @@ class DampedContact:  # numpydoc ignore=PR02
         Returns
         -------
         tuple of ndarray
-            delta, and k delta + c delta'.
+            Penetration delta, and the force k delta + c delta'.
         """
         depth = self.side * d - self.gap
         return depth, self.k * depth + self.c * self.side * v
