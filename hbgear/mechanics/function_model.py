@@ -33,8 +33,18 @@ class SystemOfLaws(System):  # numpydoc ignore=PR02
 
     Parameters
     ----------
-    M, C, K, elements, load, dof_names, speed, receptances
-        See `System`.
+    M, C, K : array_like
+        Mass, damping and stiffness, see `System`.
+    elements : sequence of Element
+        Elements.
+    load : Load or sequence of Load, optional
+        Loads.
+    dof_names : sequence of str, optional
+        Names of the coordinates.
+    speed : SpeedTerms, optional
+        Terms that depend on speed.
+    receptances : Receptances, optional
+        Measured part of the structure.
     laws : sequence of (str, dict)
         Name of the law of each element and the values of its keys, see `hbgear.mechanics.laws.registry`.
 
