@@ -268,7 +268,7 @@ def message_of(branch: Branch, dimensionless: bool = False) -> str:
 
     def converted(found: re.Match[str]) -> str:
         (text,) = values_text(branch, [float(found[1])], dimensionless)
-        return text
+        return text if "Omega" in text else f"{float(text.split()[0]):.5g} r/min"  # messages have six digits
 
     return _OMEGA.sub(converted, branch.message) if branch.parameter == "Omega" else branch.message
 

@@ -76,8 +76,9 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     unit = "" if unit == "1" else unit
     if is_number(text) or not re.search(r"[^\W\d_]", text) or not known_unit(unit):
         return number_of(f"{option} {name}", text)
-    if not unit and re.search(r"\d\s*[A-Za-z]", text):
-        raise ValueError(f"{option} {name}={text}: need a finite number: {name} has no unit")
+    if not unit:
+        why = f": {name} has no unit" if re.search(r"\d\s*[A-Za-z]", text) else ""
+        raise ValueError(f"{option} {name}={text}: need a finite number{why}")
     return to_si(option, name, text, unit)
 
 

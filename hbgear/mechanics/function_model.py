@@ -1,4 +1,4 @@
-"""Models from functions: the parameters of a function are the parameters of the machine that it builds.
+"""Models from functions and files: the parameters of a function or of its elements are the parameters of the machine.
 
 machine(zeta, gap, ...)  ->  M q'' + C q' + K q + sum_j w_j [p_j + c_j d_j'] = F      (see `hbgear.mechanics.models`)
 """
@@ -9,18 +9,118 @@ import dataclasses
 import inspect
 import math
 import typing
+from collections import Counter
 from collections.abc import Callable, Mapping
 from numbers import Integral
-from typing import Any, ClassVar, Literal, ParamSpec, overload
+from typing import Any, ClassVar, Literal, ParamSpec, Self, overload
 
 import numpy as np
 
 from hbgear.common.ranges import Range, checked
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import defaults_of, is_plain, kinds_of, plain
+from hbgear.mechanics.laws.registry import LAWS
 from hbgear.mechanics.models import Model, System
 
 P = ParamSpec("P")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SystemOfLaws(System):  # numpydoc ignore=PR02
+    """A `System` whose parameters are the numbers of its laws and dampers, by their keys in files.
+
+    A key that several elements have is preceded by the name of the element: ``stop.gap``.
+
+    Parameters
+    ----------
+    M, C, K : array_like
+        Mass, damping and stiffness, see `System`.
+    elements : sequence of Element
+        Elements.
+    load : Load or sequence of Load, optional
+        Loads.
+    dof_names : sequence of str, optional
+        Names of the coordinates.
+    speed : SpeedTerms, optional
+        Terms that depend on speed.
+    receptances : Receptances, optional
+        Measured part of the structure.
+    laws : sequence of (str, dict)
+        Name of the law of each element and the values of its keys, see `hbgear.mechanics.laws.registry`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element([1.0], hb.Unilateral(k=5.0, gap=1.0), name="stop")
+    >>> model = SystemOfLaws([[1.0]], [[0.1]], [[1.0]], [stop], laws=[("unilateral", {"k": 5.0, "gap": 1.0})])
+    >>> model.parameters, model.replace(gap=0.5).elements[0].law.breakpoints
+    ({'k': 5.0, 'gap': 1.0}, (0.5,))
+    """
+
+    laws: Any = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "laws", tuple((str(name), dict(values)) for name, values in self.laws))
+        if len(self.laws) != len(self.elements):
+            raise ValueError(f"SystemOfLaws: {len(self.laws)} laws for {len(self.elements)} elements")
+
+    def _places(self) -> dict[str, tuple[int, str]]:
+        """Return the number of the element and the key of each parameter."""
+        keys = [(i, key) for i, (_, values) in enumerate(self.laws) for key, x in values.items() if _is_number(x)]
+        keys += [(i, "damping") for i, element in enumerate(self.elements) if element.damping]
+        count = Counter(key for _, key in keys)
+        return {(key if count[key] == 1 else f"{self.elements[i].name}.{key}"): (i, key) for i, key in keys}
+
+    def _value(self, i: int, key: str) -> float:
+        return float(self.elements[i].damping if key == "damping" else self.laws[i][1][key])
+
+    @property
+    def title(self) -> str:
+        names = ", ".join(element.name for element in self.elements)
+        return f"Structure of {self.n} coordinates with {names}"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Numbers of the laws and dampers by name."""
+        return {name: self._value(*place) for name, place in self._places().items()}
+
+    def replace(self, /, **changes: Any) -> Self:
+        """Return a copy with other values of parameters or fields.
+
+        Parameters
+        ----------
+        **changes
+            Values by name.
+
+        Returns
+        -------
+        SystemOfLaws
+            The copy.
+
+        Raises
+        ------
+        KeyError
+            If there is no such parameter.
+        """
+        places = self._places()
+        elements, laws = list(self.elements), [(name, dict(values)) for name, values in self.laws]
+        for name in [name for name in changes if name in places]:
+            i, key = places[name]
+            value = float(changes.pop(name))
+            if key == "damping":
+                elements[i] = dataclasses.replace(elements[i], damping=value)
+            else:
+                laws[i][1][key] = value
+                elements[i] = dataclasses.replace(elements[i], law=LAWS[laws[i][0]].from_toml(laws[i][1]))
+        for name in changes:
+            if name not in kinds_of(type(self)):
+                raise KeyError(f"the structure has no parameter '{name}'{did_you_mean(name, places)}")
+        return dataclasses.replace(self, **{"elements": elements, "laws": laws, **changes})
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class FunctionModel(Model):

@@ -17,6 +17,7 @@ from typing import Any
 
 from hbgear.common.ranges import ANY, Range
 from hbgear.common.text.symbols import in_html, unit_of
+from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.io.branches.columns import bracketed
 from hbgear.io.machines.machine_file import Machine, machine_text
 from hbgear.mechanics.fields import defaults_of, kinds_of
@@ -123,7 +124,9 @@ class EditableInstance(EditableModel):
         self.start, self.name = model, name
 
     def parameters(self) -> list[Parameter]:
-        found = []
+        found: list[Parameter] = []
+        if any(name not in kinds_of(type(self.start)) for name in self.start.parameters):
+            return _of_model(self.start)
         for name, kind in kinds_of(type(self.start)).items():
             value, label = getattr(self.start, name), str(self.start.labels.get(name, name))
             allowed = self.start.ranges.get(name, ANY)
@@ -176,45 +179,21 @@ class EditableMachine(EditableModel):
         self.machine = machine
 
     def parameters(self) -> list[Parameter]:
-        m, found = self.machine, []
-        found.append(_parameter("torque", "torque on the pinion [N m]", m.torque, ANY, False))
-        found.append(_parameter("damping", "damping ratio of the mesh $\\zeta$", m.damping, Range(low=0), False))
-        if m.pair.backlash is not None:
-            found.append(_parameter("pair.backlash", "backlash [um]", 1e6 * m.pair.backlash, Range(low=0), False))
-        if m.cycle is None:
-            for name, label, value in (
-                ("pair.pitch_error", "pitch error [um]", m.pair.pitch_error),
-                ("pinion.tip_relief", "tip relief of the pinion [um]", m.pair.pinion.tip_relief),
-                ("wheel.tip_relief", "tip relief of the wheel [um]", m.pair.wheel.tip_relief),
-            ):
-                found.append(_parameter(name, label, 1e6 * value, Range(low=0), False, most=50.0))
-        return found
+        return _of_model(self.machine.model())
 
     def changed(self, values: Mapping[str, float]) -> Machine:
         """Return the machine with these values."""
-        known = {p.name: p.value for p in self.parameters()}
-        own: dict[str, Any] = {}
-        parts: dict[str, dict[str, Any]] = {"pair": {}, "pinion": {}, "wheel": {}}
-        for name, value in values.items():
-            if name not in known:
+        model = self.machine.model()
+        for name in values:
+            if name not in model.parameters:
                 raise KeyError(f"the machine has no parameter '{name}'")
-            if value == known[name]:
-                continue
-            part, _, field = name.rpartition(".")
-            if part:
-                parts[part][field] = value * 1e-6
-            else:
-                own[field] = value
-        pair = self.machine.pair
-        gears: dict[str, Any] = {
-            name: replace(getattr(pair, name), **parts[name]) for name in ("pinion", "wheel") if parts[name]
-        }
-        if gears or parts["pair"]:
-            pair = replace(pair, **gears, **parts["pair"])
-        return replace(self.machine, pair=pair, **own)
+        made = model.replace(**values)
+        supports: Any = made.supports or None
+        return replace(self.machine, pair=made.pair, torque=made.torque, damping=made.damping,
+                       supports=supports)  # fmt: skip
 
-    def model(self, values: Mapping[str, float]) -> Model:
-        return self.changed(values).model()
+    def model(self, values: Mapping[str, float]) -> DrawnPair:
+        return self.machine.model().replace(**values)
 
     def python(self, values: Mapping[str, float]) -> str:
         machine = self.changed(values)
@@ -230,11 +209,27 @@ class EditableMachine(EditableModel):
             options += f", supports=({supports})"
         if machine.cycle is not None:
             options += ", cycle=hb.gears.MeshCycle(...)  # of the tables that the file names"
-        lines.append(f"model = pair.model({machine.torque!r}, {machine.damping!r}{options})")
+        units = self.model(values).units
+        if units != machine.model().units:
+            options += f", units={units!r}"
+        lines.append(f"model = hb.gears.DrawnPair(pair, {machine.torque!r}, {machine.damping!r}{options})")
         return "\n".join(lines)
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
         return machine_text(self.changed(values))
+
+
+_USUAL_SIZES = {"um": 50.0, "mm": 1.0}
+"""Ends of the sliders of parameters that are zero, by unit."""
+
+
+def _of_model(model: Model) -> list[Parameter]:
+    """Return the parameters of a model with the units of their labels."""
+    return [
+        _parameter(name, str(model.labels.get(name, name)), value, model.ranges.get(name, ANY),
+                   most=_USUAL_SIZES.get(unit_of(str(model.labels.get(name, name)))))
+        for name, value in model.parameters.items()
+    ]  # fmt: skip
 
 
 def _parameter(

@@ -18,7 +18,7 @@ import numpy as np
 
 from hbgear.analysis.jump_maps import jump_map
 from hbgear.analysis.parameter_sensitivity import units_of
-from hbgear.analysis.summary import describe_changes
+from hbgear.analysis.summary import title_of
 from hbgear.common.process.progress import Progress
 from hbgear.common.text.messages import shortened
 from hbgear.common.text.symbols import in_html, unit_of
@@ -240,7 +240,7 @@ class Explorer:
             while len(self._curves) > _MAX_SESSIONS:
                 self._curves.popitem(last=False)
         return {
-            "curves": views([branch], [describe_changes(branch)], whole=False),
+            "curves": views([branch], [title_of(branch)], whole=False),
             "seconds": time.perf_counter() - started,
             "ended": "" if branch.status.complete else branch.message,
         }
@@ -269,7 +269,7 @@ class Explorer:
         curves = (branch, *branch.others)
         names = [f"branch {i + 1}" for i in range(len(curves))]
         found = [tables(curve, curves, names) for curve in curves]
-        return {"tables": found, "model": shortened(describe_changes(branch), 160), "python": self.python(asked)}
+        return {"tables": found, "model": shortened(title_of(branch), 160), "python": self.python(asked)}
 
     def _shown(self, session: str) -> Branch:
         with self._lock:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hbgear.analysis.summary import describe_changes
+from hbgear.analysis.summary import title_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.common.text.messages import shortened
@@ -129,7 +129,7 @@ def report(
         raise ValueError("no curve to report on")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
-    models = [describe_changes(branch) for branch in branches]
+    models = [title_of(branch) for branch in branches]
     alike = len(set(models)) < len(models)
     shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
     title = title or shortened(models[0], 100)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
     known = common_scales([branch])
     length = length_scale(model_of(branch), branch.parameters_at(0)) if known else None
     quantities = _quantities(branch, each, whole) if length else {}
-    axes = {name: entry[0] for name, entry in quantities.items()}
+    axes = {name: entry.label for name, entry in quantities.items()}
     label = label_of(branch, branch.parameter)
     motion = layout.labels.get("amplitude", "gap")
     Omega = [branch.parameters_at(i).get("Omega", math.nan) for i in range(len(branch))]
@@ -108,13 +108,18 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "unit": unit_of(motion),
         "x": plain(branch.values, 10),
         "Omega": plain(Omega, 10),
-        "scales": {"Hz": known.get(MESH), "rpm": known.get(PINION), "um": 1e6 * length if length else None},
+        "scales": {
+            "Hz": known.get(MESH),
+            "rpm": known.get(PINION),
+            "um": 1e6 * length if length else None,
+            "rate": getattr(getattr(model_of(branch), "scales", None), "frequency", None) if length else None,
+        },
         "elements": list(layout.elements),
         "breakpoints": [list(points) for points in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,
         "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()}
-        | {name: [plain(values) for values in entry[1]] for name, entry in quantities.items()},
+        | {name: [plain(values) for values in entry.values] for name, entry in quantities.items()},
         "measures": {name: without_unit(label) for name, label in axes.items()} | _measures(),
         "axes": axes,
         "sections": [
@@ -124,8 +129,8 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "regimes": branch.regimes,
         "coefficients": packed(layout.spread(branch.X).reshape(len(branch), -1)),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
-        "special": _special(branch, layout),
-        "jumps": _jumps(layout, found),
+        "special": _special(branch, layout, quantities),
+        "jumps": _jumps(layout, found, branch, quantities),
         "asymptotes": list(branch.asymptotes.values()),
         "top": _tops(branch, each, quantities) if branch.asymptotes else None,
         "status": str(branch.status),
@@ -243,8 +248,26 @@ def _measures() -> dict[str, str]:
     return {name: entry.text for name, entry in default_measures(same_unit=True).items()}
 
 
-def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[str, tuple[str, list[Array]]]:
-    """Return the label and the values of each element of engineering quantities, by name; empty without the model."""
+class _Quantity(NamedTuple):
+    """An engineering quantity: label of its axis, and for each element its values and its ordinate."""
+
+    label: str
+    values: list[Array]
+    heights: list[Ordinate]
+
+    def at(self, point: Point, branch: Branch) -> list[float | None]:
+        """Return the values of a point for each element."""
+        try:
+            return plain([height.at(point, branch) for height in self.heights])
+        except ValueError:  # the point of a file without its problem
+            return [None] * len(self.heights)
+
+
+_Quantities = Mapping[str, _Quantity]
+
+
+def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[str, _Quantity]:
+    """Return engineering quantities by name; empty without the model."""
     try:
         problem = problem_along(branch)
     except ValueError:
@@ -254,16 +277,15 @@ def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[st
     for name in ("dte", "dynamic factor", "force") if whole else ("dte",):
         heights = [Ordinate(name, j) for j in elements]
         with suppress(ValueError):  # no static force
-            found[name] = heights[0].label(branch), [height.along(branch) for height in heights]
+            values = [height.along(branch) for height in heights]
+            found[name] = _Quantity(heights[0].label(branch), values, heights)
     return found
 
 
-def _tops(
-    branch: Branch, elements: Sequence[int], quantities: Mapping[str, tuple[str, list[Array]]]
-) -> dict[str, list[float]]:
+def _tops(branch: Branch, elements: Sequence[int], quantities: _Quantities) -> dict[str, list[float]]:
     """Return upper limits of the axes of a branch that goes to infinity, by measure and element."""
     sizes = {m: [branch.amplitude(m, j) for j in elements] for m in _measures()}
-    sizes |= {name: entry[1] for name, entry in quantities.items()}
+    sizes |= {name: entry.values for name, entry in quantities.items()}
     return {m: [HEADROOM * bounded(branch, of) for of in each] for m, each in sizes.items()}
 
 
@@ -282,9 +304,10 @@ def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float
     return [{m: plain(of[i]) for m, of in sizes.items()} for i in range(len(points))]
 
 
-def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
+def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[dict[str, Any]]:
     out = []
-    for point, sizes in zip(branch.special, _sizes(layout, branch.special), strict=True):
+    for point, amplitudes in zip(branch.special, _sizes(layout, branch.special), strict=True):
+        sizes = amplitudes | {name: entry.at(point, branch) for name, entry in quantities.items()}
         event = named(point)
         out.append({
             "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
@@ -293,15 +316,18 @@ def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
     return out
 
 
-def _jumps(layout: Layout, found: Sequence[Landing]) -> list[dict[str, Any]]:
+def _jumps(layout: Layout, found: Sequence[Landing], branch: Branch, quantities: _Quantities) -> list[dict[str, Any]]:
+    def own(point: Point) -> dict[str, list[float | None]]:
+        return {name: entry.at(point, branch) for name, entry in quantities.items()}
+
     before = _sizes(layout, [landing.jump.before for landing in found])
     out = []
     for landing, size in zip(found, before, strict=True):
         jump = landing.jump
         end = None if jump.after is None else layout_of(jump.after)
         out.append({
-            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size,
+            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size | own(jump.before),
             "landing": jump.landing_description,
-            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0],
+            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0] | own(jump.after),
         })  # fmt: skip
     return out

@@ -375,7 +375,7 @@ def refused(run, args, *words):
         ("trace duffing --samples many", ["--samples", "integer"]),
         ("trace duffing --from 1 --to 1", ["is empty", "two different values of Omega"]),
         ("trace duffing --from 1.2 --to -0.5", ["Omega must be positive"]),
-        ("trace duffing --from nan", ["must be finite"]),
+        ("trace duffing --from nan", ["--from=nan", "finite number"]),
         ("trace duffing --parameter F --at Omega=1 --to 1", ["--parameter F --from A --to B is now --in F=A:B"]),
         ("trace duffing --in F --at Omega=1", ["--in F", "such as --in F=0.02:0.08"]),
         ("trace duffing --in F --from 1 --to 2 --at Omega=1", ["--in F=1:2", "--from and --to are in Omega"]),

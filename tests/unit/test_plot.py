@@ -160,7 +160,7 @@ def test_curve_is_continuous_and_complete():
 
 
 def test_points_are_joined_by_a_smooth_line():
-    """Thirteen points of half a circle, which a parameter turns back on: the polygon is off by 9e-3, the line by 1e-3."""
+    """Thirteen points of half a circle, with a fold: the polygon is off by 9e-3, the line by 1e-3."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 13)
     x, y = np.cos(angle), np.sin(angle)
     smooth = SmoothCurve(x, y).between(0, 12)

@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli.app import app
+from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.io.machines.structure_file import StructureFileError, is_structure, read_structure
 from hbgear.mechanics.models import describe
 
@@ -129,3 +130,32 @@ def test_bad_files(text, old, new, said, folder):
     (folder / "bad.toml").write_text(text.replace(old, new, 1))
     with pytest.raises(StructureFileError, match=said):
         read_structure("bad.toml")
+
+
+@pytest.mark.filterwarnings("ignore:nothing excites")
+def test_parameters_by_the_keys_of_the_file(tmp_path):
+    """A changed gap is the file with this gap, also after saving; equal keys have the names of their elements."""
+    np.save(tmp_path / "m.npy", np.eye(2))
+    np.save(tmp_path / "k.npy", np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    one = '[[element]]\nname = "{}"\ndirection = {{ q1 = 1.0 }}\nlaw = "unilateral"\nk = 10.0\ngap = {}\n{}'
+    start = '[matrices]\nM = "m.npy"\nK = "k.npy"\n'
+
+    def read(*elements):
+        (tmp_path / "s.toml").write_text(start + "".join(one.format(*each) for each in elements))
+        return read_structure(tmp_path / "s.toml")
+
+    single, wider = read(("stop", 0.1, "damping = 0.2\n")), read(("stop", 0.3, "damping = 0.2\n"))
+    assert single.parameters == {"k": 10.0, "gap": 0.1, "damping": 0.2}
+    changed = single.replace(gap=0.3)
+    assert changed.elements[0].law == wider.elements[0].law and changed.parameters == wider.parameters
+    assert single.replace(damping=0.5).elements[0].damping == 0.5
+    again = rebuild_model(describe(changed))
+    assert again.parameters == wider.parameters and again.elements[0].law == wider.elements[0].law
+    X = np.linspace(-1, 1, 5)
+    residuals = [hb.HarmonicBalance(model, 2, samples=16).residual(X, Omega=0.9) for model in (changed, wider)]
+    np.testing.assert_array_equal(*residuals)
+    both = read(("low", 0.1, ""), ("high", 0.2, ""))
+    assert both.parameters == {"low.k": 10.0, "low.gap": 0.1, "high.k": 10.0, "high.gap": 0.2}
+    assert both.replace(**{"high.gap": 0.4}).elements[1].law.breakpoints == (0.4,)
+    with pytest.raises(KeyError, match="no parameter 'gap'"):
+        both.replace(gap=0.2)

@@ -31,6 +31,7 @@ from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
+from hbgear.mechanics.function_model import SystemOfLaws
 from hbgear.mechanics.model_lookup import find_model_class, installed
 from hbgear.mechanics.models import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
@@ -49,7 +50,8 @@ MODELS: dict[str, type[Model]] = {
 """Classes of the built-in models by their name on the command line."""
 
 _MODEL_CLASSES: dict[str, type[Model]] = {
-    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair
+    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair,
+    "SystemOfLaws": SystemOfLaws
 }  # fmt: skip
 """Classes of hbgear by name, which a file can be loaded with without naming its model."""
 

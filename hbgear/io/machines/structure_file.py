@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -32,6 +33,7 @@ from hbgear.common.process.signals import defer_signals
 from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
+from hbgear.mechanics.function_model import SystemOfLaws
 from hbgear.mechanics.laws.registry import ELEMENT_KEYS, LAWS
 from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.models import Element, Load, System, VectorElement
@@ -99,14 +101,14 @@ def _schema() -> Any:
         names=(dict[str, str], None), static=(str | list[list[float]], None),
         quantity=(quantity, None),
     )  # fmt: skip
-    fields: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     for entry in LAWS.values():
         for key, kind in () if entry.no_toml else entry.kinds.items():
-            fields[key] = kind if key not in fields else fields[key] | kind
-    fields = {key: (kind, None) for key, kind in fields.items()}
+            keys[key] = kind if key not in keys else keys[key] | kind
+    keys = {key: (kind, None) for key, kind in keys.items()}
     element: Any = create_model(
         "element", __config__=strict, name=(str, ""), direction=(vector | list[vector], ...), law=(law, ...),
-        damping=(float, 0.0), error=(list[float], None), **fields,
+        damping=(float, 0.0), error=(list[float], None), **keys,
     )  # fmt: skip
     load: Any = create_model(
         "load", __config__=strict, constant=(vector, None), cosine=(dict[str, vector], {}),
@@ -137,7 +139,13 @@ def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System
         return None
     elements = [each for some in elements for each in some]
     rest = {"ratio": table.get("ratio", 1.0)} if isinstance(part, Matrices) else {}
-    return _tried(problems, (given[0],), lambda: part.system(elements, loads, **rest))  # type: ignore[no-any-return]
+    system = _tried(problems, (given[0],), lambda: part.system(elements, loads, **rest))
+    if system is None:
+        return None
+    laws = [(each["law"], _law_keys(each)) for each in data["element"]]
+    if len(laws) != len(elements):  # the elements of a law of several displacements share its numbers
+        return system  # type: ignore[no-any-return]
+    return SystemOfLaws(**{one.name: getattr(system, one.name) for one in fields(System)}, laws=laws)
 
 
 def _tried(problems: Problems, place: Place, make: Callable[[], Any]) -> Any:
@@ -168,8 +176,7 @@ def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
 
 def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[Element, ...]:
     """Return the element of a table, or the elements of a law of several displacements with a list of directions."""
-    fields = {key: value for key, value in table.items() if key not in ELEMENT_KEYS and value is not None}
-    law = LAWS[table["law"]].from_toml(fields)
+    law = LAWS[table["law"]].from_toml(_law_keys(table))
     error = Series(0.0, tuple(table.get("error") or ()))
     damping, name = table.get("damping", 0.0), table.get("name", "")
     if isinstance(law, VectorLaw):
@@ -182,6 +189,11 @@ def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[El
     if isinstance(table["direction"], list):
         raise ValueError(f"law = '{table['law']}' has one displacement: give one direction, such as {{ x = 1.0 }}")
     return (Element(part.along(table["direction"]), law, error, damping, name),)
+
+
+def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of the law of an element."""
+    return {key: value for key, value in table.items() if key not in ELEMENT_KEYS and value is not None}
 
 
 def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:

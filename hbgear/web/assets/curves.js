@@ -43,7 +43,7 @@ const hbgear = (() => {
   function converted(curve) {
     const { rpm, um, Hz } = state.units, out = prepared({ ...curve }), times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
     const length = (all) => Object.fromEntries(Object.entries(all).map(([m, of]) => [m, m in curve.axes ? of : of.map((y) => (Array.isArray(y) ? times(y, um) : y * um))]));
-    const own = (of) => of && Object.fromEntries(Object.entries(of).map(([m, each]) => [m, times(each, um)]));
+    const own = (of) => of && Object.fromEntries(Object.entries(of).map(([m, each]) => [m, m in curve.axes ? each : times(each, um)]));
     return { ...out, x: times(curve.x, rpm), asymptotes: times(curve.asymptotes, rpm), c: out.c.map((x) => x * um),
              breakpoints: curve.breakpoints.map((points) => times(points, um)), amplitudes: length(curve.amplitudes),
              top: curve.top && length(curve.top), special: curve.special.map((p) => ({ ...p, x: p.x * rpm, sizes: own(p.sizes) })),
@@ -271,7 +271,7 @@ const hbgear = (() => {
     const first = state.curves[0], rpm = common("rpm"), Hz = common("Hz"), range = state.frame || span();
     const narrow = !state.printing && $("response").clientWidth < NARROW, ink = palette();
     const layout = layoutOf({
-      xaxis: axis(first.label, { range: [...range] }),
+      xaxis: axis(first.label, { range: [...range], ...(state.units ? { exponentformat: "none", separatethousands: false } : {}) }),
       yaxis: axis(heightText(first), { rangemode: "tozero" }),
       annotations: jumpArrows(),
       shapes: state.curves.flatMap((curve) => curve.asymptotes.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
@@ -283,10 +283,10 @@ const hbgear = (() => {
     const shown = behind().filter((b) => !b.measure || b.measure === state.measure); // points of another measure are not comparable
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
-    const behind = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
+    const lines = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
       line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
-    const data = [...behind, ...curveTraces(), ...specialTraces()];
+    const data = [...lines, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
       data.push({ x: [null], y: [null], mode: "markers", name: "jump", hoverinfo: "skip",
                   marker: { symbol: "arrow-up", size: 11, color: ink.text } });
@@ -364,7 +364,8 @@ const hbgear = (() => {
   /* ---- one motion */
 
   function motion(curve, i, element, count) {
-    const a = coefficientsAt(curve, i, element), rate = curve.Omega[i] === null ? 1 : curve.Omega[i] / curve.nu;
+    const a = coefficientsAt(curve, i, element), time = state.units ? 1e-3 * state.units.rate : 1, // velocities in mm/s
+          rate = (time * (curve.Omega[i] === null ? 1 : curve.Omega[i])) / curve.nu;
     const out = { periods: [], d: [], v: [] };
     for (let s = 0; s <= count; s++) {
       const theta = (2 * Math.PI * s) / count;
@@ -409,7 +410,7 @@ const hbgear = (() => {
       small("time", [{ x: m.periods, y: m.d, mode: "lines", line, hoverinfo: "x+y" }],
             { xaxis: axis("excitation periods [-]"), yaxis: axis(name + unit), shapes: breakpointLines(curve, j, m.d, false) }),
       small("phase", [{ x: m.d, y: m.v, mode: "lines", line, hoverinfo: "x+y" }],
-            { xaxis: axis(name + unit), yaxis: axis(`velocity of ${name}${unit}`), shapes: breakpointLines(curve, j, m.d, true) }),
+            { xaxis: axis(name + unit), yaxis: axis(`velocity of ${name}${state.units ? " [mm/s]" : unit}`), shapes: breakpointLines(curve, j, m.d, true) }),
       small("spectrum", [{ x: stems.x, y: stems.y, mode: "lines", line, hoverinfo: "skip" },
                          { x: marks.map((p) => p[0]), y: marks.map((p) => p[1]), mode: "markers", marker: { color, size: 5 }, hoverinfo: "x+y" }],
             { xaxis: axis("frequency / excitation frequency", { rangemode: "tozero" }),
