@@ -22,6 +22,7 @@ def test_every_kind_of_user_has_an_example():
     assert {path.stem for path in FOLDER.glob("user_*.py")} == EXPECTED.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPECTED)
 def test_an_example_is_short_and_draws_a_figure(name, monkeypatch, capsys):
     path = FOLDER / f"{name}.py"
