@@ -1,4 +1,4 @@
-"""Configuration of the site: `sphinx-build -W docs build/site`, with the packages of the extra "docs".
+"""Configuration of the site: `sphinx-build -W -j auto docs build/site`, with the packages of the extra "docs".
 
 The pages of this folder are Markdown. Each build writes four more folders, which are not under version control:
 `tutorials` and `gallery` from the scripts, `api` from the docstrings, `studies` from the folder of that name.

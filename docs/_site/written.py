@@ -40,6 +40,9 @@ SPACES = ("mechanics", "gears", "continuation", "harmonic", "analysis", "design"
 """Documented sub-modules, in the order of the API reference."""
 
 
+OBJECT_PAGE = ":orphan:\n:no-search:\n\n"
+"""Head of the page of an object. The search finds its name, and its first line in the table of its sub-module."""
+
 FIRST = ("HarmonicBalance", "trace", "Branch", "System", "Element", "GearPair", "follow", "switch", "validate", "load")
 """Names that the index page of the reference links to directly."""
 
@@ -115,7 +118,7 @@ def first_line(thing: Any) -> str:
 
 def object_page(name: str, thing: Any) -> str:
     """Write the page of an object; return its row in the table of its sub-module."""
-    write(DOCS / "api" / f"{name}.rst", f":orphan:\n\n{page(name, '', name.rpartition('.')[0], [entry(name, thing)])}")
+    write(DOCS / "api" / f"{name}.rst", f"{OBJECT_PAGE}{page(name, '', name.rpartition('.')[0], [entry(name, thing)])}")
     return f"   * - :doc:`{name.removeprefix('hbgear.')} <{name}>`\n     - {escaped(first_line(thing))}\n"
 
 

@@ -1,12 +1,16 @@
 """Atomic writes: files appear completely or not at all.
 
-The content is written to a temporary file in the same folder, synchronised to the disk, and then renamed.
+The content is written to a temporary file in the same folder, synchronised to the disk, and then renamed. On Windows a
+file that another program has open cannot be replaced. Virus scanners and indexers open new files for a moment, so the
+rename is repeated there. Folders are synchronised where the system can open them as files.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -15,6 +19,15 @@ from pathlib import Path
 from typing import IO, Any
 
 from hbgear.common.process.signals import defer_signals
+
+_SHARING_VIOLATIONS = os.name == "nt"
+"""True if a file that another program reads cannot be replaced."""
+
+_REPLACE_DELAYS = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Times [s] after which a refused rename is repeated; virus scanners hold a new file for less than a second."""
+
+_UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
+"""Errors of file systems that cannot synchronise a file, such as some network folders."""
 
 _PROBE = bytes(1 << 16)  # content of the file that tests whether files can be written
 
@@ -67,8 +80,8 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "xb", **options: Any)
             with open(temporary, mode, opener=partial(_opened, like=target), **options) as handle:
                 yield handle
                 handle.flush()
-                os.fsync(handle.fileno())
-            os.replace(temporary, target)
+                _sync(handle.fileno())
+            _replace(temporary, target)
             _sync_folder(target.parent)
         except Exception as error:
             reason = _reason(error)
@@ -151,6 +164,26 @@ def _reason(error: BaseException | None) -> OSError | None:
             return error
         error = error.__cause__ or error.__context__
     return None
+
+
+def _sync(number: int) -> None:
+    """Synchronise an open file to the disk, if its file system can."""
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise
+
+
+def _replace(temporary: Path, target: Path) -> None:
+    """Rename a file over another one; repeat it where a program that reads the other one prevents it."""
+    for delay in _REPLACE_DELAYS if _SHARING_VIOLATIONS else ():
+        try:
+            os.replace(temporary, target)
+            return
+        except PermissionError:
+            time.sleep(delay)
+    os.replace(temporary, target)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -9,6 +9,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.io.branches.npz import load, save
     from hbgear.io.branches.tables import export
     from hbgear.io.bridges import from_opentorsion, from_ross
+    from hbgear.io.machines.machine_file import read_machine
+    from hbgear.io.machines.structure_file import read_structure
     from hbgear.io.matrices import Matrices, from_matrices
     from hbgear.io.receptance_files import from_receptances
     from hbgear.io.tables.mesh_table import read_mesh_table
@@ -21,7 +23,9 @@ __all__ = [
     "from_receptances",
     "from_ross",
     "load",
+    "read_machine",
     "read_mesh_table",
+    "read_structure",
     "save",
     "to_dataframe",
     "to_xarray",

@@ -597,3 +597,17 @@ def test_what_is_typed_in_needs_no_guard(tmp_path):
     code = SCRIPT + "work()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.stdout == "1 finished\n"
+
+
+def test_cases_of_a_pair_from_its_drawing_keep_its_teeth():
+    """Contacts of teeth are rebuilt in every case: the curve is that of the model with this damping."""
+    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
+    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.08)
+    with ThreadPoolExecutor(1) as executor:
+        found = hb.design.cases(
+            model, hb.design.grid(zeta=[0.1]), ("peak",), harmonics=4, span=(0.9, 0.8), executor=executor
+        )
+    assert found.failed == {}
+    curve = hb.trace(hb.HarmonicBalance(model.replace(zeta=0.1), 4), "Omega", (0.9, 0.8), accuracy=None)
+    (name,) = [name for name in found.table if name.startswith("peak") and "Omega" not in name]
+    assert found.table[name][0] == pytest.approx(curve.amplitude("pp2").max(), rel=1e-3)

@@ -45,6 +45,7 @@ from hbgear.design.studies.store import Result, Store, key_of
 from hbgear.harmonic.bifurcations.peaks import locate_peaks
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.model_registry import fields_from_plain
 from hbgear.io.branches.npz import packed, unpacked
 from hbgear.mechanics.fields import made
 from hbgear.mechanics.model_lookup import find_model_class, reference_of
@@ -358,7 +359,8 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     """
     started = time.perf_counter()
     try:
-        result = _result_of(made(find_model_class(cls) if isinstance(cls, str) else cls, _as_fields(fields)), work)
+        found = find_model_class(cls) if isinstance(cls, str) else cls
+        result = _result_of(made(found, fields_from_plain(fields)), work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # an error in one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
@@ -674,11 +676,6 @@ def _inputs(study: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     return {**study, "model": study["model"]["class"], "fields": {**study["model"]["fields"], **row}}
 
 
-def _as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of fields with tuples in place of the lists of JSON and TOML."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-
-
 def _collect(
     model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
     done: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
@@ -694,7 +691,7 @@ def _collect(
     jumps = [[i, *row] for i, _, result in rows for row in result.arrays.get("jumps", ())]
     curves = {i: result.arrays["curve"] for i, _, result in rows if "curve" in result.arrays}
     jump_rows = np.array(jumps, dtype=float).reshape(-1, 5)
-    values = {i: _as_fields(row) for i, row, _ in rows}
+    values = {i: fields_from_plain(row) for i, row, _ in rows}
     return Cases(model, work, names, table, jump_rows, curves, len(plan), outcome, message, values, packed)
 
 

@@ -165,9 +165,14 @@ def rebuild_model(meta: Any, cls: type[Model] | None = None) -> Model:
             f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}{why}: load it with "
             "problem=..."
         )
-    fields = {name: from_plain(value, _PART_CLASSES) for name, value in meta["fields"].items()}
+    fields = fields_from_plain(meta["fields"])
     _check_types(cls, fields)
     return made(cls, fields)
+
+
+def fields_from_plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values of fields from plain data: tuples in place of lists, and laws, functions and parts."""
+    return {name: from_plain(value, _PART_CLASSES) for name, value in values.items()}
 
 
 def _advice(meta: Mapping[str, Any]) -> str:

@@ -119,6 +119,23 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     ------
     MachineFileError
         If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "pair.toml")
+    ...     size = path.write_text('''
+    ... torque = "200 N m"
+    ... damping = 0.04
+    ... pinion = { teeth = 25, module = "3 mm", face_width = "20 mm" }
+    ... wheel = { teeth = 40 }
+    ... pair = { backlash = "80 um" }''', encoding="utf-8")
+    ...     machine = hb.io.read_machine(path)
+    >>> machine.torque, machine.pair.wheel.teeth
+    (200.0, 40)
     """
     text, data = checked(path, "a machine", MachineFileError, _schema())
     problems: list[tuple[Place, str]] = []

@@ -73,6 +73,22 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     ------
     StructureFileError
         If the file or a file that it names cannot be read, or a key, type or value is wrong.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     np.savez(Path(folder, "all.npz"), M=np.eye(2), K=np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    ...     path = Path(folder, "machine.toml")
+    ...     size = path.write_text('''
+    ... matrices = { file = "all.npz", names = ["shaft", "case"] }
+    ... element = [{ direction = { shaft = 1.0 }, law = "unilateral", k = 2.0, gap = 0.1 }]''', encoding="utf-8")
+    ...     system = hb.io.read_structure(path)
+    >>> system.n, len(system.elements)
+    (2, 1)
     """
     text, data = checked(path, "a structure", StructureFileError, _schema())
     problems: Problems = []
