@@ -42,7 +42,6 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
     from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
-    from hbgear.time.attractors.steady_states import steady_states
     from hbgear.time.validation import validate
     from hbgear.web import report
 
@@ -86,7 +85,6 @@ __all__ = [
     "plot",
     "report",
     "save",
-    "steady_states",
     "switch",
     "time",
     "trace",

@@ -122,8 +122,8 @@ def trace_all(
         Name and range of a parameter of the model, such as ``("zeta", (0.05, 0.2))``. By default no second parameter
         is used.
     motions : sequence of Point, optional
-        Known motions, such as ``hb.steady_states(model, Omega).points``. They are traced before the search if they lie
-        on no branch. Those of more periods than ``nu`` of the problem are left out.
+        Known motions, such as ``hb.time.steady_states(model, Omega).points``. They are traced before the search if they
+        lie on no branch. Those of more periods than ``nu`` of the problem are left out.
     seed : int, optional
         Seed of the random starts; the same seed finds the same branches. The default is 0.
     steps : StepControl, optional

@@ -23,8 +23,8 @@ from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP
+from hbgear.time.flows.slider_flow import complete_state
 from hbgear.time.runge_kutta import METHODS, Flow
-from hbgear.time.slider_flow import complete_state
 
 
 @dataclass(frozen=True, eq=False)

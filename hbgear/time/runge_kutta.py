@@ -30,9 +30,9 @@ from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
-from hbgear.time.contact_flow import ContactFlow
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
-from hbgear.time.slider_flow import SliderFlow
+from hbgear.time.flows.contact_flow import ContactFlow
+from hbgear.time.flows.slider_flow import SliderFlow
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""

@@ -29,9 +29,9 @@ from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import resize, stretch, to_real
 from hbgear.time.exponential.integrator import modal_state, physical_state
+from hbgear.time.flows.slider_flow import complete_state
 from hbgear.time.integration import Motion, integrate
 from hbgear.time.runge_kutta import Flow
-from hbgear.time.slider_flow import complete_state
 
 _SAMPLES_FOR_HARMONICS = 2048  # samples per excitation period [-] of the motion whose harmonics are computed
 

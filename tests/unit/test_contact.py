@@ -264,7 +264,7 @@ def test_a_cubic_spring_is_projected_exactly(rng):
     """Its force has harmonics up to 3H, so 4000 samples hold it without aliasing: row and Jacobian to rounding."""
     H, N, theta = 7, 4000, 2 * np.pi * np.arange(4000) / 4000
     problem, X = balance(CUBIC, H=H), rng.standard_normal(15)
-    assert problem.compiled({}).sampled is None
+    assert not problem.compiled({}).aft_laws
     d = evaluate(X, theta)
     spectrum = np.fft.rfft(CUBIC.force(d, 0 * d, theta)[0])[: H + 1] / N
     np.testing.assert_allclose(force(problem, X)[0], to_real(np.append(spectrum[:1], 2 * spectrum[1:])), atol=2e-14)

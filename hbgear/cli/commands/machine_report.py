@@ -25,7 +25,7 @@ from hbgear.harmonic.equations.layout import layout_of
 MIN_PROMINENCE = 1.15
 """Peak over the larger of the minima on both sides, above which it is a resonance."""
 
-SAME_SPEED = 0.01
+SAME_PEAK = 0.01
 """Relative difference of the speeds of a peak and of a jump that ends its branch."""
 
 ACCURACY_GRADE = 6
@@ -72,7 +72,7 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
         stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
         jumps = [jump.value for jump in branch.jumps()]
         for i in _peaks(size, stable):
-            ends = any(abs(branch.values[i] - value) < SAME_SPEED * value for value in jumps)
+            ends = any(abs(branch.values[i] - value) < SAME_PEAK * value for value in jumps)
             if i in (0, len(branch) - 1) and not ends:
                 continue  # the range ends there, not the resonance
             point = branch[i]

@@ -64,7 +64,7 @@ class SteadyMotion:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
+    >>> found = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
     >>> (motion,) = found.motions
     >>> motion.period, motion.stable, motion.share
     (1, True, 1.0)
@@ -97,7 +97,7 @@ class SteadyStates:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
+    >>> found = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
     >>> [(motion.period, motion.stable) for motion in found.motions], found.missing
     ([(1, True)], 0)
     """
@@ -178,7 +178,7 @@ def steady_states(
     Between its folds the Duffing oscillator has three motions:
 
     >>> import hbgear as hb
-    >>> found = hb.steady_states(hb.Duffing(), 1.102, harmonics=7, starts=20, guesses=6, periods=1)
+    >>> found = hb.time.steady_states(hb.Duffing(), 1.102, harmonics=7, starts=20, guesses=6, periods=1)
     >>> [motion.stable for motion in found.motions], found.indices
     ([True, True, False], {1: 1})
     """

@@ -1,0 +1,1 @@
+"""Integration of motions with events of laws that have memory or dampers."""
