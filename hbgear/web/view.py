@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.quantities.axis_quantities import Ordinate
+from hbgear.analysis.quantities.axis_quantities import Ordinate, in_figure
 from hbgear.analysis.quantities.engineering_quantities import problem_along
 from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, summary_facts
 from hbgear.common.arrays import Array
@@ -157,11 +157,12 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
     """
     others = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
     headers, rows, notes = jump_table(branch, None, 0, [curve for curve, _ in others], [name for _, name in others])
+    special_headers, special_rows = special_table(branch)
     return {
         "parameters": parameter_rows(branch),
-        "facts": [[name, text] for name, text in summary_facts(branch) if text],
-        "specialTable": special_table(branch),
-        "jumpTable": [headers, rows],
+        "facts": [[in_figure(name), text] for name, text in summary_facts(branch) if text],
+        "specialTable": [[in_figure(each) for each in special_headers], special_rows],
+        "jumpTable": [[in_figure(each) for each in headers], rows],
         "notes": notes,
         "reliability": reliability_lines(branch),
     }

@@ -20,6 +20,7 @@ import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
+from hbgear.analysis.quantities.engineering_quantities import transmission_error
 from hbgear.cli.app import main
 from hbgear.cli.pages import explored
 from hbgear.design.studies.study_file import read_study
@@ -504,8 +505,9 @@ def test_a_slider_draws_another_curve(shown):
     zeta = value_of(shown, "zeta")
     assert zeta > 0.05
     problem = hb.HarmonicBalance(MODEL.replace(zeta=zeta), 8)
-    expected = [jump.value for jump in hb.trace(problem, "Omega", SPAN).jumps()]
-    waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x - {expected[0]}) < 1e-9")
+    jumps = [jump.value for jump in hb.trace(problem, "Omega", SPAN).jumps()]
+    expected = [float(n) for n in MODEL.scales.pinion_speed(np.array(jumps))]  # r/min, the unit of the figure
+    waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x / {expected[0]} - 1) < 1e-9")
     assert jumps_shown(shown) == pytest.approx(expected, rel=1e-9) and before != expected
     assert complaints(shown) == []
 
@@ -585,8 +587,10 @@ def test_a_refused_value_is_told_and_the_curve_stays(shown):
 def test_a_click_shows_the_motion(shown):
     curve = hb.trace(hb.HarmonicBalance(MODEL, 8), "Omega", SPAN)
     i = int(np.argmin(abs(curve.values - 1.2)))
-    clicked(shown, curve.values[i], curve.amplitude("pp2")[i])
-    assert f"Omega = {curve.values[i]:.6g}; " in shown.find_element("id", "chosen").text
+    n, dte = MODEL.scales.pinion_speed(curve.values[i]), transmission_error(curve)[i]
+    clicked(shown, n, dte)
+    text = shown.find_element("id", "chosen").text
+    assert f"n = {n:.6g} r/min; " in text and f"; dte = {dte:.5g} \N{MICRO SIGN}m; " in text
 
 
 def test_jump_map_is_drawn_and_taken(shown):

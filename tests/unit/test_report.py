@@ -11,6 +11,7 @@ import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
+from hbgear.analysis.quantities.engineering_quantities import transmission_error
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.results.interpolation import crossings_at
@@ -355,34 +356,69 @@ def test_report_is_printed(shown):
     assert shown.execute_script("return window.printed") is True
 
 
-def test_curve_is_drawn_as_engineers_draw(shown, pair):
-    drawn = shown.execute_script(
-        "const d = document.getElementById('response'); return {dashes: d.data.map(t => t.line && t.line.dash),"
-        "titles: ['xaxis', 'xaxis2', 'xaxis3'].map(a => d.layout[a].title.text), ranges: ['xaxis', 'xaxis2', 'xaxis3']"
-        ".map(a => d.layout[a].range), arrows: d.layout.annotations.map(a => [a.x, a.ay, a.y])}"
+def drawing(shown):
+    """Titles and ranges of the horizontal axes of the response, its dashes and its jump arrows."""
+    return shown.execute_script(
+        "const d = document.getElementById('response');"
+        "const axes = Object.keys(d.layout).filter(name => name.startsWith('xaxis')).sort();"
+        "return {dashes: d.data.map(t => t.line && t.line.dash), titles: axes.map(a => d.layout[a].title.text),"
+        "ranges: axes.map(a => d.layout[a].range), height: d.layout.yaxis.title.text,"
+        "arrows: d.layout.annotations.map(a => [a.x, a.ay, a.y])}"
     )
+
+
+def test_curve_is_drawn_as_engineers_draw(shown, pair):
+    drawn = drawing(shown)
     assert {"solid", "dash"} <= set(drawn["dashes"])
-    assert drawn["titles"][1:] == ["mesh frequency [Hz]", "speed of the pinion [r/min]"] and "Ω" in drawn["titles"][0]
+    assert drawn["titles"] == ["speed of the pinion [r/min]", "mesh frequency [Hz]"]
+    assert drawn["height"] == "dynamic transmission error, half peak-to-peak [\N{MICRO SIGN}m]"
     scales = pair.problem.model.scales
-    np.testing.assert_allclose(drawn["ranges"][1], scales.mesh_frequency(np.array(drawn["ranges"][0])))
-    np.testing.assert_allclose(drawn["ranges"][2], scales.pinion_speed(np.array(drawn["ranges"][0])))
-    arrows = [[jump.value, jump.before.amplitude("pp2"), jump.after.amplitude("pp2")] for jump in pair.jumps()]
+    n, f = np.array(drawn["ranges"])
+    Omega = scales.from_pinion_speed(n)
+    np.testing.assert_allclose(f, scales.mesh_frequency(Omega))
+    assert Omega[0] < 0.3 < 1.5 < Omega[1]
+    arrows = [
+        [scales.pinion_speed(jump.value), *transmission_error(jump.before), *transmission_error(jump.after)]
+        for jump in pair.jumps()
+    ]
+    assert len(arrows) == 2
+    np.testing.assert_allclose(drawn["arrows"], arrows, rtol=1e-5)
+
+
+def test_curves_of_different_lengths_are_drawn_without_units(driver, tmp_path):
+    """The half backlash differs and the frequencies do not: Omega below, frequency and speed above."""
+    curves = [
+        hb.trace(hb.HarmonicBalance(hb.SpurPair(reference=(38000.0, b, 15000.0, 25)), 3), "Omega", (1.5, 0.3))
+        for b in (37.6e-6, 50e-6)
+    ]
+    hb.report(curves, names=["a", "b"]).save(tmp_path / "two.html")
+    resized(driver, 1280, 1000)
+    opened(driver, (tmp_path / "two.html").as_uri())
+    drawn, scales = drawing(driver), curves[0].problem.model.scales
+    assert drawn["titles"][1:] == ["mesh frequency [Hz]", "speed of the pinion [r/min]"] and "Ω" in drawn["titles"][0]
+    Omega, f, n = np.array(drawn["ranges"])
+    np.testing.assert_allclose(f, scales.mesh_frequency(Omega))
+    np.testing.assert_allclose(n, scales.pinion_speed(Omega))
+    jumps = [jump for curve in curves for jump in curve.jumps()]
+    arrows = [[jump.value, jump.before.amplitude("pp2"), jump.after.amplitude("pp2")] for jump in jumps]
     np.testing.assert_allclose(drawn["arrows"], arrows, rtol=1e-5)
 
 
 def test_a_click_shows_the_motion(shown, pair):
     from selenium.webdriver.common.by import By
 
-    place = crossings_at(pair, 1.2)[0].nearest
-    clicked(shown, pair.values[place], pair.amplitude("pp2")[place])
-    assert f"Omega = {pair.values[place]:.6g}; " in shown.find_element(By.ID, "chosen").text
+    place, scales = crossings_at(pair, 1.2)[0].nearest, pair.problem.model.scales
+    n, um = scales.pinion_speed(pair.values[place]), 1e6 * scales.length
+    clicked(shown, n, transmission_error(pair)[place])
+    assert f"n = {n:.6g} r/min; " in shown.find_element(By.ID, "chosen").text
     d, t = shown.execute_script("const d = document.getElementById('time'); return [d.data[0].y, d.data[0].x]")
     theta, expected = pair[place].samples(0, len(d) - 1)
-    np.testing.assert_allclose(d[:-1], expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(d[:-1], um * expected, rtol=0, atol=1e-5 * um)
     np.testing.assert_allclose(t[:-1], theta / (2 * np.pi), rtol=0, atol=1e-12)
     v = shown.execute_script("return document.getElementById('phase').data[0].y")
     speed = pair.values[place] * pair[place].samples(0, len(d) - 1, order=1)[1]
-    np.testing.assert_allclose(v[:-1], speed, rtol=0, atol=1e-5)
+    mm_per_s = 1e3 * scales.length * scales.frequency
+    np.testing.assert_allclose(v[:-1], mm_per_s * speed, rtol=0, atol=1e-5 * mm_per_s)
     mu = shown.execute_script("return document.getElementById('multipliers').data[1].x")
     np.testing.assert_allclose(sorted(mu), sorted(pair.multipliers[place].real), atol=1e-6)
 

@@ -36,7 +36,7 @@ const hbgear = (() => {
 
   function physical(curves) { // speeds in r/min and lengths in um, if all curves have the same scales
     const same = (name) => curves.every((c) => c.scales[name] && Math.abs(c.scales[name] / curves[0].scales[name] - 1) < 1e-9);
-    state.units = curves.length && same("rpm") && same("um") && !settings.dimensionless ? { ...curves[0].scales } : null;
+    state.units = curves.length && same("rpm") && same("um") ? { ...curves[0].scales } : null;
     return state.units ? curves.map(converted) : curves;
   }
 
@@ -97,7 +97,7 @@ const hbgear = (() => {
     const { Hz, rpm } = curve.scales;
     if (rpm) lines.push(`${short(curve.x[i] * rpm)} r/min`);
     if (Hz) lines.push(`${short(curve.x[i] * Hz)} Hz mesh`);
-    lines.push(`${state.measure} = ${short(y)}`, curve.stability[i]);
+    lines.push(`${state.measure} = ${short(y)}${unitOf(curve)}`, curve.stability[i]);
     if (curve.regimes[i] !== "unknown") lines.push(words(curve.regimes[i]));
     if (curve.multipliers) lines.push(`largest |μ| = ${short(curve.multipliers.largest[i])}`);
     return lines;
@@ -109,7 +109,7 @@ const hbgear = (() => {
     const many = state.curves.length > 1, traces = [], legend = new Map(), ink = palette();
     state.curves.forEach((curve, n) => {
       const y = sizes(curve), groups = new Map();
-      const hover = y.map((v, i) => (many ? `<b>${escaped(curve.name)}</b><br>` : "") + pointText(curve, i, v).join("<br>"));
+      const hover = y.map((v, i) => (many ? `<b>${escaped(nameOf(curve))}</b><br>` : "") + pointText(curve, i, v).join("<br>"));
       for (const [regime, stability, first, last] of curve.sections[elementOf(curve)]) {
         const key = `${regime}|${stability}`;
         if (!groups.has(key)) groups.set(key, { regime, stability, x: [], y: [], text: [], points: [] });
@@ -125,7 +125,7 @@ const hbgear = (() => {
         const width = many ? (settings.widths[g.regime] * WIDTH[g.stability]) / 1.4 : WIDTH[g.stability];
         traces.push({ x: g.x, y: g.y, text: g.text, customdata: g.points, mode: "lines", hoverinfo: "text",
                       line: { color, width, dash: DASH[g.stability] }, showlegend: false });
-        if (many) entry(legend, `branch ${n}`, curve.name, { color: own, width: 2.5 });
+        if (many) entry(legend, `branch ${n}`, nameOf(curve), { color: own, width: 2.5 });
         else if (g.regime !== "unknown") entry(legend, g.regime, words(g.regime), { color, width: 2 });
         if (many && g.regime !== "unknown")
           entry(legend, `~${g.regime}`, words(g.regime), { color: ink.line, width: settings.widths[g.regime] * 1.4 });
@@ -153,7 +153,7 @@ const hbgear = (() => {
         k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // grazing points are many and have no label
         k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}${curve.xUnit || ""}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
-                     `<br>${state.measure} = ${short(v)}`);
+                     `<br>${state.measure} = ${short(v)}${unitOf(curve)}`);
       }
     });
     placeLabels([...kinds.values()]);
@@ -234,6 +234,13 @@ const hbgear = (() => {
     }));
   }
 
+  function nameOf(curve) { // without the beginning that all names share, such as "Gear pair 25/40, m = 3 mm, "
+    const parts = state.curves.map((each) => each.name.split(", ")), own = curve.name.split(", ");
+    let same = 0;
+    while (same < own.length - 1 && parts.every((each) => each.length > same + 1 && each[same] === own[same])) same += 1;
+    return own.slice(same).join(", ");
+  }
+
   const escaped = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
 
   function span() { // range of the parameter with a margin
@@ -256,7 +263,7 @@ const hbgear = (() => {
 
   function layoutOf(more) {
     const ink = palette();
-    return { paper_bgcolor: ink.paper, plot_bgcolor: ink.paper, font: { family: SANS, size: 12, color: ink.text },
+    return { paper_bgcolor: ink.paper, plot_bgcolor: ink.paper, font: { family: SANS, size: 12, color: ink.text }, separators: ".",
              margin: { l: 62, r: 14, t: 14, b: 48 }, hovermode: "closest", dragmode: "zoom", uirevision: "kept",
              hoverlabel: { bgcolor: ink.paper, bordercolor: ink.line, font: { color: ink.text } }, ...more };
   }
@@ -267,12 +274,18 @@ const hbgear = (() => {
     return curve.axes[state.measure] || `${measureText(curve)} of ${curve.motion}${unitText(curve)}`;
   }
 
+  function unitOf(curve) { // of the shown measure, after a number
+    const found = heightText(curve).match(/\[([^[\]]*)\]$/);
+    return found && found[1] !== "-" ? ` ${found[1]}` : "";
+  }
+
   function responseFigure() {
     const first = state.curves[0], rpm = common("rpm"), Hz = common("Hz"), range = state.frame || span();
     const narrow = !state.printing && $("response").clientWidth < NARROW, ink = palette();
+    const low = ($("response").clientHeight || 520) < LOW; // space for one axis only, and a label of two lines
     const layout = layoutOf({
-      xaxis: axis(first.label, { range: [...range], ...(state.units ? { exponentformat: "none", separatethousands: false } : {}) }),
-      yaxis: axis(heightText(first), { rangemode: "tozero" }),
+      xaxis: axis(first.label, { range: [...range], ...(state.units ? { exponentformat: "none" } : {}) }),
+      yaxis: axis(low ? heightText(first).replace(", ", ",<br>") : heightText(first), { rangemode: "tozero" }),
       annotations: jumpArrows(),
       shapes: state.curves.flatMap((curve) => curve.asymptotes.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
         line: { color: ink.line, width: 1, dash: "dot" } }))),
@@ -289,16 +302,15 @@ const hbgear = (() => {
     const data = [...lines, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
       data.push({ x: [null], y: [null], mode: "markers", name: "jump", hoverinfo: "skip",
-                  marker: { symbol: "arrow-up", size: 11, color: ink.text } });
+                  marker: { symbol: "triangle-up", size: 9, color: ink.text } });
     if (state.at) data.push(chosenTrace());
     let above = 0;
-    const low = ($("response").clientHeight || 520) < LOW; // space for one axis only
     for (const [scale, title] of [[low ? null : Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
       if (!scale) continue;
       above += 1;
       layout[`xaxis${above + 1}`] = axis(title, {
         overlaying: "x", side: "top", range: range.map((x) => x * scale), showgrid: false, fixedrange: true, tickmode: "auto",
-        nticks: narrow ? 4 : 8, exponentformat: "none", separatethousands: false,
+        nticks: narrow ? 4 : 8, exponentformat: "none",
         ...(above === 1 ? { anchor: "y" } : { anchor: "free", position: 1 }),
       });
       data.push({ x: [null], y: [null], xaxis: `x${above + 1}`, yaxis: "y", showlegend: false, hoverinfo: "skip" });
@@ -413,8 +425,8 @@ const hbgear = (() => {
             { xaxis: axis(name + unit), yaxis: axis(`velocity of ${name}${state.units ? " [mm/s]" : unit}`), shapes: breakpointLines(curve, j, m.d, true) }),
       small("spectrum", [{ x: stems.x, y: stems.y, mode: "lines", line, hoverinfo: "skip" },
                          { x: marks.map((p) => p[0]), y: marks.map((p) => p[1]), mode: "markers", marker: { color, size: 5 }, hoverinfo: "x+y" }],
-            { xaxis: axis("frequency / excitation frequency", { rangemode: "tozero" }),
-              yaxis: axis(`amplitude of ${name}${unit}`, { type: "log", exponentformat: "power", dtick: 1, minor: { ticks: "" }, range: [Math.log10(floor), Math.log10(3 * top)] }) }),
+            { xaxis: axis("excitation order [-]", { rangemode: "tozero" }),
+              yaxis: axis(`amplitude of ${name}${unit}`, { type: "log", exponentformat: "power", dtick: 1, tickfont: { size: 10 }, minor: { ticks: "" }, range: [Math.log10(floor), Math.log10(3 * top)] }) }),
     ];
     const circle = { x: [], y: [] };
     for (let s = 0; s <= 120; s++) { circle.x.push(Math.cos((2 * Math.PI * s) / 120)); circle.y.push(Math.sin((2 * Math.PI * s) / 120)); }
@@ -433,7 +445,7 @@ const hbgear = (() => {
       { x: mu.x, y: mu.y, text: mu.text, mode: "markers", hoverinfo: "text", marker: { color: mu.color, size: 7, symbol: "x" } },
     ], { xaxis: axis("Re μ [-]", { range: [-far, far], constrain: "domain" }), yaxis: axis("Im μ [-]", { scaleanchor: "x", range: [-far, far] }) }));
     const label = curve.special.find((p) => p.index === i);
-    $("chosen").textContent = [label ? `${label.label}, ${label.meaning}` : null, state.curves.length > 1 ? curve.name : null,
+    $("chosen").textContent = [label ? `${label.label}, ${label.meaning}` : null, state.curves.length > 1 ? nameOf(curve) : null,
       ...pointText(curve, i, sizes(curve)[i])].filter((x) => x).join("; ");
     return Promise.all(jobs);
   }

@@ -41,6 +41,7 @@ const explorer = (() => {
       if (!found || serial < shownSerial) return;
       shownSerial = serial; took = found.seconds;
       await hbgear.show(found.curves, false);
+      describeRange();
       timings.push(performance.now() - moved);
       clearTimeout(quiet);
       quiet = setTimeout(() => rest(found, serial), 80);
@@ -52,6 +53,11 @@ const explorer = (() => {
       if (!flying) $("work").hidden = true;
       if (wanted && !flying) send();
     }
+  }
+
+  function describeRange() { // in the units of the figure
+    const { units } = hbgear.state, speed = (Omega) => hbgear.short(Omega * units.rpm);
+    $("range").textContent = units ? `${speed(now.from)} to ${speed(now.to)} r/min; Ω = 1 is ${speed(1)} r/min` : "";
   }
 
   async function rest(found, serial) { // when no slider moves: motion and tables of the curve
@@ -67,7 +73,7 @@ const explorer = (() => {
     if (found.ended) parts.push(found.ended);
     say(parts.join("; "), parts.some((line) => line.startsWith("warning")) || Boolean(found.ended));
     $("python").textContent = details.python;
-    const headers = details.tables[0].jumpTable[0], rows = details.tables.flatMap((table) => table.jumpTable[1]), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    const headers = details.tables[0].jumpTable[0], many = details.tables.length > 1, rows = details.tables.flatMap((table, n) => table.jumpTable[1].map(([label, ...others]) => [many ? `${label} (${n + 1})` : label, ...others])), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
     const line = (tag, texts) => { const row = document.createElement("tr"); row.append(...texts.map((t) => cell(tag, t))); return row; };
     $("jumps").replaceChildren(...(rows.length ? [line("th", headers), ...rows.map((row) => line("td", row))] : [line("td", ["none"])]));
   }
@@ -95,7 +101,7 @@ const explorer = (() => {
     row.dataset.words = `${p.name} ${p.label} ${p.unit}`.toLowerCase();
     row.innerHTML = `<label for="${id}">${p.label} <code></code></label><input type="range" aria-label="slider"><span><input type="number" step="any" id="${id}"> <span class="unit"></span></span>`;
     row.querySelector("code").textContent = p.name;
-    row.querySelector(".unit").textContent = p.unit;
+    row.querySelector(".unit").textContent = p.unit.replace(/\bum\b/g, "µm").replace(/\^2/g, "²").replace(/\^3/g, "³");
     const slider = row.querySelector("input[type=range]"), field = row.querySelector("input[type=number]");
     slider.setAttribute("aria-label", `${p.name} as a slider`);
     Object.assign(slider, { min: p.low, max: p.high, step: (p.high - p.low) / 400 || "any" });
