@@ -28,6 +28,7 @@ extensions = [
     "sphinx_copybutton",
     "docstrings",  # numpydoc docstrings: prose of reStructuredText
     "mathml",  # equations without scripts and without a network
+    "names",  # Python objects in the search
     "written",  # pages of the API, of the commands and of the studies
     "whole",  # check of links; no content from other sites
 ]

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 from docstrings import escaped
-from sphinx.domains.python import PythonDomain
 
 import hbgear as hb
 from hbgear import plot
@@ -319,19 +318,8 @@ def all_pages(app: Sphinx) -> None:
     study_pages()
 
 
-class Python(PythonDomain):
-    """Python objects, of which the search finds functions and classes; members are on the pages of their classes."""
-
-    def get_objects(self) -> Iterator[tuple[str, str, str, str, str, int]]:
-        """Return all objects, members with the priority of objects that the search leaves out."""
-        for name, shown, kind, document, anchor, priority in super().get_objects():
-            member = kind in ("method", "attribute", "property")
-            yield name, shown, kind, document, anchor, -1 if member else priority
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the extension."""
-    app.add_domain(Python, override=True)
     app.connect("builder-inited", all_pages, priority=100)
     app.connect("source-read", read)
     return {"parallel_read_safe": True}
