@@ -283,7 +283,7 @@ class HarmonicEquations(ContinuationProblem):
         derivatives are computed in Python.
         """
         packed = self._packed_model(name, parameters)
-        if packed is None or (which == FOLD and (packed.own is not None or packed.sliders is not None)):
+        if packed is None or (which == FOLD and (packed.own.element.size or packed.sliders.element.size)):
             return None
         from hbgear.harmonic.equations.newton_kernels import locate
 

@@ -116,15 +116,14 @@ class Evaluator:
         laws, left = packing.table, np.array(alone, dtype=int)
         own = own_of(self.laws)
         coupled = [j for elements, _ in self.vectors for j in elements]
-        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ()), *coupled))
+        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *own.element, *coupled))
         linear = self.receptance.packed
         self.piecewise = piecewise = piecewise_excitation(
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
-        has_breakpoints = bool(len(piecewise.phases) or packing.levels)
-        sliders = sliders_of(self.laws)
-        self.packed = PackedModel(laws, linear, transform.basis, piecewise if has_breakpoints else None, own, sliders)
-        self.sliders = 0 if sliders is None else len(sliders.element)
+        corners = piecewise if len(piecewise.phases) or packing.levels else None
+        self.packed = PackedModel(laws, linear, transform.basis, corners, own, sliders_of(self.laws))
+        self.sliders = len(self.packed.sliders.element)
         self.python_forces: tuple[PythonForces, ...] = ()
         if left.size:
             self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid),)

@@ -73,8 +73,6 @@ def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
 def _fill_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements with friction by those of their slider margins (P, Q)."""
     sliders = evaluator.packed.sliders
-    if sliders is None:
-        return
     for j in sorted(set(sliders.element.tolist())):
         slips = margins[:, sliders.element == j] > 0
         regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)
@@ -93,8 +91,6 @@ def slip_margins(evaluator: Evaluator, X: Array) -> Array:
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
     """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
     out, sliders = np.empty(evaluator.sliders), evaluator.packed.sliders
-    if sliders is None:
-        return out
     from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
 
     rows = _rows(evaluator, X)

@@ -71,32 +71,29 @@ class PackedModel(NamedTuple):
     """Model for kernels.
 
     basis (2H + 1, N) : real Fourier basis at N samples.
-    corners, own, sliders : None for a model without breakpoints in the phase, compiled laws or friction. Kernels are
-        then compiled without the code for them, in two thirds of the time.
+    piecewise : None for a model without breakpoints in the phase. Kernels are then compiled without the code for them,
+        in two thirds of the time.
+    own, sliders : empty arrays for a model without compiled laws or friction.
     """
 
     laws: PackedLaws
     linear: PackedLinearPart
     basis: Array
     piecewise: PiecewiseExcitation | None
-    own: Own | None
-    sliders: Sliders | None
+    own: Own
+    sliders: Sliders
 
 
-def sliders_of(laws: Sequence[Law]) -> Sliders | None:
-    """Return the friction sliders of a model, None if there are none."""
+def sliders_of(laws: Sequence[Law]) -> Sliders:
+    """Return the friction sliders of a model."""
     found = [(j, slider) for j, law in enumerate(laws) for slider in law.sliders]
-    if not found:
-        return None
-    packed = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).T.copy()
+    packed = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).reshape(-1, 3).T.copy()
     return Sliders(np.array([j for j, _ in found], dtype=np.int64), *packed)
 
 
-def own_of(laws: Sequence[Law]) -> Own | None:
-    """Return the compiled laws of a model, None if there are none."""
+def own_of(laws: Sequence[Law]) -> Own:
+    """Return the compiled laws of a model."""
     own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw)]
-    if not own:
-        return None
     given = np.zeros((len(own), 1 + max([0, *(len(law.parameters) for _, law in own)])))
     for row, (_, law) in zip(given, own, strict=True):
         row[: len(law.parameters)] = law.parameters

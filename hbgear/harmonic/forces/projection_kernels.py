@@ -75,8 +75,8 @@ class ProjectionWorkspace(NamedTuple):
         kappa and chi of each spring without its stiffness series.
     ends : ndarray, shape (2, Q)
         Working memory for derivatives of polynomials.
-    slides : SliderWorkspace or None
-        Arrays of the friction sliders, if there are any.
+    slides : SliderWorkspace
+        Arrays of the friction sliders.
     """
 
     theta: Array
@@ -94,7 +94,7 @@ class ProjectionWorkspace(NamedTuple):
     pull: ComplexArray
     both: ComplexArray
     ends: Array
-    slides: SliderWorkspace | None
+    slides: SliderWorkspace
 
 
 @kernel

@@ -88,9 +88,7 @@ class SliderWorkspace(NamedTuple):
 
 @kernel
 def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
-    """Return a `SliderWorkspace` for motions with H harmonics and N samples; None for a model without sliders."""
-    if sliders is None:
-        return None
+    """Return a `SliderWorkspace` for motions with H harmonics and N samples."""
     Q, C, width = sliders.element.shape[0], 2 * H + 4, 2 * H + 1
     intervals = 2 * C + 1
     return SliderWorkspace(
@@ -220,9 +218,7 @@ def _indicator(begin: float, end: float, s: Any, length: int) -> None:
 
 @kernel
 def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi: Any) -> None:
-    """Add the coefficients of sliders, if there are any, to kappa and chi (m, L)."""
-    if sliders is None:
-        return
+    """Add the coefficients of sliders to kappa and chi (m, L)."""
     march(sliders, basis, rows, space)
     s, length = space.part, kappa.shape[1]
     for i in range(sliders.element.shape[0]):
@@ -242,9 +238,7 @@ def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi
 
 @kernel
 def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
-    """Add the derivative of the slider positions, if there are any, to dP/dd of `march` at the unknown orders."""
-    if sliders is None:
-        return
+    """Add the derivative of the slider positions to dP/dd of `march` at the unknown orders."""
     K, n = orders.shape[0], 2 * orders.shape[0] - 1
     s, column, line = space.part, space.column, space.line
     for i in range(sliders.element.shape[0]):
@@ -267,8 +261,6 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
 @kernel
 def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int) -> int:
     """Insert the phases in [0, 2 pi) at which sliders stick or slip into n ascending phases; return their number."""
-    if sliders is None:
-        return n
     march(sliders, basis, rows, space)
     for i in range(sliders.element.shape[0]):
         for p in range(space.number[i] if space.slips[i] else 0):

@@ -116,16 +116,12 @@ def segment_arrays(packed: Any, space: Any) -> Any:
 @kernel
 def _event_count(slides: Any) -> int:
     """Return the largest number of slider events of a period."""
-    if slides is None:
-        return 0
     return int(slides.begin.size)
 
 
 @kernel
 def slider_count(sliders: Any) -> int:
     """Return the number of sliders."""
-    if sliders is None:
-        return 0
     return int(sliders.element.shape[0])
 
 
@@ -333,8 +329,6 @@ def fill_stiffness_modulation(
 @kernel
 def _add_stuck(sliders: Any, slides: Any, j: int, segments: Any, count: int, s: int, k: Any) -> None:
     """Add the stiffness of the sliders of element j that stick to k, at the s Gauss points of all steps."""
-    if sliders is None:
-        return
     for q in range(sliders.element.shape[0]):
         at: Any = np.int64(0)
         for i in range(count if sliders.element[q] == j else 0):
@@ -354,8 +348,6 @@ def _middle(segments: Any, i: int) -> float:
 @kernel
 def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: Any) -> None:
     """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors."""
-    if sliders is None:
-        return
     workspace.memory[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         workspace.stuck[i] = sticks_at(slides, i, phase)
@@ -365,8 +357,6 @@ def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: An
 @kernel
 def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspace: Any) -> None:
     """Set the states of the sliders in a segment, and their forces on the ports."""
-    if sliders is None:
-        return
     workspace.pull[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         sticks = sticks_at(slides, i, phase)
@@ -402,8 +392,6 @@ def _observe(modes: Any, p: int, workspace: Any, out: Any) -> None:
 @kernel
 def _end_memory(sliders: Any, modes: Any, r: int, factor: float, workspace: Any, out: Any) -> None:
     """Store the disturbances of the sliders at the end of the period in the last rows of the monodromy matrix."""
-    if sliders is None:
-        return
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
             _observe(modes, _port_of(modes.ports, sliders.element[i]), workspace, workspace.memory[i])
@@ -414,8 +402,6 @@ def _end_memory(sliders: Any, modes: Any, r: int, factor: float, workspace: Any,
 @kernel
 def _subtract_pull(sliders: Any, workspace: Any) -> None:
     """Subtract the forces k y of the sliders from D R z_0."""
-    if sliders is None:
-        return
     u, pull = workspace.u, workspace.pull
     for i in range(u.shape[0]):
         for n in range(u.shape[1]):
