@@ -205,6 +205,23 @@ def test_branch_points_are_not_followed_where_the_symmetry_is_broken():
         hb.follow(curve, "BP1", "F0", (0.0, 0.1), accuracy=None)
 
 
+@pytest.mark.slow
+def test_neimark_sacker_points_over_the_load_are_those_of_shooting():
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+
+    @hb.mechanics.model
+    def masses(F: float = 0.13) -> hb.System:
+        springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
+        return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+
+    curve = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.1, 1.16), at={"F": 0.11})
+    held = hb.follow(curve, "NS1", "F", (0.11, 0.1))
+    assert held.tracked["Omega"][-1] == pytest.approx(1.1301287894345817, abs=1e-8)
+    again = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.12, 1.16), at={"F": 0.1})
+    found = [point.parameters["Omega"] for point in again.special if point.kind == "NS"]
+    assert found == pytest.approx([1.1301287894345817, 1.1473065816207717], abs=1e-8)
+
+
 @dataclass(frozen=True)
 class PythonCubic(hb.mechanics.Law):
     k3: float
