@@ -10,6 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -27,7 +28,6 @@ from hbgear.cli.support import (
     exit_code,
     harmonics_of,
     longer_span,
-    number_of,
     print_table,
     problem_in,
     range_of,

@@ -290,12 +290,12 @@ def _check(branch: Branch) -> None:
 
 def _check_torus(branch: Branch) -> None:
     """Check that the unknowns of tori match their basis, and that their second frequency is known."""
-    for one in (branch, *branch.special):
-        if isinstance(one.layout, TorusLayout):
+    for layout, X in ((branch.layout, branch.X), *((point.layout, point.X) for point in branch.special)):
+        if isinstance(layout, TorusLayout):
             if "Omega_2" not in branch.tracked:
                 raise ValueError("its tori have no Omega_2")
-            if one.X.shape[-1] != one.layout.width:
-                raise ValueError(f"{one.X.shape[-1]} unknowns do not fit H = {one.layout.harmonics} of a torus")
+            if X.shape[-1] != layout.width:
+                raise ValueError(f"{X.shape[-1]} unknowns do not fit H = {layout.harmonics} of a torus")
 
 
 def _check_trace(branch: Branch) -> None:
