@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
     from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
     from hbgear.harmonic.autonomous.tori.branch import torus
+    from hbgear.harmonic.autonomous.tori.two_tones import two_tones
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [
@@ -50,6 +51,7 @@ __all__ = [
     "tooth_loads",
     "torus",
     "trace_all",
+    "two_tones",
 ]
 
 if not TYPE_CHECKING:

@@ -18,6 +18,7 @@ from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -227,7 +228,7 @@ def _find_cusps(
             )
             fold = raise_if_interrupted(trace(FoldProblem(problem), parameter, (value, end), point, steps=_FOLD_STEPS))
             followed.append(fold)
-            cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
+            cusp = next((p for p in fold.special if p.kind in TURNING_KINDS and p.located), None)
             if cusp is not None:
                 found.append((cusp, fold, bool(fold.values[0] < cusp.parameters[parameter])))
                 break

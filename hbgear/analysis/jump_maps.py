@@ -25,6 +25,7 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate
 from hbgear.continuation.results.point import Point, SpecialPoint
@@ -104,8 +105,13 @@ class JumpMap:
 
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
-        """Points of the fold curves at which jumps appear or vanish."""
-        return tuple(p for fold in self.folds for p in fold.special if p.kind == "CP")
+        """Points of the fold curves at which jumps appear or vanish: cusps (CP), and where curves join (IC)."""
+        return tuple(p for p in self.special if p.kind in TURNING_KINDS)
+
+    @property
+    def special(self) -> tuple[SpecialPoint, ...]:
+        """All special points of the fold curves, also 1:1 resonances (RI) and fold-flips (FF)."""
+        return tuple(p for fold in self.folds for p in fold.special)
 
     def jumps_at(self, value: float) -> list[tuple[float, int]]:
         """Return the jumps at a value of the parameter.
@@ -316,7 +322,7 @@ def _fold_curve(
 
 def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
     """Return the monotonic sections of a fold curve between its cusps."""
-    cuts = [0, *(p.index for p in fold.special if p.kind == "CP"), len(fold) - 1]
+    cuts = [0, *(p.index for p in fold.special if p.kind in TURNING_KINDS), len(fold) - 1]
     extended = FoldProblem(problem)
     out = []
     for a, b in pairwise(cuts):

@@ -37,6 +37,7 @@ from hbgear.continuation.augmented.sensitivity import (
     tangent,
 )
 from hbgear.continuation.events.detector import event_at
+from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
@@ -473,7 +474,7 @@ class _PointSensitivity:
         assert isinstance(point, SpecialPoint)
         if known is None:
             raise ValueError(
-                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations that can be differentiated; "
+                f"{point.label} ({point.meaning.partition(': ')[0]}) has no equations that can be differentiated; "
                 "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a point of the branch"
             )
         return known
@@ -485,7 +486,7 @@ class _PointSensitivity:
         if point.kind == "PK":
             measure = point.note.removeprefix("peak of ")
             return peak_of(self.problem, self.parameter, measure, getattr(point.event, "element", 0))
-        if point.kind == "CP":
+        if point.kind in TURNING_KINDS:
             return FoldProblem(self.problem, self.parameter)
         event = event_at(self.problem, self.parameter, point)
         return event.equations(self.problem.original, self.parameter, point) if event else None

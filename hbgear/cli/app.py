@@ -28,6 +28,7 @@ from hbgear.cli import pages as cli_pages
 from hbgear.cli.commands import design as cli_design
 from hbgear.cli.commands import fit as cli_fit
 from hbgear.cli.commands import gear as cli_gear
+from hbgear.cli.commands import motions as cli_motions
 from hbgear.cli.commands import rotors as cli_rotors
 from hbgear.cli.commands import study as cli_study
 from hbgear.cli.commands import time as cli_time
@@ -228,6 +229,7 @@ cli_gear.register(app)
 
 cli_pages.register(app)
 cli_rotors.register(app)
+cli_motions.register(app)
 
 
 # ---- commands

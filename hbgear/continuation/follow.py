@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.registry import event_of_kind
@@ -35,8 +36,23 @@ def follow(
         R(X, p) = 0,   g(X, p) = 0           unknowns X and p, the parameter of the branch; see `Event.equations`
 
     The equations depend on the kind of the point: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
-    `NeimarkSackerProblem` for NS, `GrazingProblem` for GR, `AmplitudeExtremum` for PK, and the test function for an
-    event of the user. They have the number of unknowns with which the point was located.
+    `NeimarkSackerProblem` for NS, `BranchPointProblem` for BP, `GrazingProblem` for GR, `AmplitudeExtremum` for PK, and
+    the test function for an event of the user. They have the number of unknowns with which the point was located.
+
+    Points of codimension two are located along the curve:
+
+    ====  ==================  ======================================================================================
+    CP    LP                  cusp: both parameters turn back
+    IC    LP                  two folds meet while the first parameter moves: curves join, or an isola begins
+    RI    LP, end of NS       1:1 resonance, a double multiplier +1
+    RII   PD, end of NS       1:2 resonance, a double multiplier -1
+    RIII  NS                  1:3 resonance
+    RIV   NS                  1:4 resonance
+    FF    LP, PD              fold-flip, multipliers +1 and -1
+    GPD   PD                  generalised period doubling: the doubled branch turns over
+    ====  ==================  ======================================================================================
+
+    All but CP and IC need a harmonic balance whose laws have slopes, without friction and contacts with dampers.
 
     Parameters
     ----------
@@ -66,8 +82,8 @@ def follow(
     KeyError
         If the label does not exist.
     ValueError
-        If there are no equations for this kind (BP, CP, EP), the branch is a curve of special points itself, or its
-        problem or the event of the point is unknown.
+        If there are no equations for this kind (CP, EP), the branch is a curve of special points itself, its problem or
+        the event of the point is unknown, or curves cross at single values of the second parameter only (BP).
 
     Examples
     --------
@@ -95,7 +111,10 @@ def follow(
     equations = chosen.equations(as_problem(problem.at_resolution_of(here)).original, branch.parameter, here)
     if equations is None:
         raise ValueError(
-            f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "
+            f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
             "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
-    return trace(equations, parameter, span, here, **options)
+    found = trace(equations, parameter, span, here, **options)
+    if isinstance(equations, BranchPointProblem):
+        equations.require_solutions(found)
+    return found

@@ -9,6 +9,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.autonomous.equilibrium import EquilibriumProblem
     from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
     from hbgear.harmonic.autonomous.tori.problem import TorusProblem
+    from hbgear.harmonic.autonomous.tori.two_tones import TwoToneProblem
     from hbgear.harmonic.bifurcations.extremum import AmplitudeExtremum
     from hbgear.harmonic.bifurcations.grazing import GrazingProblem
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
@@ -28,6 +29,7 @@ __all__ = [
     "NeimarkSackerProblem",
     "PeriodDoublingProblem",
     "TorusProblem",
+    "TwoToneProblem",
     "register_measure",
 ]
 

@@ -15,10 +15,11 @@ from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.plot.attractors import VERDICTS, bifurcation_diagram, torus, torus_section, torus_spectrum
-    from hbgear.plot.curves import jump_map, response, responses, speed_axes
+    from hbgear.plot.curves import response, responses, speed_axes
     from hbgear.plot.designs.bands import band
     from hbgear.plot.designs.effects import tornado
     from hbgear.plot.designs.fits import fitted, measured
+    from hbgear.plot.designs.parameter_planes import jump_map, special_curves
     from hbgear.plot.designs.study import (
         JUMPS,
         PERCENTILES,
@@ -107,6 +108,7 @@ __all__ = [
     "responses",
     "runs",
     "save",
+    "special_curves",
     "spectrum",
     "speed_axes",
     "sweeps",

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.autonomous.tori.problem import TorusProblem
+from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text, layout_of
 from hbgear.harmonic.models.frequency_units import model_of, scales
 from hbgear.mechanics.series.fourier import evaluate
@@ -159,10 +159,10 @@ _LARGEST_SPECTRUM = 1e-5
 """Amplitude over the largest one from which lines of a spectrum are drawn."""
 
 
-def _torus_problem(tori: Branch) -> TorusProblem:
-    if not isinstance(tori.problem, TorusProblem):
+def _torus_layout(tori: Branch) -> TorusLayout:
+    if not isinstance(tori.layout, TorusLayout):
         raise ValueError("the branch has no tori: give the branch of hb.analysis.torus(curve, 'NS1')")
-    return tori.problem
+    return tori.layout
 
 
 @checked_arguments()
@@ -205,23 +205,22 @@ def torus(
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    problem, own = _torus_problem(tori), ax is None
+    layout, own = _torus_layout(tori), ax is None
     height = tori.amplitude(measure, element)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
         line: dict[str, Any] = {"color": VERDICTS[Verdict.QUASI_PERIODIC], "linewidth": 1.4}
         ax.plot(tori.values, height, **(line | style), label=label or "_", zorder=4, gid="tori")
         if own:
-            ax.set_xlabel(problem.layout.labels.get(tori.parameter, tori.parameter))
-            ax.set_ylabel(axis_text(measure, _element_name(problem, element)))
+            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter))
+            ax.set_ylabel(axis_text(measure, _element_name(layout, element)))
             dress(ax)
         if label:
             add_legend(ax)
     return ax
 
 
-def _element_name(problem: TorusProblem, element: int | str) -> str:
-    layout = problem.layout
+def _element_name(layout: TorusLayout, element: int | str) -> str:
     return layout.elements[layout.index(element)] or f"element {layout.index(element)}"
 
 
@@ -264,14 +263,14 @@ def torus_section(
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    problem, found = _torus_problem(tori), tori[point]
-    layout, basis = problem.layout, problem.basis
+    layout, found = _torus_layout(tori), tori[point]
+    basis = layout.basis
     theta = np.column_stack([np.zeros(phases + 1), np.linspace(0.0, 2 * np.pi, phases + 1)])
     rows = layout.rows(found.X, element)
     here = {name: np.array([x]) for name, x in found.parameters.items()}
     rate = layout.in_time(rows[None], here, 1)[0]
     d, v = (basis.evaluate(basis.to_complex(x), theta) for x in (rows, rate))
-    name = _element_name(problem, element)
+    name = _element_name(layout, element)
     with styled():
         ax = axes_or_new(ax, (3.6, 3.2))
         ax.plot(d, v, color=VERDICTS[Verdict.QUASI_PERIODIC], linewidth=1.2, gid="section")
@@ -316,8 +315,8 @@ def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Ax
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    problem, found = _torus_problem(tori), tori[point]
-    layout, basis = problem.layout, problem.basis
+    layout, found = _torus_layout(tori), tori[point]
+    basis = layout.basis
     size = np.abs(basis.to_complex(layout.rows(found.X, element)))
     w = np.abs(basis.k @ np.array([found.parameters["Omega"] / layout.nu, found.parameters["Omega_2"]]))
     shown = size > _LARGEST_SPECTRUM * size[1:].max()
@@ -333,7 +332,7 @@ def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Ax
             ax.vlines(w[rows], floor, size[rows], color=colour, linewidth=1.2, label=label, gid=label)
         ax.set_yscale("log")
         ax.set_xlabel(r"frequency, in the unit of $\Omega$")
-        ax.set_ylabel(f"amplitude of {_element_name(problem, element)}")
+        ax.set_ylabel(f"amplitude of {_element_name(layout, element)}")
         dress(ax)
         add_legend(ax)
     return ax

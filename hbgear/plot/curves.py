@@ -1,4 +1,4 @@
-"""Figures of response curves and jump maps, drawn on matplotlib axes."""
+"""Figures of response curves, drawn on matplotlib axes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.models.frequency_units import common_scales, model_of, same_scales, scales
+from hbgear.harmonic.models.frequency_units import common_scales
 from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.style import (
     BRANCHES,
@@ -36,8 +36,6 @@ from hbgear.plot.style import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from hbgear.analysis.jump_maps import JumpMap
 
 
 @checked_arguments()
@@ -261,74 +259,6 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
     return scaled_axes(ax, common_scales(branches))
-
-
-@checked_arguments()
-def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Draw jump frequencies against a design parameter; ranges with several motions are shaded, cusps are marked.
-
-    Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines those with decreasing Omega.
-
-    Parameters
-    ----------
-    jumps : JumpMap
-        Result of `hbgear.jump_map`.
-    ax : Axes, optional
-        Axes to draw on; new ones by default.
-    legend : bool, optional
-        Whether to add a legend; default True.
-
-    Returns
-    -------
-    Axes
-        The axes.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
-    >>> axes = hb.plot.jump_map(jumps)
-    """
-    names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
-    own = ax is None
-    with styled():
-        ax = axes_or_new(ax, (5.0, 3.4))
-        _shade(ax, jumps)
-        for arm in jumps.arms:
-            name, style = names[arm.direction]
-            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
-        for cusp in jumps.cusps:
-            x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
-            ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
-                    gid=cusp.label)  # fmt: skip
-            fraction = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
-            side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
-            ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
-        ax.set_xlim(*jumps.span)
-        ax.margins(y=0.12)
-        ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
-        ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
-        dress(ax)
-        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and scaled_axes(ax, same_scales(known), "right"):
-            ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
-        if not jumps.arms:
-            ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
-        elif legend:
-            drawn: list[Any] = [*ax.lines, *ax.collections]
-            handles = {str(artist.get_label()): artist for artist in drawn}
-            shown = {label: artist for label, artist in handles.items() if not label.startswith("_")}
-            ax.legend(list(shown.values()), list(shown), loc="best")
-    return ax
-
-
-def _shade(ax: Axes, jumps: JumpMap) -> None:
-    """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
-    ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
-    values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
-    for low, high in jumps.bands(values):
-        ax.fill_between(values, low, high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
-                        label="several motions")  # fmt: skip
 
 
 def _curve(

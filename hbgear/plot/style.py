@@ -63,7 +63,7 @@ def legend_entry(event: Event | SpecialPoint) -> str:
     >>> hb.plot.legend_entry(hb.Event("limit", lambda point: 1.0, "too large: stop"))
     'too large (limit)'
     """
-    meaning = event.meaning.partition(":")[0]
+    meaning = event.meaning.partition(": ")[0]
     return meaning if meaning == event.kind else f"{meaning} ({event.kind})"
 
 

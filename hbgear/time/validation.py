@@ -531,11 +531,11 @@ def _selected_points(branch: Branch, count: int) -> list[tuple[int, str]]:
     if not np.isnan(branch.error).all():
         wanted.append((int(np.nanargmax(branch.error)), "worst error"))
     for point in branch.special:
-        if point.kind not in ("LP", "CP", "SL"):
+        if point.kind not in ("LP", "CP", "IC", "SL"):
             wanted += [(_clipped_index(branch, point.index + side), f"near {point.label}") for side in (-1, 1)]
     selected: dict[int, str] = {}
     # at these points the motion is singular or its stability changes
-    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "PD", "NS")} | _singular_ends(branch)
+    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "IC", "PD", "NS")} | _singular_ends(branch)
     # at first slip the growth of a disturbance is not that of a multiplier: some disturbances slip, others do not
     taken |= {p.index + side for p in branch.special if p.kind == "SL" for side in (-1, 0, 1)}
     for i, reason in wanted:

@@ -146,7 +146,17 @@ def test_figures(curve, tori):
     plt.close("all")
 
 
-def test_bad_input(curve, tori, tmp_path):
+def test_saved_tori_have_the_same_numbers_measures_and_figures(tori, tmp_path):
+    tori.save(tmp_path / "tori.npz")
+    again = hb.load(tmp_path / "tori.npz")
+    assert np.array_equal(again.X, tori.X) and np.array_equal(again.tracked["Omega_2"], tori.tracked["Omega_2"])
+    assert again.layout.odd and again.amplitude("pp2", "link").max() == tori.amplitude("pp2", "link").max()
+    for draw in (hb.plot.torus, hb.plot.torus_section, hb.plot.torus_spectrum):
+        assert draw(again).has_data()
+    plt.close("all")
+
+
+def test_bad_input(curve, tori):
     with pytest.raises(ValueError, match="LP1 is no Neimark-Sacker point"):
         hb.analysis.torus(curve, "LP1")
     with pytest.raises(ValueError, match="outside the span"):
@@ -157,8 +167,6 @@ def test_bad_input(curve, tori, tmp_path):
         tori.amplitude("H1")
     with pytest.raises(ValueError, match="has no tori"):
         hb.time.verify_torus(curve)
-    with pytest.raises(ValueError, match="TorusLayout cannot be saved"):
-        tori.save(tmp_path / "tori.npz")
     slider = hb.Element([1.0], hb.Jenkins(1.0, 0.1))
     few = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [1.0]})), 3)
     with pytest.raises(ValueError, match="laws without memory"):

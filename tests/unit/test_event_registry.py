@@ -29,7 +29,8 @@ class Stiff(hb.Event):
 
 
 def test_registered_events_have_meaning_and_default():
-    assert list(KINDS) == ["LP", "PD", "NS", "BP", "GR", "SL", "CP", "EP", "PK"]
+    two = ["CP", "IC", "RI", "RII", "RIII", "RIV", "FF", "GPD"]
+    assert list(KINDS) == ["LP", "PD", "NS", "BP", "GR", "SL", *two, "EP", "PK"]
     assert list(optional_events()) == ["PK"] and not EVENTS["PK"].default
     assert all(EVENTS[name].default for name in KINDS if name != "PK")
     assert all(entry.name == name and entry.meaning for name, entry in EVENTS.items())

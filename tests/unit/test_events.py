@@ -169,9 +169,9 @@ def test_one_table_of_kinds():
 
 def test_the_table_of_labels_in_the_pages():
     page = (Path(__file__).parents[2] / "docs" / "labels.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| ([A-Z]{2}) \| ([^|]+) \|", page, re.MULTILINE))
+    rows = dict(re.findall(r"^\| ([A-Z]+) \| ([^|]+) \|", page, re.MULTILINE))
     assert {kind: rows.get(kind) for kind in KINDS} == {
-        kind: event.meaning.partition(":")[0] for kind, event in KINDS.items()
+        kind: event.meaning.partition(": ")[0] for kind, event in KINDS.items()
     }
 
 

@@ -109,6 +109,9 @@ def map_command(
             print_table([parameter, "Omega", "Omega during the jump"], rows, "jump curves")
         for cusp in found.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
+        for point in (one for one in found.special if one not in found.cusps):
+            where = f"{parameter} = {text_at(point, parameter)}, Omega = {text_at(point, 'Omega')}"
+            print(f"{point.meaning} ({point.label}) at {where}")
     finish(found)
 
 

@@ -33,6 +33,7 @@ from hbgear.continuation.numerics.linear import Factors, as_dense, dense, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.branch import Branch
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,22 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
         return BranchPointResidual(base.weight, w / norm(w), u @ vt, base.scale)
 
+    def require_solutions(self, branch: Branch) -> None:
+        """Raise ValueError if the points of a curve of branch points do not solve R = 0.
+
+        The component b^T R is left out of the equations. It vanishes along the curve only if the second parameter keeps
+        the symmetry that makes the curves cross.
+        """
+        name = branch.parameter
+        for i in range(len(branch)):
+            now = linearise(self.problem, branch.X[i], "", branch.parameters_at(i))
+            if norm(now.R) > MAX_IMPERFECTION * now.size:
+                last = branch.values[max(i - 1, 0)]
+                raise ValueError(
+                    f"branch points exist at single values of {name} only: beyond {name} = {last:.6g} the curves no "
+                    f"longer cross, because {name} breaks their symmetry; follow a fold instead"
+                )
+
     def _null(self, now: Evaluation, base: Borders) -> tuple[Array, Array, Array]:
         """Return w (n,), V (n + 1, 2) in scaled unknowns, and g (2,); see the module."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.c is not None
@@ -141,6 +158,10 @@ class BranchPointProblem(MinimallyAugmentedProblem):
 
 MIN_SECOND_SINGULAR_VALUE = 1e-7
 """Second smallest singular value, relative to the largest, below which the null space has three dimensions."""
+
+
+MAX_IMPERFECTION = 1e-6
+"""Residual, over the size of its terms, above which a point of a curve of branch points is no solution."""
 
 
 def _with_component(b: Array, of: Array, value: Array) -> Array:

@@ -283,6 +283,10 @@ class MinimallyAugmentedProblem(ContinuationProblem):
 
     # ---- as a problem
 
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        """Return the points of codimension two along a curve of special points."""
+        return self.problem.codimension_two_events(self)
+
     @property
     def arguments(self) -> tuple[Any, ...]:
         """Arguments of the constructor after problem and parameter."""

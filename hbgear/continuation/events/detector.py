@@ -133,7 +133,8 @@ class EventDetector:
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the first special point slightly beyond a segment; see `Event.ahead`."""
-        found = [one for event in self.passing if (one := event.ahead(segment)) is not None]
+        events = (*self.passing, *self.terminal)
+        found = [one for event in events if (one := event.ahead(segment)) is not None]
         return min(found, key=lambda one: one.s, default=None)
 
     def ends(self, segment: Segment) -> LocatedEvent | None:

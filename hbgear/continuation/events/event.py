@@ -382,7 +382,7 @@ def is_marker(text: str) -> bool:
     return isinstance(text, str) and len(text) == 1 and text in MARKERS
 
 
-RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "SL", "PK", "EP")
+RESERVED = ("LP", "CP", "IC", "BP", "PD", "NS", "GR", "SL", "PK", "EP", "RI", "RII", "RIII", "RIV", "FF", "GPD")
 """Kinds reserved by hbgear, which events of users cannot have."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, lengths, locate_by_newton, locate_root, unknowns
 from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
-from hbgear.continuation.numerics.linear import norms
+from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import NoConvergence
 
@@ -87,12 +88,39 @@ class FoldEvent(Event):
 
 
 class CuspEvent(FoldEvent):
-    """Cusp: the parameter direction of a curve of folds changes."""
+    """Cusp: both parameters of a curve of folds turn back."""
 
     kind, meaning, marker = "CP", "cusp: two folds meet", "*"
 
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Return the cusp, or the isola centre if the first parameter does not turn back."""
+        return [replace(one, event=IsolaCentreEvent(), finder=self) if _is_moving(segment, one) else one
+                for one in super().find(segment)]  # fmt: skip
+
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None
+
+
+class IsolaCentreEvent(CuspEvent):
+    """Turning point of a curve of folds in the second parameter alone: curves separate or join, or an isola begins."""
+
+    kind, meaning, marker = "IC", "two folds meet: curves separate or join, or an isola begins", "8"
+
+
+TURNING_KINDS = (CuspEvent.kind, IsolaCentreEvent.kind)
+"""Kinds of the turning points of a curve of folds, at which two folds appear or vanish."""
+
+
+def _is_moving(segment: Segment, found: LocatedEvent) -> bool:
+    """Return whether the first parameter changes along a curve of folds at a turning point in the second one."""
+    if not found.located or not segment.problem.unknown_parameters:
+        return False
+    direction = found.point.tangent / segment.scale
+    return abs(float(direction[-2])) > MOVING_PARAMETER * norm(direction)
+
+
+MOVING_PARAMETER = 1e-3
+"""Component of the scaled tangent in the first parameter above which it moves; at a cusp it is rounding, 1e-6."""
 
 
 def fold_on_segment(segment: Segment) -> float:

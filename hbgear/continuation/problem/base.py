@@ -247,6 +247,13 @@ class ContinuationProblem:
         """Return the `Event` objects detected along a curve in addition to folds and branch points; by default none."""
         return ()
 
+    def codimension_two_events(self, curve: Any) -> tuple[Any, ...]:
+        """Return the events along a curve of special points of this problem; by default none.
+
+        ``curve`` are the `MinimallyAugmentedProblem` equations of the special points.
+        """
+        return ()
+
     def own_trace(self, span: tuple[float, float], start: Any, settings: Any, cover: bool) -> Branch | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 

@@ -64,7 +64,10 @@ class ContinuationLoop:
             if len(path) == 1:
                 status = Status.RETRACED if reason == _RETRACED else Status.STEP_TOO_SMALL
                 where = f"{reason} {state.location_text()}; the shortest step was tried"
-                return status, where + self._sharp_turn_ahead()
+                ahead = self._special_point_ahead()
+                if ahead is not None and ahead.event.terminal:
+                    return ahead.event.termination(state.setup.name, ahead.value)
+                return status, where if ahead is None else where + self._turning_text(ahead)
             ended = self._accept_points(path)
             if ended is not None:
                 if state.terminal is None:
@@ -100,20 +103,25 @@ class ContinuationLoop:
             if len(path) > 1 or tried <= steps.min_step or reason != _RETRACED:
                 return path, reason
 
-    def _sharp_turn_ahead(self) -> str:
-        """Continue to a special point just beyond the last point that no step passes; return its description."""
+    def _special_point_ahead(self) -> LocatedEvent | None:
+        """Continue to a special point just beyond the last point that no step passes, and return it."""
         state = self.state
-        if len(state.points) < 2 or not self.detector.passing:
-            return ""
+        if len(state.points) < 2 or not (self.detector.passing or self.detector.terminal):
+            return None
         self.special_points.process_pending()
         segment = state.segment(state.resized(state.points[-2]), state.points[-1])
         point = self.detector.ahead(segment)
         if point is None:
-            return ""
+            return None
         state.ended_at_sharp_turn = True
         (state.terminal,) = self.special_points.with_error_estimates(segment, [point])
         state.points += [state.terminal.point]
-        return f". It turns sharply at {state.setup.name} = {point.value:.9g}, {point.event.meaning} ({point.note})"
+        return state.terminal
+
+    def _turning_text(self, point: LocatedEvent) -> str:
+        """Return the description of a special point at which a curve turns sharply."""
+        name = self.state.setup.name
+        return f". It turns sharply at {name} = {point.point.value:.9g}, {point.event.meaning} ({point.note})"
 
     # ---- acceptance
 

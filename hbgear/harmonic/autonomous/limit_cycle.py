@@ -30,6 +30,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 from hbgear.harmonic.autonomous.equilibrium import HopfPoint
 from hbgear.harmonic.autonomous.phase import phase_vector, without_trivial
 from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
@@ -78,6 +79,10 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         b = base.weight * np.asarray(base.b)
         derivatives = tuple((self.problem.parameter_derivative(X, name, here), 0.0) for name in names)
         return AugmentedResidual(now, float(b @ X), b, 0.0, derivatives)
+
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        """Return period doublings and Neimark-Sacker points."""
+        return CycleDoublingEvent(), CycleTorusEvent()
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

@@ -20,6 +20,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import HarmonicEquations
 from hbgear.harmonic.balance.postprocess import postprocess
+from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
 from hbgear.harmonic.equations import motion
@@ -217,6 +218,10 @@ class PeriodicMotions(HarmonicEquations):
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return period doublings, Neimark-Sacker points, grazing contacts, slips, ends of subharmonic branches."""
         return (FirstContact(),) if self.pins else motion_events(self.nu, bool(self.compiled({}).sliders))
+
+    def codimension_two_events(self, curve: Any) -> tuple[Event, ...]:
+        """Return resonances, fold-flips and generalised period doublings along a curve of special points."""
+        return events_of_codimension_two(curve)
 
     def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],

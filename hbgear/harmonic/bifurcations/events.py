@@ -42,7 +42,7 @@ from hbgear.continuation.events.event import (
     locate_root,
     singular,
 )
-from hbgear.continuation.events.fold import CuspEvent, FoldEvent
+from hbgear.continuation.events.fold import CuspEvent, FoldEvent, IsolaCentreEvent
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.events.registry import EVENTS, RegisteredEvent
 from hbgear.continuation.numerics.linear import norm
@@ -52,6 +52,14 @@ from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, on_curve, refine, solve
+from hbgear.harmonic.bifurcations.codimension_two import (
+    FirstResonanceEvent,
+    FlipOnFoldEvent,
+    FourthResonanceEvent,
+    GeneralisedDoublingEvent,
+    SecondResonanceEvent,
+    ThirdResonanceEvent,
+)
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.bifurcations.grazing import GrazingProblem
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
@@ -66,6 +74,7 @@ from hbgear.harmonic.multipliers.multiplier_collisions import (
     passes_minus_one_cleanly,
 )
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond
+from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 
 
 class PeriodDoublingEvent(Event):
@@ -324,11 +333,11 @@ class NeimarkSackerEvent(Event):
         return located
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        """Return the equations; None with Python laws, and for structures too large for their modes."""
+        """Return the equations; None where slopes of laws are unknown, and for structures too large for their modes."""
         if not problem.smooth:
             return None
         compiled = problem.compiled({})
-        known = not (compiled.aft_laws or compiled.damped or compiled.sliders or compiled.structure.large)
+        known = has_sampled_slopes(compiled) and not compiled.structure.large
         return NeimarkSackerProblem(problem, parameter, self.near) if known else None
 
 
@@ -620,6 +629,13 @@ EVENTS.update(
         GrazingEvent,
         SlipEvent,
         CuspEvent,
+        IsolaCentreEvent,
+        FirstResonanceEvent,
+        SecondResonanceEvent,
+        ThirdResonanceEvent,
+        FourthResonanceEvent,
+        FlipOnFoldEvent,
+        GeneralisedDoublingEvent,
         PeriodDoublingMergeEvent,
     )
 )

@@ -23,6 +23,7 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix, slopes
+from hbgear.harmonic.multipliers.sampled_slopes import SampledSlopes
 from hbgear.mechanics.series.fourier import to_real
 
 
@@ -59,7 +60,7 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     Parameters
     ----------
     problem : HarmonicBalance
-        A problem without Python laws.
+        A problem whose laws have slopes: no friction, contacts with dampers or compiled laws of the user.
     parameter : str, optional
         The parameter of the curve, such as "Omega".
     near : complex, optional
@@ -69,8 +70,8 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     Raises
     ------
     ValueError
-        If there is no complex pair of multipliers near the point, the model has Python laws, or the structure is too
-        large for its modes.
+        If there is no complex pair of multipliers near the point, the slopes of a law are unknown, or the structure is
+        too large for its modes.
 
     References
     ----------
@@ -104,14 +105,17 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
         hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
         s = self._guess(X, here) if self.near is None else self.near
-        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0]), BORDER_ITERATIONS)
+        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0], s), BORDER_ITERATIONS)
         pair = _exponent(hill, s, b, c, X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
-        """Return the borders and the exponent updated at X."""
+        """Return the borders and the exponent updated at X; the same ones where the pair becomes real."""
         assert isinstance(base, Rotation)
-        pair = self._pair(self._hill(X, here), base, X, here)
+        try:
+            pair = self._pair(self._hill(X, here), base, X, here)
+        except NoConvergence:
+            return base
         return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def exponent(self, X: Array, **here: float) -> complex:
@@ -174,16 +178,33 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         at[:, : 2 * H + 1] = self.problem.rows(X)
         h = directional_step(at.ravel(), rows.ravel())
         up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
-        change = (up - down) / (2 * h)
-        out: Array = to_real(change).ravel()
-        return out
+        out = to_real((up - down) / (2 * h))
+        if compiled.aft_laws:
+            self._add_sampled(out, X, here, pair)
+        return out.ravel()
+
+    def _add_sampled(self, out: Array, X: Array, here: dict[str, float], pair: _Pair) -> None:
+        """Add the gradient of laws evaluated by AFT to rows (m, orders).
+
+        phi = -Re[y* v / (w^H D_s v)],   chi = -Re[y* v' / (w^H D_s v)],   v' = sum (s + i k omega) v_k e^{ik theta}
+        """
+        compiled, m, H = self.problem.compiled(here), self.problem.m, self.problem.H
+        sampled = SampledSlopes(compiled, X, here["Omega"])
+        k = np.arange(-H, H + 1)
+        v, y = (z.reshape(2 * H + 1, m).T[sampled.elements] for z in (pair.v, pair.y))
+        rates = (pair.exponent + 1j * here["Omega"] / self.problem.nu * k) * v
+        left = sampled.samples(y).conj() / pair.rate
+        phi, chi = (-(left * sampled.samples(z)).real for z in (v, rates))
+        gradient = sampled.gradient(phi, chi)
+        columns = np.concatenate([[0], *[(2 * n - 1, 2 * n) for n in self.problem.orders[1:]]]).astype(int)
+        out[sampled.elements] += gradient[:, columns]
 
     def _exponent_derivative(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
         """Return the derivative of Re s in a parameter."""
 
         def real_part_change(at: dict[str, float]) -> tuple[float]:
             hill = self._hill(X, at)
-            form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v))
+            form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.exponent, pair.v))
             return ((-form / pair.rate).real,)
 
         (derivative,) = parameter_derivatives(self.problem, name, here, real_part_change)
@@ -232,15 +253,15 @@ def _exponent(
     for _ in range(40):
         G, dG = hill.receptances(s)
         if factors is None:
-            factors = Factors(bordered(hill.matrix(G), b, c.conj()))
+            factors = Factors(bordered(hill.matrix(G, s), b, c.conj()))
             right, left = factors.solve(unit_vector), factors.adjoint_solve(unit_vector)
         else:
             v, w = right[:-1], left[:-1]
-            right_residual = unit_vector - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
-            left_residual = unit_vector - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
+            right_residual = unit_vector - np.append(hill.times(G, s, v) + right[-1] * b, c.conj() @ v)
+            left_residual = unit_vector - np.append(hill.adjoint_times(G, s, w) + left[-1] * c, b.conj() @ w)
             right, left = right + factors.solve(right_residual), left + factors.adjoint_solve(left_residual)
         v, w, g = right[:-1], left[:-1], right[-1]
-        rate = complex(w.conj() @ hill.driven(dG, v))
+        rate = complex(w.conj() @ hill.rate_times(G, dG, s, v))
         if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance, so none is near
             break
         step, last = g / rate, steps[-1] / hill.omega

@@ -10,7 +10,9 @@ This is an eigenproblem of r (2H + 1) equations for the exponents s, whose multi
 In terms of the m gaps d = C z, with the receptance G(s) = C (s - A)^-1 B, the same exponents are the zeros of a
 determinant of m (2H + 1) equations (`CondensedHillMatrix`),
 
-    D(s) v = 0,   [D v]_k = v_k + G(s + i k omega) sum_l (K_{k-l} - kr) v_l
+    D(s) v = 0,   [D v]_k = v_k + G(s + i k omega) sum_l [K_{k-l} - kr + C_{k-l} (s + i l omega)] v_l
+
+C are the slopes in the velocity of laws that are evaluated by AFT.
 
 References
 ----------
@@ -26,6 +28,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.multipliers.sampled_slopes import SampledSlopes, has_sampled_slopes
 from hbgear.harmonic.structure.receptance import LinearStructure
 
 MAX_HILL_EQUATIONS = 3000
@@ -98,12 +101,23 @@ def _require_compiled_laws(compiled: Evaluator) -> None:
 class CondensedHillMatrix:
     """Hill's determinant of one motion condensed to the gaps; equations at the head of this file.
 
-    The unknowns are ordered by harmonic. structure : `LinearStructure` whose receptances are used. K (m, 2H + 1, 2H +
-    1) : slopes of the laws. omega : frequency of the basis.
+    The unknowns are ordered by harmonic.
+
+    Attributes
+    ----------
+    structure : LinearStructure
+        Structure whose receptances are used.
+    K : ndarray of complex, shape (m, 2H + 1, 2H + 1)
+        Slopes of the laws in the displacement, without the reference springs.
+    C : ndarray of complex, shape (m, 2H + 1, 2H + 1), or None
+        Slopes in the velocity; None if no law depends on it.
+    omega : float
+        Frequency of the basis.
     """
 
     structure: LinearStructure
     K: ComplexArray
+    C: ComplexArray | None
     omega: float
 
     @staticmethod
@@ -113,11 +127,24 @@ class CondensedHillMatrix:
         Raises
         ------
         ValueError
-            If the model has Python laws.
+            If slopes of a law are unknown, see `has_sampled_slopes`.
         """
         compiled = compiled.at(Omega)
-        _require_compiled_laws(compiled)
-        return CondensedHillMatrix(compiled.structure, _two_sided(slopes(compiled, X)), Omega / compiled.nu)
+        if not has_sampled_slopes(compiled):
+            raise ValueError(
+                "Hill's determinant needs the slopes of the laws; they are unknown for friction, contacts with "
+                "dampers, laws of several displacements and compiled laws; use floquet_multipliers"
+            )
+        stiffness, damping = slopes(compiled, X), None
+        if compiled.aft_laws:
+            sampled = SampledSlopes(compiled, X, Omega)
+            K, C = sampled.coefficients(stiffness.shape[1])
+            stiffness[sampled.elements] += K
+            if C.any():
+                damping = np.zeros_like(stiffness)
+                damping[sampled.elements] = C
+        two_sided = None if damping is None else _two_sided(damping)
+        return CondensedHillMatrix(compiled.structure, _two_sided(stiffness), two_sided, Omega / compiled.nu)
 
     @property
     def m(self) -> int:
@@ -134,30 +161,50 @@ class CondensedHillMatrix:
         """Return G and dG/ds (2H + 1, m, m) at s + i k omega; see `LinearStructure.transfer`."""
         return self.structure.transfer(s + 1j * self.omega * self.k)
 
-    def matrix(self, G: ComplexArray) -> ComplexArray:
-        """Return D (m (2H + 1), m (2H + 1)) for the receptances G."""
+    def slopes(self, s: complex) -> ComplexArray:
+        """Return K + C (s + i l omega), (m, 2H + 1, 2H + 1)."""
+        return self.K if self.C is None else self.K + self.C * (s + 1j * self.omega * self.k)
+
+    def matrix(self, G: ComplexArray, s: complex) -> ComplexArray:
+        """Return D (m (2H + 1), m (2H + 1)) for the receptances G at the exponent s."""
         size = len(self.k) * self.m
-        D: ComplexArray = np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size)
+        D: ComplexArray = np.einsum("kij,jkl->kilj", G, self.slopes(s)).reshape(size, size)
         D[np.diag_indices(size)] += 1.0
         return D
 
-    def times(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
+    def rate(self, G: ComplexArray, dG: ComplexArray, s: complex) -> ComplexArray:
+        """Return dD/ds (m (2H + 1), m (2H + 1)) for the receptances G and dG/ds at the exponent s."""
+        size = len(self.k) * self.m
+        out: ComplexArray = np.einsum("kij,jkl->kilj", dG, self.slopes(s))
+        if self.C is not None:
+            out += np.einsum("kij,jkl->kilj", G, self.C)
+        return out.reshape(size, size)
+
+    def times(self, G: ComplexArray, s: complex, v: ComplexArray) -> ComplexArray:
         """Return D v."""
-        return v + self.driven(G, v)
+        return v + _driven(G, self.slopes(s), v)
 
-    def driven(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
-        """Return D v - v; with dG/ds in the place of G, return dD/ds v."""
-        forces = np.stack([K @ column for K, column in zip(self.K, v.reshape(-1, self.m).T, strict=True)], axis=1)
-        out: ComplexArray = (G @ forces[..., None]).ravel()
-        return out
+    def rate_times(self, G: ComplexArray, dG: ComplexArray, s: complex, v: ComplexArray) -> ComplexArray:
+        """Return dD/ds v."""
+        out = _driven(dG, self.slopes(s), v)
+        return out if self.C is None else out + _driven(G, self.C, v)
 
-    def adjoint_times(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
+    def adjoint_times(self, G: ComplexArray, s: complex, w: ComplexArray) -> ComplexArray:
         """Return D^H w."""
         moved = self.adjoint_driven(G, w).reshape(-1, self.m).T
-        out: ComplexArray = w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
+        back = [S.conj().T @ column for S, column in zip(self.slopes(s), moved, strict=True)]
+        out: ComplexArray = w + np.stack(back, axis=1).ravel()
         return out
 
     def adjoint_driven(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
         """Return G^H w."""
         out: ComplexArray = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
         return out
+
+
+def _driven(G: ComplexArray, slopes: ComplexArray, v: ComplexArray) -> ComplexArray:
+    """Return G times the forces of slopes (m, 2H + 1, 2H + 1) along v."""
+    m = len(slopes)
+    forces = np.stack([S @ column for S, column in zip(slopes, v.reshape(-1, m).T, strict=True)], axis=1)
+    out: ComplexArray = (G @ forces[..., None]).ravel()
+    return out

@@ -19,6 +19,7 @@ from hbgear.continuation.events.event import MARKERS, is_marker
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import FullMotion
 from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point, SpecialPoint
+from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.io.branches.archive import Archive
@@ -228,13 +229,15 @@ _FLOATS = _tuple(_finite)
 _POINT: dict[str, Form] = {
     "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _whole(0),
     "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _number,
-    "layout": _optional(lambda *given: _object(Layout)(*given)), "label": _text, "modulus_error": _number,
+    "layout": _optional(lambda *given: _object(Layout, TorusLayout)(*given)), "label": _text, "modulus_error": _number,
 }  # fmt: skip
 
 
 _FORMS: dict[type, dict[str, Form]] = {
     Layout: {"harmonics": _whole(0), "nu": _whole(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
              "labels": _table(_text), "orders": _optional(_tuple(_whole(1)))},
+    TorusLayout: {"harmonics": _tuple(_whole(1, 200), 2), "elements": _tuple(_text), "nu": _whole(1, 10_000),
+                  "labels": _table(_text), "odd": _flag, "dense": _whole(1, 100)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
                    "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
@@ -247,7 +250,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
              "regime": _array("iu", 2), "error": _array("f", 1), "step": _array("f", 1),
              "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _text,
-             "message": _text, "layout": _optional(_object(Layout)), "meta": _table(_plain),
+             "message": _text, "layout": _optional(_object(Layout, TorusLayout)), "meta": _table(_plain),
              "others": _tuple(lambda *given: _object(Branch)(*given)), "modulus_error": _array("f", 1)},
 }  # fmt: skip
 
@@ -263,6 +266,7 @@ def _check(branch: Branch) -> None:
     for other in branch.others:
         _check(other)
     _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
+    _check_torus(branch)
     _check_trace(branch)
     _check_balance(branch)
     _check_asymptotes(branch)
@@ -282,6 +286,16 @@ def _check(branch: Branch) -> None:
         for end in (jump.before, jump.after, *jump.candidates):
             if end is not None:
                 _check_motion(layout_of(end), end.X, end.regime, f"the jump at {jump.label}")
+
+
+def _check_torus(branch: Branch) -> None:
+    """Check that the unknowns of tori match their basis, and that their second frequency is known."""
+    for layout, X in ((branch.layout, branch.X), *((point.layout, point.X) for point in branch.special)):
+        if isinstance(layout, TorusLayout):
+            if "Omega_2" not in branch.tracked:
+                raise ValueError("its tori have no Omega_2")
+            if X.shape[-1] != layout.width:
+                raise ValueError(f"{X.shape[-1]} unknowns do not fit H = {layout.harmonics} of a torus")
 
 
 def _check_trace(branch: Branch) -> None:

@@ -22,6 +22,7 @@ from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import FullMotion, saved_fields
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
+from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models import model_registry
@@ -81,10 +82,10 @@ def packed(branch: Branch) -> bytes:
 
 
 def _arrays_of(branch: Branch) -> dict[str, Any]:
-    if branch.layout is not None and layout_of(branch) is None:
+    if branch.layout is not None and not isinstance(branch.layout, Layout | TorusLayout):
         raise ValueError(
             f"a branch with unknowns of the kind {type(branch.layout).__name__} cannot be saved: only curves of "
-            "periodic motions and of plain numbers can; compute it from the curve again"
+            "periodic motions, of tori and of plain numbers can; compute it from the curve again"
         )
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
@@ -232,4 +233,4 @@ def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, Point, SpecialPoint, Jump, Branch)}
+_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, TorusLayout, Point, SpecialPoint, Jump, Branch)}

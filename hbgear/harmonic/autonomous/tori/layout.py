@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,20 +22,31 @@ class TorusLayout:
 
     Attributes
     ----------
-    basis : TorusBasis
-        Fourier basis.
+    harmonics : tuple of int
+        Highest harmonics H_1 and H_2 of both phases.
     elements : tuple of str
         Names of the m elements.
     nu : int
         Subharmonic order of the first phase, theta_1 = tau / nu.
     labels : dict
         Axis labels of the parameters.
+    odd : bool
+        Whether only odd harmonics of the first phase are unknowns.
+    dense : int
+        Factor of the number of samples.
     """
 
-    basis: TorusBasis
+    harmonics: tuple[int, int]
     elements: tuple[str, ...]
     nu: int
     labels: dict[str, str] = field(default_factory=dict)
+    odd: bool = False
+    dense: int = 1
+
+    @property
+    def basis(self) -> TorusBasis:
+        """Fourier basis."""
+        return _basis(*self.harmonics, self.odd, self.dense)
 
     @property
     def width(self) -> int:
@@ -93,6 +105,10 @@ class TorusLayout:
         moving = k[:, 1] > 0
         whole = float(np.linalg.norm(c[:, moving]))
         return float(np.linalg.norm(c[:, moving & (distance > 0.9)])) / max(whole, 1e-300)
+
+
+_basis = lru_cache(maxsize=8)(TorusBasis)
+"""Bases by their arguments."""
 
 
 def _rms(basis: TorusBasis, c: ComplexArray) -> float:

@@ -32,7 +32,7 @@ from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_eve
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.mechanics.models import describe
+from hbgear.mechanics.models import Model, describe
 
 SECOND = "Omega_2"
 """Name of the second frequency."""
@@ -117,7 +117,8 @@ class TorusProblem(ContinuationProblem):
     def layout(self) -> TorusLayout:
         """Names and measures of the unknowns."""
         names = tuple(element.name for element in self.balance.compiled({}).system.elements)
-        return TorusLayout(self.basis, names, self.balance.nu, dict(self.balance.model.labels))
+        basis, labels = self.basis, dict(self.balance.model.labels)
+        return TorusLayout((basis.H1, basis.H2), names, self.balance.nu, labels, basis.odd, basis.dense)
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name other than Omega and the parameters of the model."""
@@ -237,18 +238,24 @@ class TorusProblem(ContinuationProblem):
         """Return forces and slopes of the laws at a motion with coefficients (m, K) and frequencies (K,)."""
         basis, m = self.basis, len(c)
         d, v = basis.samples(np.stack([c, 1j * w * c]))
-        tau = np.broadcast_to(
-            2 * np.pi * self.balance.nu * np.arange(basis.shape[0])[:, None] / basis.shape[0], basis.shape
-        )
         found = [
             [
                 np.broadcast_to(x, tau.size).reshape(tau.shape)
                 for x in law.force(d[j].ravel(), v[j].ravel(), tau.ravel())
             ]
-            for j, law in enumerate(evaluator.laws)
+            for j, (law, tau) in enumerate(zip(evaluator.laws, self._phases(evaluator), strict=True))
         ]
         p, stiffness, damping = (np.array([one[i] for one in found]).reshape(m, *basis.shape) for i in range(3))
         return _Forces(basis.coefficients(p), stiffness, damping if damping.any() else None)
+
+    def _phases(self, evaluator: Evaluator) -> list[Array]:
+        """Return the phase tau (N1, N2) of the law of each element at the samples."""
+        theta = 2 * np.pi * np.arange(self.basis.shape[0])[:, None] / self.basis.shape[0]
+        return [np.broadcast_to(self.balance.nu * theta, self.basis.shape)] * evaluator.m
+
+    def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
+        """Return the loads (K, n) on the coordinates with the second phase; zero for a torus of unknown frequency."""
+        return np.zeros((len(self.basis.k), self.balance.compiled({}).structure.n), dtype=complex)
 
     def _constants(self, evaluator: Evaluator, Omega: float) -> tuple[ComplexArray, ComplexArray]:
         """Return g and its derivative in Omega, (m, K) each."""
@@ -258,6 +265,11 @@ class TorusProblem(ContinuationProblem):
         own = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] <= highest))
         out[:, :, own] = linear.constants[:, k[own, 0]].transpose(0, 2, 1)
         return out[0], out[1]
+
+    @property
+    def excited_model(self) -> Model:
+        """The model with all excitations."""
+        return self.balance.model
 
     # ---- quantities of a motion
 
@@ -279,6 +291,7 @@ class TorusProblem(ContinuationProblem):
         for i in np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] < len(F))):
             order = basis.k[i, 0]
             rhs[i] += F[order] + ((structure.kr + 1j * w[i] * structure.c) * e[order]) @ structure.W.T
+        rhs += self._second_loads(parameters)
         return np.array([structure.solve(wk, rhs[i][:, None])[:, 0] for i, wk in enumerate(w)]).T
 
     def events(self, parameter: str) -> tuple[Any, ...]:
@@ -288,9 +301,14 @@ class TorusProblem(ContinuationProblem):
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
         return {
-            "model": describe(self.balance.model),
+            "model": describe(self.excited_model),
             "balance": self.balance.discretization.describe(None),
-            "curve": {"of": type(self).__name__, "harmonics": [self.basis.H1, self.basis.H2]},
+            "curve": {
+                "of": type(self).__name__,
+                "harmonics": [self.basis.H1, self.basis.H2],
+                "odd": self.basis.odd,
+                "dense": self.basis.dense,
+            },
         }
 
 

@@ -1,0 +1,229 @@
+"""Commands on kinds of motion: ``hbgear backbone``, ``cycles``, ``torus`` and ``follow``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.quantities import number_of
+from hbgear.cli.support import (
+    Changes,
+    Element,
+    Figure,
+    File,
+    First,
+    Harmonics,
+    Last,
+    Measure,
+    Model,
+    Output,
+    OwnModel,
+    chosen_model,
+    element_of,
+    exit_code,
+    harmonics_of,
+    longer_span,
+    print_table,
+    problem_in,
+    range_of,
+    show_branch,
+)
+
+ROWS = 8
+"""Number of rows of the tables of backbones, limit cycles and tori."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this module."""
+    app.command()(backbone)
+    app.command()(cycles)
+    app.command()(torus)
+    app.command()(follow)
+
+
+def backbone(
+    model: Model,
+    changes: Changes = None,
+    mode: Annotated[int, typer.Option(min=1, help="Mode, in ascending frequency.")] = 1,
+    amplitudes: Annotated[
+        str, typer.Option("--amplitudes", metavar="FROM:TO", help="rms amplitude of all elements, in model units.")
+    ] = "0.01:1",
+    harmonics: Harmonics = "16",
+    output: Output = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Trace the backbone of a mode: its frequency and damping ratio over the amplitude, without excitation.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
+    """
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    low, colon, high = amplitudes.partition(":")
+    if not colon:
+        raise ValueError(f"--amplitudes {amplitudes}: need FROM:TO, such as 0.01:1")
+    span = number_of("--amplitudes", low), number_of("--amplitudes", high)
+    which = element_of(element)
+    found = hb.analysis.backbone(chosen_model(model, changes), mode, span, harmonics=_fixed(harmonics))
+    with outputs() as out:
+        out.branch(output, found)
+        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which))
+        print(f"backbone of mode {mode}: {len(found)} points; {found.message}")
+        heights = found.amplitude(measure, which)
+        rows = [
+            [f"{found.tracked['Omega'][i]:.6g}", f"{found.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
+            for i in _some(len(found))
+        ]
+        print_table(["Omega", "damping ratio", measure], rows)
+    raise typer.Exit(exit_code(found))
+
+
+def cycles(
+    model: Model,
+    within: Annotated[
+        str,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="Parameter, and its range from the stable side.",
+            autocompletion=cli_complete.fields,
+        ),
+    ],
+    changes: Changes = None,
+    length: Annotated[
+        float, typer.Option(min=1e-300, help="Displacement at which the nonlinearity matters, in model units.")
+    ] = 1.0,
+    harmonics: Harmonics = "16",
+    output: Output = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Compute Hopf points of the equilibrium over a parameter, and trace the limit cycles from the first one.
+
+    Exit codes: 0 the end was reached, 2 bad input or no Hopf point, 3 stopped early (results so far are shown).
+    """
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    machine, which = chosen_model(model, changes), element_of(element)
+    name, span = range_of(within, machine)
+    points = hb.analysis.hopf_points(machine, name, span)
+    if not points:
+        raise ValueError(f"--in {within}: no Hopf point; the equilibrium neither gains nor loses stability by flutter")
+    print_table([name, "Omega"], [[f"{one.value:.8g}", f"{one.Omega:.8g}"] for one in points], "Hopf points")
+    found = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
+    with outputs() as out:
+        out.branch(output, found)
+        out.figure(plot, lambda drawing: drawing.response(found, measure, which))
+        print(f"limit cycles from {name} = {points[0].value:.6g}: {len(found)} points; {found.message}")
+        _show_frequencies(found, "Omega", measure, which)
+        show_branch(found, measure, which)
+    raise typer.Exit(exit_code(found))
+
+
+def torus(
+    file: File,
+    label: Annotated[str, typer.Argument(metavar="LABEL", help="A Neimark-Sacker point of the curve.")] = "NS1",
+    model: OwnModel = None,
+    first: First = None,
+    last: Last = None,
+    output: Output = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Trace the quasi-periodic motions that leave a saved curve at a Neimark-Sacker point; --plot draws both.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
+    """
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    branch, which = hb.load(file), element_of(element)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    span = None if first is None and last is None else longer_span(branch, None, first, last)
+    found = hb.analysis.torus(branch, label, span)
+    with outputs() as out:
+        out.branch(output, found)
+        out.figure(
+            plot,
+            lambda drawing: drawing.torus(
+                found, measure, which, drawing.response(branch, measure, which, dimensionless=True)
+            ),
+        )
+        print(f"tori from {label} of {file}: {len(found)} points; {found.message}")
+        _show_frequencies(found, "Omega_2", measure, which)
+    raise typer.Exit(exit_code(found))
+
+
+def follow(
+    file: File,
+    label: Annotated[
+        str,
+        typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels),
+    ],
+    within: Annotated[
+        str,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="Second parameter, and its range; the first value is usually that of the curve.",
+            autocompletion=cli_complete.fields,
+        ),
+    ],
+    model: OwnModel = None,
+    output: Output = None,
+    plot: Figure = None,
+) -> None:
+    """Trace the curve of a special point of a saved curve in a second parameter, with its special points.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
+    """
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    name, span = range_of(within)
+    found = hb.follow(branch, label, name, span)
+    with outputs() as out:
+        out.branch(output, found)
+        out.figure(plot, lambda drawing: drawing.special_curves([found]))
+        print(f"{label} of {file} in {name}: {len(found)} points; {found.message}")
+        first = branch.parameter
+        rows = [[f"{found.values[i]:.6g}", f"{found.tracked[first][i]:.6g}"] for i in _some(len(found))]
+        print_table([name, first], rows)
+        special = [
+            [p.label, f"{p.parameters[name]:.9g}", f"{p.parameters[first]:.9g}", p.meaning] for p in found.special
+        ]
+        if special:
+            print_table(["", name, first, "event"], special, "special points")
+        else:
+            print("no special points")
+    raise typer.Exit(exit_code(found))
+
+
+def _fixed(harmonics: str) -> int:
+    """Return the number of harmonics, which cannot be "auto" here."""
+    number = harmonics_of(harmonics)
+    if not isinstance(number, int):
+        raise ValueError("--harmonics auto: this command needs a whole number")
+    return number
+
+
+def _some(count: int) -> list[int]:
+    """Return the numbers of at most `ROWS` points, both ends among them."""
+    return sorted(set(np.linspace(0, count - 1, min(ROWS, count)).round().astype(int).tolist()))
+
+
+def _show_frequencies(found: hb.Branch, frequency: str, measure: str, element: int | str) -> None:
+    """Print the parameter, the unknown frequency and the amplitude at some points of a branch."""
+    heights = found.amplitude(measure, element)
+    rows = [
+        [f"{found.values[i]:.6g}", f"{found.tracked[frequency][i]:.6g}", f"{heights[i]:.5g}"] for i in _some(len(found))
+    ]
+    print_table([found.parameter, frequency, measure], rows)

@@ -1,0 +1,291 @@
+"""Motions with two prescribed frequencies without a common base: two meshes, or a mesh and an engine order.
+
+    d_k + G(w_k) [p_k(d, d') - kr d_k + g_k] = d2_k,   w_k = k_1 Omega / nu + k_2 Omega_2,   Omega_2 = ratio Omega
+    d2_k = W^T Z^-1 [F_k + W (kr + i w c) e_k] - e_k,   k = (0, k_2)
+
+F_k are the harmonics of the second load, e_k the prescribed displacements of the elements that follow the second
+frequency; stiffness of their laws varies with the second phase, too. Each excitation is periodic in one phase, so the
+motion lies on a torus.
+
+References
+----------
+Schilder, Vogt, Schreiber & Osinga (2006), Int. J. Numer. Meth. Eng. 67, https://doi.org/10.1002/nme.1632.
+Guskov & Thouverez (2012), J. Vib. Acoust. 134(3), https://doi.org/10.1115/1.4005823.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import POSITIVE, checked, counted
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.autonomous.tori.ends import smoothness_event
+from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.structure.derived_model import DerivedModel
+from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.series.fourier import Series, to_complex
+
+COMMON_BASE_TOLERANCE = 1e-6
+"""Distance of q times the ratio from a whole number, below which both frequencies have a common base."""
+
+_FREQUENCY_STEP = 1e-6
+"""Relative step of the differences of the linear response in the frequency."""
+
+
+class _FirstTone(DerivedModel):
+    """A model in which some elements have no alternating prescribed displacement; it belongs to the second tone."""
+
+    def __init__(self, model: Model, elements: tuple[str, ...]) -> None:
+        super().__init__(model)
+        self.elements = elements
+
+    def replace(self, /, **changes: float) -> _FirstTone:
+        return _FirstTone(self.model.replace(**changes), self.elements)
+
+    def system(self) -> System:
+        """Return the system of the model with mean displacements of these elements."""
+        system = self.model.system()
+
+        def resting(element: Element) -> Element:
+            mean = Series(mean=float(element.displacement.mean))
+            return dataclasses.replace(element, displacement=mean) if element.name in self.elements else element
+
+        return dataclasses.replace(system, elements=[resting(element) for element in system.elements])
+
+
+class TwoToneProblem(TorusProblem):
+    """Motions with two prescribed frequencies: a problem for `trace` in Omega or a parameter of the model.
+
+    Parameters
+    ----------
+    model : Model
+        Model with the first excitation.
+    ratio : float
+        Omega_2 / Omega.
+    load : Load, optional
+        Load of the second frequency on the coordinates, without constant part. Default: none.
+    elements : sequence of str, optional
+        Names of the elements whose prescribed displacements and laws follow the second frequency. Default: none.
+    harmonics : (int, int), optional
+        H_1 and H_2, highest harmonics of both frequencies. Default: (9, 9).
+    dense : int, optional
+        Factor of the number of samples of the forces. Default: 1.
+
+    Raises
+    ------
+    ValueError
+        If the ratio is a small rational number, the load has a constant part, an element does not exist or has a
+        displacement with breakpoints, or as of `TorusProblem`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.harmonic.TwoToneProblem(hb.Duffing(), 2**0.5, hb.Load(cosine={1: [0.1]}), harmonics=(3, 3))
+    >>> problem.resolution
+    'H = (3, 3)'
+    """
+
+    singular_hint = "a gap that stays open without load: load the system"
+
+    @checked_arguments()
+    def __init__(
+        self, model: Model, ratio: float, load: Load | None = None, elements: Sequence[str] = (),
+        harmonics: tuple[int, int] = (9, 9), dense: int = 1,
+    ) -> None:  # fmt: skip
+        checked("TwoToneProblem", "ratio", ratio, POSITIVE)
+        for i in (0, 1):
+            counted(f"harmonics[{i}]", harmonics[i], 200)
+        require_no_common_base(ratio, harmonics)
+        self.ratio, self.load, self.elements, self._model = float(ratio), load or Load(), tuple(elements), model
+        if self.load.constant is not None and np.any(self.load.constant):
+            raise ValueError("the second load has a constant part; add it to the load of the model")
+        system = model.system()
+        names = [element.name for element in system.elements]
+        for name in self.elements:
+            if name not in names:
+                raise ValueError(f"no element '{name}'; there are {', '.join(names)}")
+            if not isinstance(system.elements[names.index(name)].displacement, Series):
+                raise ValueError(f"element '{name}' has a displacement with breakpoints, a Periodic; give a Series")
+        if any(len(vector) != system.n for vector in self.load.vectors()):
+            raise ValueError(f"the vectors of the second load need {system.n} entries, one for each coordinate")
+        self._second = np.array([name in self.elements for name in names])
+        first = _FirstTone(model, self.elements) if self.elements else model
+        super().__init__(HarmonicBalance(first, harmonics[0]), TorusBasis(*harmonics, dense=dense))
+
+    def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> TwoToneProblem:
+        """Return the problem itself: both phases are prescribed."""
+        return self
+
+    def start(self, **parameters: float) -> Array:
+        """Return the mean and the linear response to both excitations."""
+        c = np.zeros((self.balance.m, len(self.basis.k)), dtype=complex)
+        rows = to_complex(self.balance.rows(self.balance.start(**parameters)))
+        for i, (k1, k2) in enumerate(self.basis.k.tolist()):
+            if k2 == 0 and k1 < rows.shape[1]:
+                c[:, i] = rows[:, k1]
+        c += self._second_response({**parameters, SECOND: self.ratio * parameters["Omega"]})
+        return np.append(self.basis.to_real(c).ravel(), self.ratio * parameters["Omega"])
+
+    @property
+    def excited_model(self) -> Model:
+        """The model with all excitations except the second load."""
+        return self._model
+
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        """Return the end at which the spectrum does not decay."""
+        return (smoothness_event(),)
+
+    # ---- equations
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """Return the residual with its derivatives; the last equation prescribes the second frequency."""
+        now, n = super().linearise(X, name, **parameters), len(X) - 1
+        here = {**parameters, SECOND: float(X[-1])}
+        h = _FREQUENCY_STEP * here[SECOND]
+        second, up, down = (self._second_response({**here, SECOND: here[SECOND] + dw}) for dw in (0.0, h, -h))
+        now.R[:n] -= self.basis.to_real(second).ravel()
+        now.dR_dX[:n, n] -= self.basis.to_real((up - down) / (2 * h)).ravel()
+        weight = now.size / here[SECOND]
+        now.R[n] = weight * (here[SECOND] - self.ratio * parameters["Omega"])
+        now.dR_dX[n] = 0.0
+        now.dR_dX[n, n] = weight
+        now.dR_dp[n] = -weight * self.ratio if name == "Omega" else 0.0
+        return now
+
+    def _phases(self, evaluator: Evaluator) -> list[Array]:
+        first, theta = super()._phases(evaluator), 2 * np.pi * np.arange(self.basis.shape[1]) / self.basis.shape[1]
+        return [np.broadcast_to(theta, self.basis.shape) if own else tau
+                for own, tau in zip(self._second, first, strict=True)]  # fmt: skip
+
+    def _displacements(self, parameters: Mapping[str, float]) -> ComplexArray:
+        """Return the harmonics (K, m) of the prescribed displacements of the second frequency."""
+        out = np.zeros((len(self.basis.k), len(self._second)), dtype=complex)
+        if not self.elements:
+            return out
+        changes = {name: x for name, x in parameters.items() if name not in ("Omega", SECOND)}
+        for j, element in enumerate(self._model.replace(**changes).system().elements):
+            if self._second[j] and isinstance(element.displacement, Series):
+                out[:, j] = self._harmonics(element.displacement.cosine, element.displacement.sine)
+        return out
+
+    def _harmonics(self, cosine: Any, sine: Any) -> ComplexArray:
+        """Return coefficients (K,) of a series of the second phase, given from its first harmonic on."""
+        out = np.zeros(len(self.basis.k), dtype=complex)
+        at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
+        for factor, values in ((1.0, cosine), (-1j, sine)):
+            for order, value in enumerate(values, 1):
+                if (0, order) in at:
+                    out[at[0, order]] += factor * value
+        return out
+
+    def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
+        """Return the loads (K, n) of the second frequency, with those of prescribed displacements."""
+        structure = self.balance.compiled({n: x for n, x in parameters.items() if n != SECOND}).structure
+        out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
+        at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
+        power = parameters[SECOND] ** self.load.power
+        for factor, table in ((1.0, self.load.cosine), (-1j, self.load.sine)):
+            for order, vector in table.items():
+                if (0, order) in at:
+                    out[at[0, order]] += factor * power * np.asarray(vector)
+        w = self.basis.k[:, 1] * parameters[SECOND]
+        e = self._displacements(parameters)
+        out += ((structure.kr + 1j * w[:, None] * structure.c) * e) @ structure.W.T
+        return out
+
+    def _second_response(self, parameters: Mapping[str, float]) -> ComplexArray:
+        """Return the displacements (m, K) of the linear structure by the second excitation."""
+        structure = self.balance.compiled({n: x for n, x in parameters.items() if n != SECOND}).structure
+        F, out = self._second_loads(parameters), -self._displacements(parameters).T
+        for i in np.flatnonzero(np.abs(F).max(axis=1)):
+            w = float(self.basis.k[i, 1]) * parameters[SECOND]
+            out[:, i] += structure.W.T @ structure.solve(w, F[i][:, None])[:, 0]
+        return out
+
+
+def require_no_common_base(ratio: float, harmonics: tuple[int, int]) -> None:
+    """Raise ValueError if two frequencies have a common base within the harmonics.
+
+    Parameters
+    ----------
+    ratio : float
+        Omega_2 / Omega.
+    harmonics : (int, int)
+        Highest harmonics of both frequencies.
+    """
+    for q in range(1, 2 * harmonics[1] + 1):
+        p = round(ratio * q)
+        if 0 < p <= 2 * harmonics[0] and abs(ratio * q - p) < COMMON_BASE_TOLERANCE and math.gcd(p, q) == 1:
+            raise ValueError(
+                f"Omega_2 / Omega = {ratio:.9g} = {p}/{q}: both frequencies have the common base Omega / {q}, and the "
+                f"motion is periodic. Use hb.HarmonicBalance with the base as Omega: orders {q}, {2 * q}, ... for the "
+                f"first excitation and {p}, {2 * p}, ... for the second one"
+            )
+
+
+@checked_arguments()
+def two_tones(
+    model: Model, ratio: float, span: tuple[float, float], *, load: Load | None = None, elements: Sequence[str] = (),
+    harmonics: tuple[int, int] = (9, 9), dense: int = 1, parameter: str = "Omega", **options: Any,
+) -> Branch:  # fmt: skip
+    """Trace motions with two prescribed frequencies that have no common base, such as two meshes on different shafts.
+
+        d(t) = Re sum_k c_k e^{i (k_1 + k_2 ratio) Omega t},   |k_1| / H_1 + |k_2| / H_2 <= 1
+
+    Parameters
+    ----------
+    model : Model
+        Model with the first excitation.
+    ratio : float
+        Omega_2 / Omega, no small rational number.
+    span : (float, float)
+        First and last value of the parameter.
+    load : Load, optional
+        Load of the second frequency on the coordinates, without constant part. Default: none.
+    elements : sequence of str, optional
+        Names of the elements whose prescribed displacements and laws follow the second frequency, such as the second
+        mesh. Default: none.
+    harmonics : (int, int), optional
+        H_1 and H_2, highest harmonics of both frequencies. Default: (9, 9). Gaps need more of both.
+    dense : int, optional
+        Factor of the number of samples of the forces; larger ones reduce the error with gaps. Default: 1.
+    parameter : str, optional
+        Parameter of the curve. Default: "Omega".
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        Curve of tori, with ``tracked["Omega_2"]``. `Branch.amplitude` has the measures "rms", "pp2", "max" and "mean".
+        Stability is not computed.
+
+    Raises
+    ------
+    ValueError
+        As of `TwoToneProblem`.
+    NoConvergence
+        If no motion is found at the first value.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> second = hb.Load(cosine={1: [0.1]})
+    >>> curve = hb.analysis.two_tones(hb.Duffing(k3=0.1, F=0.1), 2**0.5, (0.5, 0.7), load=second, harmonics=(5, 5))
+    >>> bool(abs(curve.tracked["Omega_2"][-1] / 0.7 - 2**0.5) < 1e-12)
+    True
+    """
+    problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense)
+    return trace(problem, parameter, span, **({"cover": False, "stability": False, "accuracy": None} | options))

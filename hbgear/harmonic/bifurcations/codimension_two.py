@@ -1,0 +1,415 @@
+"""Points of codimension two on curves of folds, period doublings and Neimark-Sacker points in two parameters.
+
+RI    1:1 resonance, a double multiplier +1: on folds w^T D_s v = 0; the end of a Neimark-Sacker curve.
+RII   1:2 resonance, a double multiplier -1: on period doublings w^T D_s v = 0; the end of a Neimark-Sacker curve.
+RIII  1:3 resonance: cos theta = -1/2 on a Neimark-Sacker curve, theta the angle of the multipliers.
+RIV   1:4 resonance: cos theta = 0.
+FF    fold-flip, multipliers +1 and -1: the other of the two blocks of the doubled problem is singular.
+GPD   generalised period doubling: the cubic coefficient of the doubled branch is zero,
+
+    w^T [R_XX h v + R_XXX v v v / 6] = 0,   R_X h = -R_XX v v / 2
+
+v and w are the null vectors at the point, D(s) is Hill's determinant in real coefficients and D_s its derivative in
+the exponent. All are zeros of smooth functions along the curve, located as bracketed roots. Their signs do not depend
+on the signs of v and w: they are multiplied by the sign of the determinant of [A w; v^T 0], A v = 0.
+
+Cusps (CP) are turning points of curves of folds; see `hbgear.continuation.events.fold`.
+
+References
+----------
+Kuznetsov, Elements of Applied Bifurcation Theory (2004), ch. 9, https://doi.org/10.1007/978-1-4757-3978-7.
+Kuznetsov & Meijer (2005), SIAM J. Sci. Comput. 26(6), https://doi.org/10.1137/030601508.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.augmented.level import ScalarConditionProblem
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.numerics.linear import as_dense, bordered, norm
+from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
+from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+from hbgear.harmonic.multipliers.hill import CondensedHillMatrix
+from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
+from hbgear.mechanics.series.fourier import to_real
+
+Test = Callable[[Any, Array, dict[str, float]], float]
+"""Function of the equations of a special point, the motion and all parameters."""
+
+
+class CodimensionTwoEvent(Event):
+    """Zero of a smooth function along a curve of special points."""
+
+    function: Test
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return the function at points, (P, 1); it is stored with them."""
+        for point in points:
+            if self.kind not in point.observed:
+                point.observed[self.kind] = self._value(problem, name, fixed, point)
+        return np.array([[point.observed[self.kind]] for point in points])
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        def test(point: CurvePoint) -> float:
+            return self._value(segment.problem, segment.name, segment.parameters, point)
+
+        return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
+
+    def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
+        """Return the function at a point; nan where it is undefined."""
+        X, own = problem.split(point.X)
+        try:
+            return type(self).function(problem, X, {**fixed, **own, name: point.value})
+        except (NoConvergence, np.linalg.LinAlgError):
+            return math.nan
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return None
+
+
+# ---- resonances 1:1 and 1:2, and fold-flip
+
+
+def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array) -> tuple[Array, Array]:
+    """Return Hill's determinant D(0) and its derivative in the exponent, for real coefficients.
+
+    Parameters
+    ----------
+    balance : HarmonicBalance
+        Equations of the motion.
+    X : ndarray, shape (n,)
+        Motion.
+    here : mapping of str to float
+        All parameters.
+    some : ndarray of int, shape (k,)
+        Unknowns of the disturbance.
+
+    Returns
+    -------
+    D, D_s : ndarray, shape (k, k)
+        The matrices.
+    """
+    hill = CondensedHillMatrix.of(balance.compiled(here), X, here["Omega"])
+    m, H = balance.m, balance.H
+    two_sided = np.zeros((m, 2 * H + 1, m, 2 * H + 1), dtype=complex)  # harmonic and element from element and row
+    for j in range(m):
+        two_sided[j, H, j, 0] = 1.0
+        for k in range(1, H + 1):
+            two_sided[j, H + k, j, 2 * k - 1], two_sided[j, H + k, j, 2 * k] = 0.5, -0.5j
+            two_sided[j, H - k, j, 2 * k - 1], two_sided[j, H - k, j, 2 * k] = 0.5, 0.5j
+    kept = np.concatenate([[0], *[(2 * k - 1, 2 * k) for k in balance.orders[1:]]]).astype(int)
+    columns = two_sided[..., kept].reshape(m, 2 * H + 1, -1)[..., some].swapaxes(0, 1).reshape(m * (2 * H + 1), -1)
+    G, dG = hill.receptances(0.0)
+    out = []
+    for matrix in (hill.matrix(G, 0.0), hill.rate(G, dG, 0.0)):
+        image = (matrix @ columns).reshape(2 * H + 1, m, -1)[H:].transpose(2, 1, 0)  # (k, m, H + 1)
+        image[..., 1:] *= 2.0
+        out.append(to_real(image)[..., kept].reshape(len(some), -1)[:, some].T)
+    return out[0], out[1]
+
+
+def rate_of_exponent(D: Array, D_s: Array) -> float:
+    """Return the derivative of det D(s) at s = 0, up to a positive factor, with a singular D: zero if it is double."""
+    u, _, vt = scipy.linalg.svd(D)
+    w, v = u[:, -1], vt[-1]
+    return float(w @ D_s @ v) * _border_sign(D, w, v)
+
+
+def _border_sign(A: Array, w: Array, v: Array) -> float:
+    """Return the sign of the determinant of [A w; v^T 0]."""
+    return float(np.linalg.slogdet(bordered(A, w, v))[0])
+
+
+def _signed_singular_value(A: Array) -> float:
+    """Return the smallest singular value relative to the largest, with the sign of the determinant."""
+    s = scipy.linalg.svdvals(A)
+    return float(np.linalg.slogdet(A)[0] * s[-1] / s[0])
+
+
+class FirstResonanceEvent(CodimensionTwoEvent):
+    """1:1 resonance on a curve of folds: a second multiplier is +1, and a curve of Neimark-Sacker points begins."""
+
+    kind, meaning, marker = "RI", "1:1 resonance: a double multiplier +1", "p"
+
+    @staticmethod
+    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+        """Return the derivative of the determinant in the exponent."""
+        return rate_of_exponent(*hill_matrices(problem.problem, X, here, np.arange(len(X))))
+
+
+class SecondResonanceEvent(CodimensionTwoEvent):
+    """1:2 resonance on a curve of period doublings: a second multiplier is -1."""
+
+    kind, meaning, marker = "RII", "1:2 resonance: a double multiplier -1", "h"
+
+    @staticmethod
+    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+        """Return the derivative of the determinant of the half-integer block in the exponent."""
+        return rate_of_exponent(*hill_matrices(problem.doubled, problem.embed(X), here, problem.odd))
+
+
+class FlipOnFoldEvent(CodimensionTwoEvent):
+    """Fold-flip on a curve of folds: a multiplier passes -1."""
+
+    kind, meaning, marker = "FF", "fold-flip: multipliers +1 and -1", "H"
+
+    @staticmethod
+    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+        """Return the smallest singular value of the half-integer block, with the sign of its determinant."""
+        return _signed_singular_value(PeriodDoublingProblem(problem.problem, problem.parameter).matrix(X, here)[0])
+
+
+class FoldOnFlipEvent(CodimensionTwoEvent):
+    """Fold-flip on a curve of period doublings: a multiplier passes +1."""
+
+    kind, meaning, marker = "FF", FlipOnFoldEvent.meaning, FlipOnFoldEvent.marker
+
+    @staticmethod
+    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+        """Return the smallest singular value of dR/dX, with the sign of its determinant."""
+        return _signed_singular_value(as_dense(linearise(problem.problem, X, "", here).dR_dX))
+
+
+# ---- generalised period doubling
+
+
+class GeneralisedDoublingEvent(CodimensionTwoEvent):
+    """Generalised period doubling: the branch of twice the period turns over, and a curve of its folds begins."""
+
+    kind, meaning, marker = "GPD", "generalised period doubling: the doubled branch turns over", "X"
+
+    @staticmethod
+    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+        """Return the cubic coefficient of the doubled branch; its sign is that of the side on which it exists.
+
+        Derivatives along v and h are differences of Jacobians of fourth order.
+        """
+        doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
+        u, _, vt = scipy.linalg.svd(problem.matrix(X, here)[0])
+        w, v = np.zeros(len(wide)), np.zeros(len(wide))
+        w[odd], v[odd] = u[:, -1], vt[-1]
+        t = DIFFERENCE_STEP * (norm(X) or 1.0)
+
+        def jacobian(change: Array) -> Array:
+            return as_dense(linearise(doubled, wide + change, "", here).dR_dX)
+
+        def sides(along: Array) -> tuple[list[Array], float]:
+            size = norm(along) or 1.0
+            step = t / size
+            return [jacobian(k * step * along) for k in (-2, -1, 1, 2)], step
+
+        (A, B, C, D), step = sides(v)
+        first, second = (A - 8 * B + 8 * C - D) @ v / (12 * step), (-A + 16 * B + 16 * C - D) @ v
+        middle = jacobian(np.zeros(len(wide)))
+        third = (second - 30 * middle @ v) / (12 * step**2)
+        h = np.zeros(len(wide))
+        h[even] = -0.5 * np.linalg.solve(middle[np.ix_(even, even)], first[even])
+        (A, B, C, D), step = sides(h)
+        mixed = (A - 8 * B + 8 * C - D) @ v / (12 * step)
+        coefficient = float(w @ (mixed + third / 6))
+        rounding = MAX_ROUNDING * float(np.finfo(float).eps) * float(np.abs(middle).max()) / t**2
+        if abs(coefficient) < rounding:  # a linear oscillator: every point of the curve is degenerate
+            return 0.0
+        return coefficient * _border_sign(middle[np.ix_(odd, odd)], w[odd], v[odd])
+
+
+DIFFERENCE_STEP = 5e-3
+"""Step of the differences of Jacobians, relative to the motion: the errors of fourth order and of rounding are 1e-8."""
+
+MAX_ROUNDING = 100.0
+"""Rounding of the cubic coefficient, over the rounding of an entry of the Jacobian over the step squared."""
+
+
+# ---- resonances on curves of Neimark-Sacker points
+
+
+class AngleEvent(CodimensionTwoEvent):
+    """Strong resonance on a curve of Neimark-Sacker points: cos theta passes a value.
+
+    The exponent at a point starts at that of the point before, because another pair may be nearer to the unit circle.
+    """
+
+    cosine: float
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        near = None
+        for point in points:
+            if EXPONENT not in point.observed:
+                point.observed[EXPONENT] = exponent_at(problem, name, fixed, point, near)
+            near = point.observed[EXPONENT]
+        return np.array([[self._value(problem, name, fixed, point)] for point in points])
+
+    def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
+        """Return cos theta minus its value at the resonance; nan where the pair is real."""
+        s = point.observed.get(EXPONENT) or exponent_at(problem, name, fixed, point, None)
+        return math.nan if s is None else math.cos(_angle(problem, name, fixed, point, s)) - self.cosine
+
+
+EXPONENT = "Neimark-Sacker exponent"
+"""Name under which points of a curve store the exponent of the pair."""
+
+
+def exponent_at(
+    problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, near: complex | None
+) -> complex | None:
+    """Return the exponent of the pair at a point of a curve of Neimark-Sacker points; None if the pair is real.
+
+    Parameters
+    ----------
+    problem : NeimarkSackerProblem
+        Equations of the curve.
+    name : str
+        Parameter of the curve.
+    fixed : mapping of str to float
+        Values of the other parameters.
+    point : CurvePoint
+        Point.
+    near : complex or None
+        Exponent of a neighbouring point. By default that of the equations.
+    """
+    X, own = problem.split(point.X)
+    equations = problem if near is None else NeimarkSackerProblem(problem.problem, problem.parameter, near)
+    try:
+        return equations.exponent(X, **{**fixed, **own, name: point.value})
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return None
+
+
+def _angle(problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, s: complex) -> float:
+    """Return the angle [rad] of the multipliers with the exponent s, up to whole turns."""
+    Omega = {**fixed, **problem.split(point.X)[1], name: point.value}["Omega"]
+    return float(2 * math.pi * problem.problem.nu * s.imag / Omega)
+
+
+class ThirdResonanceEvent(AngleEvent):
+    """1:3 resonance: multipliers exp(+-2 pi i / 3)."""
+
+    kind, meaning, marker, cosine = "RIII", "1:3 resonance: the multipliers are third roots of unity", "<", -0.5
+
+
+class FourthResonanceEvent(AngleEvent):
+    """1:4 resonance: multipliers i and -i."""
+
+    kind, meaning, marker, cosine = "RIV", "1:4 resonance: the multipliers are i and -i", "d", 0.0
+
+
+class RealPairEvent(CodimensionTwoEvent):
+    """End of a curve of Neimark-Sacker points, where the pair becomes real: the resonance 1:1 or 1:2.
+
+    theta^2, or (pi - theta)^2, falls linearly to zero. The point is located on the curve of folds or period doublings
+    that passes there.
+
+    Parameters
+    ----------
+    on : FirstResonanceEvent or SecondResonanceEvent
+        The same point on that curve.
+    equations : type
+        `FoldProblem` or `PeriodDoublingProblem`.
+    """
+
+    terminal = True
+
+    def __init__(self, on: type[CodimensionTwoEvent], equations: type[FoldProblem]) -> None:
+        self.kind, self.meaning, self.marker = on.kind, on.meaning, on.marker
+        self._on, self._equations = on, equations
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Return nothing: the curve cannot be continued beyond this point."""
+        return []
+
+    def ahead(self, segment: Segment) -> LocatedEvent | None:
+        """Return the resonance slightly beyond the last segment."""
+        before, after = (self._angle(segment, end) ** 2 for end in (segment.a, segment.b))
+        if not (after < before and after < MAX_END_ANGLE**2):
+            return None
+        s = before / (before - after)
+        problem, name = segment.problem, segment.name
+        assert isinstance(problem, NeimarkSackerProblem)
+        codimension_one = self._equations(problem.problem, problem.parameter)
+        u = segment.a.u + s * (segment.b.u - segment.a.u)
+
+        def test(point: Point) -> float:
+            X, own = codimension_one.split(point.X)
+            return self._on.function(codimension_one, X, {**point.parameters, **own})
+
+        equations = ScalarConditionProblem(codimension_one, name, test)
+        try:
+            solution = equations.located(u, {**segment.parameters, name: float(u[-1])})
+        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+            return None
+        found = solution.X
+        if norm((found - u) / segment.scale) > MAX_END_SHIFT:
+            return None
+        point = replace(segment.b, u=found, residual=solution.residual, iterations=solution.iterations, observed={})
+        return LocatedEvent(self, segment.fraction_of(found), point, True)
+
+    def _angle(self, segment: Segment, point: CurvePoint) -> float:
+        """Return the angle of the multipliers from the real axis at this resonance [rad]; zero if they are real."""
+        s = exponent_at(segment.problem, segment.name, segment.parameters, point, segment.a.observed.get(EXPONENT))
+        if s is None:
+            return 0.0
+        cosine = math.cos(_angle(segment.problem, segment.name, segment.parameters, point, s))
+        return math.acos(max(-1.0, min(1.0, cosine if self._on is FirstResonanceEvent else -cosine)))
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {self.meaning} at {name} = {value:.9g}"
+
+
+MAX_END_ANGLE = 0.3
+"""Angle of the multipliers, from 0 or pi [rad], up to which the end of a Neimark-Sacker curve is searched."""
+
+MAX_END_SHIFT = 0.1
+"""Scaled distance of the end of a Neimark-Sacker curve from its extrapolation, above which it is another point."""
+
+
+def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, ...]:
+    """Return the events along a curve of special points of a harmonic balance, besides cusps and branch points.
+
+    Parameters
+    ----------
+    curve : MinimallyAugmentedProblem
+        Equations of the special points.
+
+    Returns
+    -------
+    tuple of Event
+        The events; none for other curves, laws whose slopes are unknown, and structures without modes.
+    """
+    balance: Any = curve.problem
+    evaluator = balance.compiled({})
+    known = balance.smooth and has_sampled_slopes(evaluator) and evaluator.structure.modes is not None
+    if not known or evaluator.structure.constrained:
+        return ()
+    if isinstance(curve, PeriodDoublingProblem):
+        return SecondResonanceEvent(), FoldOnFlipEvent(), GeneralisedDoublingEvent()
+    if isinstance(curve, NeimarkSackerProblem):
+        ends = (
+            RealPairEvent(FirstResonanceEvent, FoldProblem),
+            RealPairEvent(SecondResonanceEvent, PeriodDoublingProblem),
+        )
+        return ThirdResonanceEvent(), FourthResonanceEvent(), *ends
+    if isinstance(curve, FoldProblem):
+        return FirstResonanceEvent(), FlipOnFoldEvent()
+    return ()

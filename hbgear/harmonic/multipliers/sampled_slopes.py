@@ -1,0 +1,94 @@
+"""Slopes of laws evaluated by AFT, along a motion: samples, and their coefficients.
+
+dp/dd (theta) = sum_n K_n e^{i n theta},   dp/dv (theta) = sum_n C_n e^{i n theta}
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.mechanics.series.real_basis import derivative
+
+
+def has_sampled_slopes(compiled: Evaluator) -> bool:
+    """Return whether slopes of all laws are known: those of hbgear in closed form, others of one displacement by AFT.
+
+    Not so with contacts with dampers, friction, laws of several displacements and compiled laws of the user.
+    """
+    return not (compiled.damped or compiled.sliders or compiled.vectors or compiled.packed.own)
+
+
+class SampledSlopes:
+    """Slopes of the laws evaluated by AFT.
+
+    Parameters
+    ----------
+    compiled : Evaluator
+        Model at one parameter set, see `has_sampled_slopes`.
+    X : ndarray, shape (n,)
+        Motion.
+    Omega : float
+        Frequency of the excitation.
+
+    Attributes
+    ----------
+    elements : list of int
+        Numbers of the elements, L of them.
+    """
+
+    def __init__(self, compiled: Evaluator, X: Array, Omega: float) -> None:
+        self.elements = [j for j, _ in compiled.aft_laws]
+        self._laws = [law for _, law in compiled.aft_laws]
+        self._basis, self._omega = compiled.packed.basis, Omega / compiled.nu
+        self._rates = derivative(np.eye(len(self._basis))) @ self._basis
+        rows = compiled.spread(X).reshape(compiled.m, -1)[self.elements]
+        self._d, self._v = rows @ self._basis, self._omega * rows @ self._rates
+        grid = compiled.piecewise.grid
+        if grid.shape[2]:
+            self._d += grid[0][self.elements]
+            self._v += self._omega * grid[1][self.elements]
+        N = self._d.shape[1]
+        self._tau = 2 * np.pi * compiled.nu * np.arange(N) / N
+
+    def at(self, d: Array, v: Array) -> tuple[Array, Array]:
+        """Return the slopes in d and v, (L, N) each, at displacements and velocities (L, N) of the samples."""
+        found = [law.force(*one, self._tau)[1:] for law, *one in zip(self._laws, d, v, strict=True)]
+        stiffness, damping = (np.array([np.broadcast_to(one[i], len(self._tau)) for one in found]) for i in (0, 1))
+        return stiffness, damping
+
+    def coefficients(self, count: int) -> tuple[ComplexArray, ComplexArray]:
+        """Return the coefficients 0..count - 1 of the slopes in d and v, (L, count) each."""
+        kept = min(count, len(self._tau) // 2 + 1)
+        out = np.zeros((2, len(self.elements), count), dtype=complex)
+        for slopes, c in zip(self.at(self._d, self._v), out, strict=True):
+            c[:, :kept] = np.fft.rfft(slopes)[:, :kept] / len(self._tau)
+        return out[0], out[1]
+
+    def gradient(self, phi: Array, chi: Array) -> Array:
+        """Return the gradient (L, 2H + 1), in the rows of the motion, of mean(K phi + C chi).
+
+            dp = f_dd phi + f_dv chi,   dq = f_vd phi + f_vv chi,   mean(dp delta d + dq delta v)
+
+        Parameters
+        ----------
+        phi, chi : ndarray, shape (L, N)
+            Samples of the weights of the slopes in d and v, which are kept fixed.
+        """
+        size = max(float(np.abs(phi).max(initial=0.0)), float(np.abs(chi).max(initial=0.0))) or 1.0
+        h = _STEP * max(float(np.abs(self._d).max(initial=0.0)), 1e-3) / size
+        up, down = (self.at(self._d + side * h * phi, self._v + side * h * chi) for side in (1, -1))
+        dp, dq = ((a - b) / (2 * h) for a, b in zip(up, down, strict=True))
+        out: Array = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
+        return out
+
+    def samples(self, c: ComplexArray) -> ComplexArray:
+        """Return samples (L, N) of functions with the coefficients c (L, 2H + 1) of e^{i k theta}, k = -H..H."""
+        k, N = np.arange(c.shape[1]) - c.shape[1] // 2, len(self._tau)
+        out: ComplexArray = c @ np.exp(2j * np.pi / N * (k[:, None] * np.arange(N) % N))
+        return out
+
+
+_STEP = 1e-5
+"""Step of the central differences of slopes, relative to the largest displacement."""

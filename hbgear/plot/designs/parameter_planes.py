@@ -1,0 +1,163 @@
+"""Figures of a plane of two parameters: jump maps, and curves of special points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.harmonic.bifurcations.events import named
+from hbgear.harmonic.models.frequency_units import model_of, same_scales, scales
+from hbgear.plot.style import COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from hbgear.analysis.jump_maps import JumpMap
+
+CURVES = {
+    "FoldProblem": ("folds", "-", COLOURS["no_impact"]),
+    "PeriodDoublingProblem": ("period doublings", "--", COLOURS["single_sided"]),
+    "NeimarkSackerProblem": ("Neimark-Sacker points", "-.", COLOURS["double_sided"]),
+    "BranchPointProblem": ("branch points", ":", "black"),
+    "GrazingProblem": ("grazing contacts", (0, (1, 2)), "grey"),
+}
+"""Legend entry, line style and colour of each kind of curve, by the class of its equations."""
+
+
+@checked_arguments()
+def special_curves(curves: Sequence[Branch], ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    r"""Draw curves of special points in the plane of two parameters, with their points of codimension two.
+
+    Parameters
+    ----------
+    curves : sequence of Branch
+        Results of `hbgear.follow` in one second parameter, from curves in one first parameter.
+    ax : Axes, optional
+        Axes to draw on, such as those of `jump_map`; new ones by default.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Raises
+    ------
+    ValueError
+        If a curve is no curve of special points, or the parameters of the curves differ.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.6), accuracy=None)
+    >>> folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2), accuracy=None)
+    >>> axes = hb.plot.special_curves([folds])
+    >>> axes.get_xlabel(), len(axes.lines)
+    ('damping ratio $\zeta$', 2)
+    """
+    planes = {(curve.parameter, *curve.tracked) for curve in curves}
+    if len(planes) != 1 or len(plane := next(iter(planes))) != 2:
+        raise ValueError("special_curves needs results of hb.follow in one second parameter, from one first parameter")
+    x, y = plane
+    own = ax is None
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
+        for curve in curves:
+            name, line, colour = CURVES.get(curve.meta.get("curve", {}).get("of", ""), ("special points", "-", "black"))
+            ax.plot(curve.values, curve.tracked[y], linestyle=line, color=colour, label=name)
+        _mark(ax, [p for curve in curves for p in curve.special], x, y)
+        if own:
+            labels = getattr(curves[0].layout, "labels", {})
+            ax.set_xlabel(labels.get(x, x))
+            ax.set_ylabel(labels.get(y, r"$\Omega$" if y == "Omega" else y))
+            dress(ax)
+        if legend:
+            _add_legend(ax)
+    return ax
+
+
+def _mark(ax: Axes, points: Sequence[SpecialPoint], x: str, y: str, span: tuple[float, float] | None = None) -> None:
+    """Mark special points in the plane of two parameters, with their values if the span of x is given."""
+    for point in map(named, points):
+        at = point.parameters[x], point.parameters[y]
+        ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(point),
+                gid=point.label)  # fmt: skip
+        if span is None:
+            continue
+        fraction = (at[0] - span[0]) / (span[1] - span[0])
+        side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
+        ax.annotate("{:.5g}, {:.4g}".format(*at), at, (0, 8), textcoords="offset points", fontsize=8, ha=side)
+
+
+def _add_legend(ax: Axes) -> None:
+    """Add a legend with one entry for lines, markers and areas of the same label."""
+    drawn: list[Any] = [*ax.lines, *ax.collections]
+    handles = {str(artist.get_label()): artist for artist in drawn}
+    shown = {label: artist for label, artist in handles.items() if not label.startswith("_")}
+    ax.legend(list(shown.values()), list(shown), loc="best")
+
+
+@checked_arguments()
+def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    """Draw jump frequencies against a design parameter; special points are marked.
+
+    Ranges with several motions are shaded. Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines
+    jumps with decreasing Omega.
+
+    Parameters
+    ----------
+    jumps : JumpMap
+        Result of `hbgear.jump_map`.
+    ax : Axes, optional
+        Axes to draw on; new ones by default.
+    legend : bool, optional
+        Whether to add a legend; default True.
+
+    Returns
+    -------
+    Axes
+        The axes.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> axes = hb.plot.jump_map(jumps)
+    """
+    names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
+    own = ax is None
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
+        _shade(ax, jumps)
+        for arm in jumps.arms:
+            name, style = names[arm.direction]
+            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
+        _mark(ax, jumps.special, jumps.parameter, "Omega", jumps.span)
+        ax.set_xlim(*jumps.span)
+        ax.margins(y=0.12)
+        ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
+        ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
+        dress(ax)
+        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
+        if own and scaled_axes(ax, same_scales(known), "right"):
+            ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
+        if not jumps.arms:
+            ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
+        elif legend:
+            _add_legend(ax)
+    return ax
+
+
+def _shade(ax: Axes, jumps: JumpMap) -> None:
+    """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
+    ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
+    values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
+    for low, high in jumps.bands(values):
+        ax.fill_between(values, low, high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
+                        label="several motions")  # fmt: skip

@@ -1,0 +1,254 @@
+"""Points of codimension two against extended systems of shooting, and multipliers by integration."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+
+
+@dataclass(frozen=True)
+class VanDerPol(hb.mechanics.Law):
+    """eps (d^2 - 1) d' + quadratic d^2"""
+
+    eps: float
+    quadratic: float
+
+    def force(self, d, v, tau):
+        force = self.eps * (d**2 - 1) * v + self.quadratic * d**2
+        return force, 2 * self.eps * d * v + 2 * self.quadratic * d, self.eps * (d**2 - 1)
+
+
+EPS = 0.2
+
+
+@hb.mechanics.model
+def forced(F: float = 0.2, quadratic: float = 0.0) -> hb.System:
+    spring = hb.Element([1.0], VanDerPol(EPS, quadratic))
+    return hb.System([[1.0]], [[0.0]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+
+
+def monodromy(point, quadratic):
+    """Return trace and determinant of the monodromy matrix of the periodic motion near a point, by shooting."""
+    Omega, F = point.parameters["Omega"], point.parameters["F"]
+
+    def rates(t, y):
+        x, v, (a, b, c, d) = y[0], y[1], y[2:]
+        k, r = 1 + 2 * EPS * x * v + 2 * quadratic * x, EPS * (x**2 - 1)
+        force = F * math.cos(Omega * t) - x - r * v - quadratic * x**2
+        return [v, force, c, d, -k * a - r * c, -k * b - r * d]
+
+    def flow(start):
+        y = scipy.integrate.solve_ivp(
+            rates, (0, 2 * math.pi / Omega), [*start, 1, 0, 0, 1], method="DOP853", rtol=1e-13, atol=1e-13
+        ).y[:, -1]
+        return y[:2], y[2:].reshape(2, 2)
+
+    x = point.samples(0, 64)[1][0], Omega * point.samples(0, 64, order=1)[1][0]
+    end, Phi = flow(x)
+    for _ in range(3):
+        if np.abs(end - x).max() < 1e-11:
+            break
+        x = x + np.linalg.lstsq(np.eye(2) - Phi, end - x, rcond=1e-6)[0]
+        end, Phi = flow(x)
+    assert np.abs(end - x).max() < 1e-9
+    return float(np.trace(Phi)), float(np.linalg.det(Phi))
+
+
+@pytest.fixture(scope="module")
+def symmetric():
+    return hb.trace(hb.HarmonicBalance(forced(), 9), "Omega", (0.93, 0.95), at={"F": 0.203}, accuracy=None)
+
+
+def test_resonance_and_cusp_of_the_forced_van_der_pol_oscillator(symmetric):
+    """Numbers: extended systems of shooting."""
+    folds = [hb.follow(symmetric, "LP1", "F", (0.203, end), accuracy=None) for end in (0.19, 0.25)]
+    resonance, cusp = folds[0]["RI1"], folds[1]["CP1"]
+    assert resonance.parameters["F"] == pytest.approx(0.1924005883486835, abs=1e-10)
+    assert resonance.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
+    assert cusp.parameters["F"] == pytest.approx(0.21146912508265248, abs=1e-10)
+    assert cusp.parameters["Omega"] == pytest.approx(0.9404391721811415, abs=1e-10)
+    trace, determinant = monodromy(resonance, 0.0)
+    assert abs(trace - 2) < 1e-8 and abs(determinant - 1) < 1e-8
+
+
+def test_neimark_sacker_points_end_at_the_resonance(symmetric):
+    held = hb.follow(symmetric, "NS1", "F", (0.203, 0.1), accuracy=None)
+    assert held.status == "event" and "1:1 resonance" in held.message
+    end = held["RI1"]
+    assert end.index == len(held) - 1
+    assert end.parameters["F"] == pytest.approx(0.1924005883486835, abs=1e-10)
+    assert end.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
+
+
+@pytest.mark.slow
+def test_upper_resonance_and_cusp():
+    curve = hb.trace(hb.HarmonicBalance(forced(), 9), "Omega", (1.03, 1.06), at={"F": 0.203}, accuracy=None)
+    fold = max((point for point in curve.special if point.kind == "LP"), key=lambda point: point.parameters["Omega"])
+    folds = hb.follow(curve, fold, "F", (0.203, 0.4), accuracy=None)
+    found = {point.kind: point.parameters for point in folds.special}
+    assert found["RI"]["F"] == pytest.approx(0.2074110762026159, abs=1e-9)
+    assert found["RI"]["Omega"] == pytest.approx(1.0494045823802225, abs=1e-9)
+    assert found["CP"]["F"] == pytest.approx(0.22404822820243483, abs=1e-9)
+    assert found["CP"]["Omega"] == pytest.approx(1.0562073304154307, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def tongue():
+    """Period doublings of the asymmetric oscillator, in F."""
+    problem = hb.HarmonicBalance(forced(quadratic=0.05), 9)
+    curve = hb.trace(problem, "Omega", (1.9, 1.97), at={"F": 4.5}, accuracy=None)
+    return hb.follow(curve, "PD1", "F", (4.5, 3.6), accuracy=None)
+
+
+def test_second_resonance_on_period_doublings(tongue):
+    trace, determinant = monodromy(tongue["RII1"], 0.05)
+    assert abs(trace + 2) < 1e-8 and abs(determinant - 1) < 1e-8
+
+
+@pytest.mark.slow
+def test_resonances_of_neimark_sacker_points(tongue):
+    problem = hb.HarmonicBalance(forced(quadratic=0.05), 9)
+    curve = hb.trace(problem, "Omega", (1.1, 1.2), at={"F": 0.5}, accuracy=None)
+    held = hb.follow(curve, "NS1", "F", (0.5, 6.0), accuracy=None)
+    assert [point.label for point in held.special] == ["RIV1", "RIII1", "RII1"]
+    for label, expected in (("RIV1", 0.0), ("RIII1", -1.0), ("RII1", -2.0)):
+        trace, determinant = monodromy(held[label], 0.05)
+        assert abs(trace - expected) < 1e-8 and abs(determinant - 1) < 1e-8
+    for name in ("F", "Omega"):
+        assert held["RII1"].parameters[name] == pytest.approx(tongue["RII1"].parameters[name], abs=1e-9)
+
+
+def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):
+    """Omega = Omega_PD + beta a^2 of the doubled branch with amplitude a: beta changes sign at the point."""
+    point = tongue["GPD1"]
+    F = point.parameters["F"]
+    slopes, values = [], (F - 0.02, F + 0.02)
+    for value in values:
+        Omega = float(np.interp(value, tongue.values[::-1], tongue.tracked["Omega"][::-1]))
+        problem = hb.HarmonicBalance(forced(value, 0.05), 9)
+        near = (Omega - 0.002, Omega + 0.002)
+        curve = hb.trace(problem, "Omega", near, accuracy=None)
+        doubled = hb.switch(curve, "PD1", span=near, accuracy=None, steps=hb.StepControl(max_points=12, max_step=0.02))
+        part = np.array([doubled.problem.subharmonic_part(X) for X in doubled.X])
+        slopes.append(np.polyfit(np.square(part).sum(axis=1), doubled.values, 2)[1])
+    assert slopes[0] * slopes[1] < 0
+    assert np.interp(0.0, sorted(slopes), [values[i] for i in np.argsort(slopes)]) == pytest.approx(F, abs=1e-3)
+
+
+@hb.mechanics.model
+def two_oscillators(F: float = 1.0, depth: float = 0.3) -> hb.System:
+    """A forced cubic oscillator and, without coupling, one with periodic stiffness 0.49 (1 + depth cos tau)."""
+    varying = hb.mechanics.Series(mean=0.49, cosine=(0.49 * depth,))
+    elements = [
+        hb.Element([1.0, 0.0], hb.Cubic(1.0), name="forced"),
+        hb.Element([0.0, 1.0], hb.mechanics.PiecewiseLinear((), (1.0,), stiffness=varying), name="parametric"),
+    ]
+    load = hb.Load(cosine={1: [F, 0.0]})
+    return hb.System(np.eye(2), np.diag([0.1, 0.05]), np.diag([1.0, 0.0]), elements, load)
+
+
+def limits_of_the_tongue(depth):
+    """Return the frequencies at which a multiplier of y'' + 0.05 y' + 0.49 (1 + depth cos tau) y = 0 is -1."""
+
+    def test(Omega):
+        def rates(t, y):
+            k = 0.49 * (1 + depth * math.cos(Omega * t))
+            return [y[2], y[3], -k * y[0] - 0.05 * y[2], -k * y[1] - 0.05 * y[3]]
+
+        T = 2 * math.pi / Omega
+        Phi = scipy.integrate.solve_ivp(rates, (0, T), [1, 0, 0, 1], method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+        return np.linalg.det(Phi.reshape(2, 2) + np.eye(2))
+
+    return [scipy.optimize.brentq(test, *ends, xtol=1e-13) for ends in ((1.2, 1.4), (1.4, 1.6))]
+
+
+def test_fold_flip_of_two_oscillators_without_coupling():
+    curve = hb.trace(hb.HarmonicBalance(two_oscillators(), 5), "Omega", (2.6, 1.2), at={"F": 0.35}, accuracy=None)
+    fold = max((p for p in curve.special if p.kind == "LP"), key=lambda p: p.parameters["Omega"])
+    folds = hb.follow(curve, fold.label, "F", (0.35, 0.1), accuracy=None)
+    found = [point.parameters["Omega"] for point in folds.special if point.kind == "FF"]
+    limits = limits_of_the_tongue(0.3)
+    crossed = [w for w in limits[::-1] if folds.tracked["Omega"].min() < w < fold.parameters["Omega"]]
+    assert crossed and found == pytest.approx(crossed, abs=1e-9)
+    held = hb.follow(curve, "PD2", "F", (0.35, 0.7), accuracy=None)  # the other curve passes through the same point
+    other = hb.follow(curve, "LP1", "F", (0.35, 0.7), accuracy=None)
+    assert held["FF1"].parameters["F"] == pytest.approx(other["FF1"].parameters["F"], abs=1e-9)
+    assert "GPD" not in {point.kind for point in held.special}  # the parametric oscillator is linear
+
+
+def test_a_turning_point_in_the_second_parameter_alone_is_no_cusp():
+    """Two folds of x^2 = (p - 1)^2 + q meet at q = 0 where p = 1: the curves in p separate there."""
+
+    class Curves(hb.continuation.ContinuationProblem):
+        def evaluate(self, X, p, q):
+            return np.array([X[0] ** 2 - (p - 1) ** 2 - q]), np.array([[2 * X[0]]])
+
+    curve = hb.trace(Curves(), "p", (0.0, 2.0), np.array([0.7]), at={"q": -0.5}, cover=False)
+    folds = hb.follow(curve, "LP1", "q", (-0.5, 0.5))
+    assert [point.label for point in folds.special] == ["IC1"]
+    assert folds["IC1"].parameters["q"] == pytest.approx(0, abs=1e-9)
+    assert folds["IC1"].parameters["p"] == pytest.approx(1, abs=1e-6)
+
+
+def test_branch_points_are_not_followed_where_the_symmetry_is_broken():
+    @hb.mechanics.model
+    def duffing(F0: float = 0.0) -> hb.System:
+        load = hb.Load(constant=[F0], cosine={1: [20.0]})
+        return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(1.0))], load)
+
+    curve = hb.trace(hb.HarmonicBalance(duffing(), 9), "Omega", (1.0, 1.4), stability=False, accuracy=None)
+    with pytest.raises(ValueError, match="F0 breaks their symmetry"):
+        hb.follow(curve, "BP1", "F0", (0.0, 0.1), accuracy=None)
+
+
+@pytest.mark.slow
+def test_neimark_sacker_points_over_the_load_are_those_of_shooting():
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+
+    @hb.mechanics.model
+    def masses(F: float = 0.13) -> hb.System:
+        springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
+        return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+
+    curve = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.1, 1.16), at={"F": 0.11})
+    held = hb.follow(curve, "NS1", "F", (0.11, 0.1))
+    assert held.tracked["Omega"][-1] == pytest.approx(1.1301287894345817, abs=1e-8)
+    again = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.12, 1.16), at={"F": 0.1})
+    found = [point.parameters["Omega"] for point in again.special if point.kind == "NS"]
+    assert found == pytest.approx([1.1301287894345817, 1.1473065816207717], abs=1e-8)
+
+
+@dataclass(frozen=True)
+class PythonCubic(hb.mechanics.Law):
+    k3: float
+
+    def force(self, d, v, tau):
+        return self.k3 * d**3, 3 * self.k3 * d**2, np.zeros_like(d)
+
+
+def test_sampled_slopes_give_the_same_hill_determinant_as_closed_forms():
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    exponents, X = [], np.random.default_rng(1).normal(size=22) * 0.1
+    for law in (hb.Cubic, PythonCubic):
+        springs = [hb.Element([1.0, 0.0], law(1.0)), hb.Element([1.0, -1.0], law(0.0042))]
+        masses = hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
+        problem = hb.HarmonicBalance(masses, 5)
+        exponents.append(hb.harmonic.NeimarkSackerProblem(problem, "Omega").exponent(X, Omega=1.14))
+    assert abs(exponents[1] - exponents[0]) < 1e-12
+
+
+def test_gradient_of_the_exponent_with_a_law_in_python():
+    balance = hb.HarmonicBalance(forced(quadratic=0.05), 5)
+    X = np.random.default_rng(2).normal(size=11) * 0.3
+    U, here = np.append(X, 1.2), {"F": 0.5, "quadratic": 0.05}
+    problem = hb.harmonic.NeimarkSackerProblem(balance, "Omega").with_borders_at(U, here)
+    now, h = problem.linearise(U, "F", **here), 1e-6
+    differences = [
+        (problem.linearise(U + h * e, "", **here).R - problem.linearise(U - h * e, "", **here).R) / (2 * h)
+        for e in np.eye(len(U))
+    ]
+    np.testing.assert_allclose(now.dR_dX, np.array(differences).T, rtol=1e-6, atol=1e-7 * now.size)

@@ -1,0 +1,125 @@
+"""Motions with two prescribed frequencies against exact responses, invariant circles and time integration."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+
+RATIO = math.sqrt(2.0)
+
+
+def duffing(zeta, k3, F) -> hb.System:
+    spring = hb.Element([1.0], hb.Cubic(k3))
+    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+
+
+def velocity_rms(curve, i):
+    layout, at = curve.layout, curve.parameters_at(i)
+    rows = layout.in_time(layout.rows(curve.X[i], 0), {name: np.array(at[name]) for name in ("Omega", "Omega_2")}, 1)
+    return float(layout.measure_rows("rms", rows))
+
+
+def test_a_linear_system_has_the_sum_of_both_responses():
+    """Both the load and the prescribed displacement of the second element follow the second frequency."""
+    M, C = np.diag([1.0, 2.0]), np.array([[0.06, -0.02], [-0.02, 0.05]])
+    linear = hb.mechanics.PiecewiseLinear((), (1.0,))
+    displacement = hb.mechanics.Series(mean=0.1, cosine=(0.3,), sine=(0.0, 0.2))
+    elements = [
+        hb.Element([1.0, 0.0], linear, name="ground"),
+        hb.Element([1.0, -1.0], linear, displacement=displacement, damping=0.03, name="mesh"),
+    ]
+    system = hb.System(M, C, np.diag([0.0, 0.5]), elements, hb.Load(cosine={1: [1.0, 0.0]}, sine={2: [0.0, 0.5]}))
+    second = hb.Load(cosine={1: [0.0, 0.7]}, sine={3: [0.2, 0.0]}, power=2)
+    curve = hb.analysis.two_tones(system, RATIO, (0.4, 0.5), load=second, elements=["mesh"], harmonics=(4, 4))
+    point = curve[-1]
+    X = curve.problem.motion(curve.X[-1], **point.parameters)
+    W = np.array([[1.0, 1.0], [0.0, -1.0]])
+    K, D = np.diag([0.0, 0.5]) + W @ W.T, C + 0.03 * np.outer(W[:, 1], W[:, 1])
+    Omega, Omega_2 = 0.5, 0.5 * RATIO
+    loads = {(1, 0): [1.0, 0.0], (2, 0): [0.0, -0.5j]}
+    for k, e, F in ((1, 0.3, [0.0, 0.7]), (2, -0.2j, [0.0, 0.0]), (3, 0.0, [-0.2j, 0.0])):
+        loads[0, k] = Omega_2**2 * np.array(F) + (1 + 0.03j * k * Omega_2) * e * W[:, 1]
+    expected = np.zeros_like(X)
+    for i, (k1, k2) in enumerate(curve.problem.basis.k.tolist()):
+        w = k1 * Omega + k2 * Omega_2
+        if (k1, k2) in loads:
+            expected[:, i] = np.linalg.solve(K + 1j * w * D - w**2 * M, loads[k1, k2])
+        elif (k1, k2) == (0, 0):
+            expected[:, i] = np.linalg.solve(K, 0.1 * W[:, 1])
+    np.testing.assert_allclose(X, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("F1", "Omega", "F2", "Omega_2", "rms", "rms_v"),
+    [
+        pytest.param(0.2, 0.8, 0.2, 1.1313708498984762, 0.6874531628127134, 0.7440100444846435, marks=pytest.mark.slow),
+        (0.15, 1.2, 0.1, 0.7416407864998739, 0.28247544515112827, 0.30869940103464555),
+    ],
+)
+def test_a_cubic_oscillator_agrees_with_its_invariant_circle(F1, Omega, F2, Omega_2, rms, rms_v):
+    second = hb.Load(cosine={1: [F2]})
+    curve = hb.analysis.two_tones(duffing(0.05, 0.1, F1), Omega_2 / Omega, (Omega - 0.1, Omega), load=second)
+    assert curve.status == "reached_end"
+    assert abs(curve[-1].amplitude("rms") - rms) < 1e-10
+    assert abs(velocity_rms(curve, -1) - rms_v) < 1e-10
+
+
+def test_a_gap_agrees_with_pieces_in_closed_form():
+    """Averages over 24 000 periods of pieces in closed form; the teeth separate twice per period."""
+    system = hb.System(
+        [[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], hb.Backlash(1.0))], hb.Load(constant=[0.1], cosine={1: [0.05]})
+    )
+    few = hb.StepControl(max_points=2)
+    curve = hb.analysis.two_tones(
+        system, 1.905255888325765 / 1.1, (1.1, 1.2), load=hb.Load(cosine={1: [0.04]}), harmonics=(15, 15), dense=2,
+        steps=few,
+    )  # fmt: skip
+    assert abs(curve[0].amplitude("mean") - 1.0894003212714038) < 1e-6
+    assert abs(curve[0].amplitude("rms") - 0.10249375260864962) < 1e-6
+    assert abs(velocity_rms(curve, 0) - 0.11166870616664852) < 1e-6
+
+
+def test_two_meshes_of_varying_stiffness_agree_with_time_integration():
+    """The stiffness of each spring varies with its own phase."""
+    first, second = (hb.mechanics.Series(mean=1.0, cosine=(depth,)) for depth in (0.2, 0.15))
+    springs = [
+        hb.Element([1.0, 0.0], hb.mechanics.PiecewiseLinear((), (1.0,), stiffness=first), name="first"),
+        hb.Element([1.0, -1.0], hb.mechanics.PiecewiseLinear((), (1.0,), stiffness=second), name="second"),
+    ]
+    system = hb.System(np.eye(2), 0.2 * np.eye(2), np.zeros((2, 2)), springs, hb.Load(constant=[0.3, 0.2]))
+    few = hb.StepControl(max_points=2)
+    curve = hb.analysis.two_tones(system, RATIO, (0.7, 0.8), elements=["second"], harmonics=(8, 8), steps=few)
+
+    def rates(t, y):
+        k1, k2 = 1 + 0.2 * math.cos(0.7 * t), 1 + 0.15 * math.cos(0.7 * RATIO * t)
+        a, b = k1 * y[0], k2 * (y[0] - y[1])
+        return [y[2], y[3], 0.3 - a - b - 0.2 * y[2], 0.2 + b - 0.2 * y[3]]
+
+    times = np.linspace(300, 330, 61)
+    states = scipy.integrate.solve_ivp(rates, (0, 330), [0.5, 0.7, 0, 0], "DOP853", times, rtol=1e-11, atol=1e-12).y
+    X = curve.problem.motion(curve.X[0], **curve[0].parameters)
+    theta = np.outer(times, [0.7, 0.7 * RATIO])
+    np.testing.assert_allclose(curve.problem.basis.evaluate(X, theta), states[:2], atol=1e-8)
+
+
+def test_figures_of_tori_accept_the_curve():
+    curve = hb.analysis.two_tones(
+        duffing(0.05, 0.1, 0.1), RATIO, (0.5, 0.6), load=hb.Load(cosine={1: [0.1]}), harmonics=(4, 4)
+    )
+    assert hb.plot.torus(curve, "pp2").lines and hb.plot.torus_section(curve, -1).lines
+    assert hb.plot.torus_spectrum(curve, -1)
+
+
+def test_bad_input():
+    system, load = duffing(0.05, 0.1, 0.1), hb.Load(cosine={1: [0.1]})
+    with pytest.raises(ValueError, match=r"3/2: both frequencies have the common base Omega / 2.*orders 2, 4"):
+        hb.analysis.two_tones(system, 1.5, (0.5, 0.6), load=load)
+    with pytest.raises(ValueError, match="constant part"):
+        hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=hb.Load(constant=[1.0]))
+    with pytest.raises(ValueError, match="no element 'mesh'"):
+        hb.analysis.two_tones(system, RATIO, (0.5, 0.6), elements=["mesh"])
+    with pytest.raises(ValueError, match="need 1 entries"):
+        hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=hb.Load(cosine={1: [0.1, 0.2]}))

@@ -1,0 +1,109 @@
+"""``hbgear backbone``, ``cycles``, ``torus`` and ``follow``."""
+
+import re
+import textwrap
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import hbgear as hb
+from hbgear.cli import app as cli
+
+MODELS = """
+from dataclasses import dataclass
+
+import numpy as np
+
+import hbgear as hb
+
+
+@dataclass(frozen=True)
+class VanDerPol(hb.mechanics.Law):
+    def force(self, d, v, tau):
+        return 0.2 * (d**2 - 1) * v, 0.4 * d * v, 0.2 * (d**2 - 1)
+
+
+@hb.mechanics.model
+def oscillator(damping: float = 0.0) -> hb.System:
+    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol())])
+
+
+@hb.mechanics.model
+def masses(F: float = 0.13) -> hb.System:
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0), name="ground"), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
+    return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a file of models and the curve of the two masses."""
+    path = tmp_path_factory.mktemp("motions")
+    (path / "models.py").write_text(textwrap.dedent(MODELS), encoding="utf-8")
+    done = run("trace", f"{path}/models.py:masses", "--from", "1.1", "--to", "1.15", "--harmonics", "5", "-o",
+               f"{path}/masses.npz")  # fmt: skip
+    assert done.exit_code in (0, 3), done.output
+    return path
+
+
+def run(*args):
+    return CliRunner().invoke(cli.app, list(args))
+
+
+def numbers(line):
+    return [float(x) for x in re.findall(r"[-+0-9.e]+", line)]
+
+
+def test_backbone(tmp_path):
+    done = run("backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz", "--plot",
+               f"{tmp_path}/b.png")  # fmt: skip
+    assert done.exit_code == 0 and "backbone of mode 1" in done.output
+    saved = hb.load(tmp_path / "b.npz")
+    first, *_ = [line for line in done.output.splitlines() if line.strip().startswith("1 ")]
+    assert numbers(first)[:2] == pytest.approx([saved.tracked["Omega"][0], saved.tracked["modal_damping"][0]], abs=1e-4)
+    assert (tmp_path / "b.png").stat().st_size > 1000
+
+
+def test_cycles(folder):
+    done = run("cycles", f"{folder}/models.py:oscillator", "--in", "damping=0.4:0", "--harmonics", "9", "-o",
+               f"{folder}/c.npz")  # fmt: skip
+    assert done.exit_code == 0 and "Hopf points" in done.output
+    saved = hb.load(folder / "c.npz")
+    assert saved.tracked["Omega"][-1] == pytest.approx(0.9975088563587282, abs=1e-8)  # eps = 0.2, by shooting
+    assert f"{saved.tracked['Omega'][-1]:.6g}" in done.output
+
+
+def test_torus(folder):
+    done = run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",
+               "1.13", "-o", f"{folder}/t.npz", "--plot", f"{folder}/t.png")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    saved = hb.load(folder / "t.npz")
+    ratio = np.interp(1.12, saved.values, saved.tracked["Omega_2"]) / 1.12
+    assert ratio == pytest.approx(0.08538421776875502, abs=1e-4)  # invariant circle
+    assert (folder / "t.png").stat().st_size > 1000
+    assert run("info", f"{folder}/t.npz").exit_code == 0
+
+
+def test_follow(folder):
+    """The Neimark-Sacker point at F = 0.1 by shooting."""
+    done = run("follow", f"{folder}/masses.npz", "NS1", "--in", "F=0.13:0.1", "--model", f"{folder}/models.py:masses",
+               "-o", f"{folder}/f.npz", "--plot", f"{folder}/f.png")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert hb.load(folder / "f.npz").tracked["Omega"][-1] == pytest.approx(1.1301287894345817, abs=1e-5)
+    assert "no special points" in done.output and (folder / "f.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("backbone", "spur-pair", "--amplitudes", "1"), "need FROM:TO"),
+        (("backbone", "spur-pair", "--harmonics", "auto"), "whole number"),
+        (("cycles", "duffing", "--in", "zeta=0.1:0.2"), "no Hopf point"),
+    ],
+)
+def test_bad_input(args, message, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(list(args))
+    assert stopped.value.code == 2 and message in capsys.readouterr().err
