@@ -29,8 +29,6 @@ from hbgear import plot
 from hbgear.cli.app import app as commands
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parents[1]
