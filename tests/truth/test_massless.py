@@ -91,7 +91,7 @@ def _without(K, direction=(1.0, 0.0), C=0.0):
         (_without([[1.0, 0.0], [0.0, 0.0]]), "coordinate 'q2' has no mass, no damping and no stiffness"),
         (
             _without([[2.0, -1.0], [-1.0, 1.0]], (0.0, 1.0)),
-            "element 'stop' acts on coordinate 'q2', which has neither mass nor damping",
+            "element 'stop' acts on coordinate 'q2' without mass and damping",
         ),
     ],
 )

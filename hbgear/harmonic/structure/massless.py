@@ -88,13 +88,13 @@ def _check_static(system: System, C: Array, K: Array, right: Array, left: Array)
         j = int(np.argmax(acts))
         name = _name(system, right @ (right.T @ system.W[:, j]))
         raise ValueError(
-            f"element '{system.elements[j].name}' acts on coordinate '{name}', which has neither mass nor damping: its "
+            f"element '{system.elements[j].name}' acts on coordinate '{name}' without mass and damping: its "
             "displacement would follow the force of the law without delay; give the coordinate a mass or a damper"
         )
     if max(np.abs(C @ right).max(), np.abs(left.T @ C).max()) > ROUNDING * np.abs(C).max():
         raise ValueError(
-            "the damping matrix joins coordinates that have neither mass nor damping of their own to others; C must be "
-            "positive semidefinite there"
+            "C joins coordinates without mass and without damping of their own to others; it must be positive "
+            "semidefinite there"
         )
 
 
