@@ -11,7 +11,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.mesh.harris_map import HarrisMap, harris_map
     from hbgear.gears.mesh.iso_dynamics import iso_dynamic_factor
     from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
-    from hbgear.gears.mesh.tooth_friction import tooth_friction
+    from hbgear.gears.mesh.tooth_friction import BenedictKelley, tooth_friction
     from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_mesh
     from hbgear.gears.pairs.double_helical import DoubleHelicalPair
     from hbgear.gears.pairs.drawn_pair import DrawnPair
@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "Beam",
     "Bearing",
+    "BenedictKelley",
     "DoubleHelicalPair",
     "DrawnPair",
     "Gear",

@@ -405,7 +405,7 @@ def trace_hard_stops(
 
 def _contact_frequency(system: Any) -> float:
     """Return the highest natural frequency with closed contacts; 0 if contacts do not raise it."""
-    if system.receptances is not None:
+    if system.receptances is not None or system.massless:
         return 0.0
     M, K = dense(system.M), dense(system.K)
     k = np.array([e.law.reference for e in system.elements])

@@ -16,6 +16,7 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -606,6 +607,22 @@ class System(Model):  # numpydoc ignore=PR02
     def loads(self) -> tuple[Load, ...]:
         """Loads as a tuple."""
         return (self.load,) if isinstance(self.load, Load) else tuple(self.load)
+
+    @cached_property
+    def massless(self) -> str:
+        """Name of a coordinate without mass, if M is singular; else ""."""
+        M = self.M if isinstance(self.M, np.ndarray) else None
+        if M is None:  # sparse: a zero row
+            rows = np.asarray(abs(self.M).sum(axis=1)).ravel()
+            return "" if rows.all() else self.dof_names[int(np.argmin(rows))]
+        diagonal = np.diag(M)
+        if np.array_equal(M, np.diag(diagonal)) and diagonal.all():
+            return ""
+        size = np.abs(diagonal)
+        s = 1.0 / np.sqrt(np.where(size > 0, size, size.max(initial=1.0) or 1.0))
+        _, values, vectors = np.linalg.svd(M * np.outer(s, s))
+        singular = values[-1] <= 1e-13 * values[0]
+        return self.dof_names[int(np.argmax(np.abs(vectors[-1])))] if singular else ""
 
     @property
     def W(self) -> Array:

@@ -189,7 +189,7 @@ class EditableMachine(EditableModel):
                 raise KeyError(f"the machine has no parameter '{name}'")
         made = model.replace(**values)
         supports: Any = made.supports or None
-        return replace(self.machine, pair=made.pair, torque=made.torque, damping=made.damping,
+        return replace(self.machine, pair=made.pair, torque=made.torque, damping=made.damping, friction=made.friction,
                        supports=supports)  # fmt: skip
 
     def model(self, values: Mapping[str, float]) -> DrawnPair:
@@ -204,6 +204,9 @@ class EditableMachine(EditableModel):
         options = f", form={machine.form!r}" if machine.form != "torsion" else ""
         options += f", mesh={machine.mesh_model!r}" if machine.mesh_model else ""
         options += f", torque_orders={machine.torque_orders!r}" if machine.torque_orders else ""
+        if machine.friction:
+            own = machine.friction
+            options += f", friction={own if isinstance(own, float) else _call('hb.gears.BenedictKelley', own)}"
         if machine.supports:
             supports = ", ".join(_call("hb.gears.Support", support) for support in machine.supports)
             options += f", supports=({supports})"

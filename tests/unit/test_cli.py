@@ -456,8 +456,8 @@ def test_unbalanced_torque_names_the_motion():
 
 def test_singular_and_ill_formed_matrices():
     gap = hb.Element([1.0, 0.0], hb.Backlash())
-    with pytest.raises(ValueError, match=r"M is singular"):
-        hb.HarmonicBalance(hb.System(np.diag([1.0, 0.0]), None, np.eye(2), [gap]), 3)
+    with pytest.raises(ValueError, match=r"element 'element 1' acts on coordinate 'q1' without mass and damping"):
+        hb.HarmonicBalance(hb.System(np.diag([0.0, 1.0]), None, np.eye(2), [gap]), 3)
     with pytest.raises(ValueError, match=r"K has shape \(3, 3\); need \(2, 2\)"):
         hb.System(np.eye(2), None, np.eye(3), [gap])
     with pytest.raises(ValueError, match=r"M has entries that are not finite"):

@@ -54,7 +54,7 @@ EXAMPLES = {
 """Of every law of hbgear an example and its keys in TOML, or the reason for which it has none."""
 
 
-VECTOR_LAWS = {"component", "radial clearance", "polynomial", "directed"}
+VECTOR_LAWS = {"component", "radial clearance", "polynomial", "directed", "sliding teeth"}
 """Laws of several displacements and their directions, see `tests/truth/test_vector_elements.py`."""
 
 

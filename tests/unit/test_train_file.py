@@ -85,6 +85,16 @@ def test_a_file_is_the_train(file):
     assert train == made and is_train(file)
 
 
+def test_friction_of_a_mesh(file):
+    file.write_text(TEXT.replace("damping = 0.04", "damping = 0.04\nfriction = 0.05"))
+    train = read_train(file)
+    names = [element.name for element in train.system().elements]
+    assert names == ["in-middle", "middle-out", *(f"in-middle friction {i}" for i in (1, 2, 3))]
+    file.write_text(TEXT.replace("eps = [0.2]", "friction = 0.05"))
+    with pytest.raises(ValueError, match="friction needs a mesh that is computed from pair and torque"):
+        read_train(file)
+
+
 def test_a_train_on_the_command_line(file, tmp_path):
     out = tmp_path / "curve.npz"
     arguments = ["trace", str(file), "--from", "1.2", "--to", "1.1", "--harmonics", "6", "-o", str(out)]

@@ -146,7 +146,7 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     model = point.problem.model.at(point.parameters)
     law = model.system().elements[index].law
     b = mesh.pair.half_backlash
-    if not isinstance(law, MeshContacts) or law != mesh.contacts(1.0).scaled(1.0, 1 / b).widened(
+    if not isinstance(law, MeshContacts) or law.normal != mesh.contacts(1.0).scaled(1.0, 1 / b).widened(
         getattr(model, "b", 1.0)
     ):
         raise ValueError(

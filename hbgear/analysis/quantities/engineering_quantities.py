@@ -6,7 +6,10 @@
                                       nan where the static force is zero, see `dynamic_factor`
     a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        acceleration of a coordinate and its level (ISO 1683)
     F = |K q + C q'|                  reaction of a support that the model names (`Model.reactions`)
+    P = relative omega_1 r_b1 mean slide           power loss of a mesh with friction between its teeth (`ToothSliding`)
+    P_1 = omega_1 r_b1 mean (p + lever across + slide),   eta = 1 - P / P_1,   or P_1 / (P_1 - P) if the wheel drives
 
+With friction p is the normal force in the transverse plane, and the forces across the line of action are |across|.
 Quantities have SI units if the model has `Scales`, otherwise the dimensionless units of the model.
 """
 
@@ -30,14 +33,19 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.equations.layout import derivative, half_peak_to_peak, rms
+from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
 from hbgear.harmonic.models.model_registry import rebuild_problem
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, to_real
 
 REFERENCE = 1e-6
 """Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""
+
+_FRICTION_PHASES = 4096
+"""Number of phases of a period at which the friction of a mesh is evaluated."""
 
 _REACTION_PHASES = 1024
 """Number of phases of a period at which a reaction is evaluated; reactions are smooth."""
@@ -282,12 +290,18 @@ def _columns(
     columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([one[name] for one in speeds])
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
     found = np.array([_of_motion(problem, row, here, index) for row, here in zip(X, each, strict=True)])
+    friction = [_friction(problem, row, here, index, scale) for row, here, scale in zip(X, each, scales, strict=True)]
     columns |= {
         f"dte, half peak-to-peak [{length_unit}]": found[:, 0] * length * (1e6 if known else 1.0),
         f"force, largest [{force_unit}]": found[:, 1] * force,
         f"force, static [{force_unit}]": found[:, 2] * force,
         "dynamic factor [-]": found[:, 3],
     }  # fmt: skip
+    if friction[0] is not None:
+        columns[f"friction across, largest [{force_unit}]"] = np.array([one[0] for one in friction if one]) * force
+        columns["efficiency [-]"] = np.array([one[1] for one in friction if one])
+        if known:
+            columns["power loss [W]"] = np.array([one[2] for one in friction if one]) * force
     supports = {id(model): model.reactions for model in models}
     if dof is None and not supports[id(models[0])]:
         return columns
@@ -330,6 +344,27 @@ def _of_motion(
     known = is_static(static, float(np.abs(force).max()), level)
     swing = float(half_peak_to_peak(_error(problem, X, here, index)))
     return swing, largest, static if known else 0.0, largest / static if known else math.nan
+
+
+def _friction(
+    problem: HarmonicBalance, X: Array, here: dict[str, float], index: int, scales: Any
+) -> tuple[float, float, float] | None:
+    """Return the largest friction across the line of action, the efficiency, and the power loss over the unit of force.
+
+    None without friction between teeth.
+    """
+    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
+    one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
+    if not isinstance(one.law, MeshContacts) or one.law.sliding is None:
+        return None
+    nu, count, sliding = problem.nu, _FRICTION_PHASES * problem.nu, one.law.sliding
+    d = gap_samples(one.displacement, kept, nu, problem.rows(X)[index], count)
+    forces = one.law.sliding_forces(d, 2 * np.pi * nu * (np.arange(count) / count))
+    torque = float((forces.normal + sliding.lever * forces.across + forces.slide).mean())
+    loss = sliding.relative * float(forces.slide.mean())
+    efficiency = 1 - loss / torque if torque > 0 else torque / (torque - loss) if loss else math.nan
+    speed = sliding.speed * here["Omega"] * getattr(scales, "frequency", 1.0)
+    return float(np.abs(forces.across).max()), efficiency, loss * sliding.radius * speed
 
 
 def _error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:

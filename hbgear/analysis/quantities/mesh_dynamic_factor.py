@@ -20,6 +20,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Model
 from hbgear.mechanics.series.fourier import stretch, to_complex
 
@@ -162,5 +163,6 @@ def force_samples(one: Element, kept: ComplexArray, row: Array, rate: float, nu:
     """
     d, slope = (gap_samples(one.displacement, kept, nu, row, _FORCE_SAMPLES, order) for order in (0, 1))
     theta = 2 * np.pi * np.arange(_FORCE_SAMPLES) / _FORCE_SAMPLES
-    force: Array = one.law.force(d, rate * slope, nu * theta)[0]
+    law = one.law.normal if isinstance(one.law, MeshContacts) else one.law
+    force: Array = law.force(d, rate * slope, nu * theta)[0]
     return force

@@ -109,6 +109,9 @@ def gear(
             "harmonics then, such as --harmonics 4: the period has many meshes, and a curve takes minutes."
         ),
     ] = None,
+    friction: Annotated[
+        str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
+    ] = None,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
     plot: Annotated[
@@ -129,7 +132,7 @@ def gear(
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
-        torque_orders,
+        torque_orders, friction,
     )  # fmt: skip
     with in_terms_of_the_machine(), drawing_process() as by:
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by, dimensionless)
@@ -283,6 +286,8 @@ def _trace_and_report(
         show_speeds(model, curve, dimensionless, others)
         if getattr(model.equations, "contacts", None) is not None and machine.torque > 0:  # loads of the driving flanks
             print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
+        if machine.friction:
+            print_table(["friction between the teeth", ""], list(_losses(machine, curve)))
         if found:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
@@ -300,10 +305,11 @@ def _trace_and_report(
 def _machine(
     teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
-    torque_orders: str | None,
+    torque_orders: str | None, friction: str | None,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
+    from hbgear.gears.mesh.tooth_friction import COEFFICIENT
     from hbgear.gears.pairs.pair_models import DAMPING
     from hbgear.gears.torque_orders import parse_torque_orders
     from hbgear.io.machines.machine_file import Machine
@@ -320,8 +326,9 @@ def _machine(
         raise ValueError(f"--mesh {mesh}: must be one of {', '.join(MESHES)}")
     orders = parse_torque_orders("--torque-orders", torque_orders) if torque_orders else ()
     return Machine(
-        pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh), torque_orders=orders
-    )
+        pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh), torque_orders=orders,
+        friction=COEFFICIENT.read("--friction", _plain(friction or "0")),
+    )  # fmt: skip
 
 
 def _plain(text: str) -> Any:
@@ -396,6 +403,30 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
                    f"{factor:.2f} times the static one"]  # fmt: skip
     back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
     yield ["separated", f"{loads.separated.max():.0%} of the path of contact; contact on the back flank: {back}"]
+
+
+def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
+    """Yield the static efficiency and the efficiency and power loss of stable motions."""
+    from hbgear.gears.mesh.tooth_friction import friction_mesh
+    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
+
+    side = 1 if machine.torque >= 0 else -1
+    static = friction_mesh(tooth_mesh(machine.pair, machine.mesh_torque), machine.friction, side).output
+    yield ["static efficiency", f"{static if side > 0 else 1 / static:.4%}"]
+    found = hb.analysis.machine_quantities(curve)
+    stable = np.asarray(found.columns.get("stable", np.ones(len(curve)))).astype(bool)
+    if not stable.any():
+        return
+    rpm, loss = found["pinion"], found["power loss"]
+    for name, i in (("lowest", int(np.argmin(rpm))), ("highest", int(np.argmax(np.where(stable, rpm, -1.0))))):
+        if stable[i]:
+            yield [
+                f"{name} speed, {rpm[i]:.0f} r/min",
+                f"efficiency {found['efficiency'][i]:.4%}, loss {loss[i]:.1f} W",
+            ]
+    i = int(np.argmin(np.where(stable, found["efficiency"], np.inf)))
+    yield [f"lowest efficiency, {rpm[i]:.0f} r/min", f"{found['efficiency'][i]:.4%}, loss {loss[i]:.1f} W; friction "
+           f"across the line of action {found['friction across, largest'][i]:.0f} N"]  # fmt: skip
 
 
 def _alternative_results(
@@ -512,7 +543,7 @@ def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Cal
     yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
     used = machine.mesh_model or MESHES[0]
     for name in MESHES:
-        if name != used:
+        if name != used and not machine.friction:  # the mean-mesh models have no friction
             yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh_model=name)
 
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hbgear.common.text.messages import quoted
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
+from hbgear.gears.mesh.tooth_friction import Friction, checked_friction, friction_mesh
 from hbgear.gears.mesh.tooth_mesh import tooth_mesh
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.periodic import Phased
@@ -45,6 +46,8 @@ class MeshModel(NamedTuple):
         k(tau) / k_mean and e(tau) [m] without jumps; None for contacts.
     contacts : MeshContacts or None
         Contacts without backlash, in units of k_mean and m; None for one stiffness.
+    load, output : float
+        Static state with friction between the teeth, see `hbgear.gears.mesh.tooth_friction.FrictionMesh`.
     """
 
     k_mean: float
@@ -52,11 +55,14 @@ class MeshModel(NamedTuple):
     stiffness: Phased | None = None
     error: Phased | None = None
     contacts: MeshContacts | None = None
+    load: float = 1.0
+    output: float = 1.0
 
 
 def mesh_model(
-    owner: str, pair: GearPair, torque: float, mesh: str | None = None, cycle: MeshCycle | None = None
-) -> MeshModel:
+    owner: str, pair: GearPair, torque: float, mesh: str | None = None, cycle: MeshCycle | None = None,
+    friction: Friction = 0.0, side: int = 1,
+) -> MeshModel:  # fmt: skip
     """Return the mesh of a pair under a torque; the module docstring describes the models.
 
     Parameters
@@ -71,12 +77,22 @@ def mesh_model(
         Model of the mesh. Default: "teeth".
     cycle : MeshCycle or None, optional
         Tables instead of a computed mesh.
+    friction : float or BenedictKelley, optional
+        Coefficient of friction between the teeth. Default 0.
+    side : {1, -1}, optional
+        Loaded flank: -1 if the wheel drives. Default 1.
 
     Raises
     ------
     ValueError
-        If the name is unknown, both a name and tables are given, or the torque is not positive.
+        If the name is unknown, both a name and tables are given, the torque is not positive, or there is friction
+        without pairs of teeth.
     """
+    friction = checked_friction(owner, friction)
+    if friction and (cycle is not None or mesh not in (None, "teeth")):
+        given = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
+        raise ValueError(f"{owner}: friction needs the force on every pair of teeth, and {given} has one for "
+                         "all; give mesh='teeth', or friction=0")  # fmt: skip
     if mesh is not None and mesh not in MESHES:
         raise ValueError(f"{owner}: mesh = {quoted(mesh)} must be one of {', '.join(MESHES)}")
     if cycle is not None:
@@ -85,6 +101,9 @@ def mesh_model(
         k_mean, stiffness, error = cycle.functions(pair.transverse_force(torque))
         return MeshModel(k_mean, k_mean, stiffness, error)
     teeth = tooth_mesh(pair, torque)
+    if friction:
+        rubbing = friction_mesh(teeth, friction, side)
+        return MeshModel(teeth.stiffness, teeth.stiffness, None, None, *rubbing)
     if mesh in (None, "teeth"):
         return MeshModel(teeth.stiffness, teeth.stiffness, contacts=teeth.contacts(1.0))
     k_mean, stiffness, error = pair.mesh(torque, linearized=mesh).functions(teeth.force)

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import ceil
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
@@ -45,6 +47,17 @@ class PathFunction(NamedTuple):
         """Return the function that is linear between values at nodes."""
         nodes, values = np.asarray(nodes, dtype=float), np.asarray(values, dtype=float)
         return cls(nodes, np.column_stack([values[:-1], np.diff(values) / np.diff(nodes)]))
+
+    @classmethod
+    def fitted(cls, nodes: Sequence[Array], values: Sequence[Array], tolerance: float) -> Self:
+        """Return cubics through the values of each section with the fewest segments that keep the fit error."""
+        segments: list[tuple[float, list[float]]] = []
+        for x, y in zip(nodes, values, strict=True):
+            fit_cubics(x, y, 0, len(x) - 1, tolerance, segments)
+        rows = np.zeros((len(segments), max(len(row) for _, row in segments)))
+        for row, (_, given) in zip(rows, segments, strict=True):
+            row[: len(given)] = given
+        return cls(np.array([*(begin for begin, _ in segments), nodes[-1][-1]]), rows)
 
     @property
     def length(self) -> float:
@@ -108,18 +121,24 @@ class Flank:
 
     def contacts(self, meshes: int) -> list[ToothContact]:
         """Return the contacts that follow the pairs of teeth over a period of some meshes."""
+        levels = [
+            _periodic([self._level(p).section(a, b) for p in range(meshes)], self.lag, True) for a, b in self._sections
+        ]
+        stiffness = self.over_period(self.stiffness, meshes)
+        return [ToothContact(k, level, self.side) for k, level in zip(stiffness, levels, strict=True)]
+
+    def over_period(self, function: PathFunction, meshes: int = 1) -> list[Phased]:
+        """Return a function over the path as one function of the phase for each contact, zero between pairs."""
+        return [_periodic([function.section(a, b)] * meshes, self.lag, False) for a, b in self._sections]
+
+    @property
+    def _sections(self) -> list[tuple[float, float]]:
+        """Ends of the sections of the path that one contact follows."""
         first, last = float(self.stiffness.nodes[0]), self.stiffness.length
         count = ceil(last - first - ROUNDING)
         count += (last - first) / count > 1.0 - ROUNDING
         ends = first + (last - first) * np.arange(count + 1) / count
-        return [
-            ToothContact(
-                _periodic([self.stiffness.section(a, b)] * meshes, self.lag, False),
-                _periodic([self._level(p).section(a, b) for p in range(meshes)], self.lag, True),
-                self.side,
-            )
-            for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
-        ]
+        return list(pairwise(ends.tolist()))
 
     def _level(self, pair: int) -> PathFunction:
         """Return the displacement at which the gap of a pair closes."""

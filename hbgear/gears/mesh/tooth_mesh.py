@@ -41,7 +41,6 @@ from hbgear.gears.mesh.loaded_mesh import (
     relief_length,
     static_equilibrium,
 )
-from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.plausibility import warn
@@ -235,8 +234,8 @@ class _Path:
             gap.append(g)
         largest = max(float(k.max()) for k in stiffness)
         return (
-            _fitted(nodes, stiffness, CUBIC_FIT_TOLERANCE * largest),
-            _fitted(nodes, gap, CUBIC_FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
+            PathFunction.fitted(nodes, stiffness, CUBIC_FIT_TOLERANCE * largest),
+            PathFunction.fitted(nodes, gap, CUBIC_FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
         )
 
     def _cuts(self) -> Array:
@@ -263,17 +262,6 @@ class _Path:
         contact = contact_compliance(pair, c, np.maximum(load, least)[:, None])[0]
         k = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
         return k, c.gap[:, 0]
-
-
-def _fitted(nodes: list[Array], values: list[Array], tolerance: float) -> PathFunction:
-    """Return cubics through the values of each section with the fewest segments that keep the fit error."""
-    segments: list[tuple[float, list[float]]] = []
-    for x, y in zip(nodes, values, strict=True):
-        fit_cubics(x, y, 0, len(x) - 1, tolerance, segments)
-    rows = np.zeros((len(segments), max(len(row) for _, row in segments)))
-    for row, (_, given) in zip(rows, segments, strict=True):
-        row[: len(given)] = given
-    return PathFunction(np.array([*(begin for begin, _ in segments), nodes[-1][-1]]), rows)
 
 
 def _integral(function: PathFunction) -> float:

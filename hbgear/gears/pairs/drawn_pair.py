@@ -19,6 +19,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.text.messages import did_you_mean
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
+from hbgear.gears.mesh.tooth_friction import checked_friction
 from hbgear.gears.pairs.pair_models import build_model
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import torque_orders as checked_orders
@@ -65,6 +66,7 @@ def _both(name: str) -> tuple[tuple[str, str], ...]:
 PARAMETERS: Mapping[str, DrawingParameter] = {
     "torque": DrawingParameter("torque on the pinion", "N m", 1.0, ANY, (("", "torque"),)),
     "damping": DrawingParameter("damping ratio of the mesh", "", 1.0, NOT_NEGATIVE, (("", "damping"),)),
+    "friction": DrawingParameter("coefficient of friction of the teeth", "", 1.0, NOT_NEGATIVE, (("", "friction"),)),
     "backlash": DrawingParameter("backlash", "um", 1e6, POSITIVE, (("pair", "backlash"),)),
     "pitch_error": DrawingParameter("pitch error", "um", 1e6, ANY, (("pair", "pitch_error"),)),
     "misalignment": DrawingParameter("misalignment", "um", 1e6, ANY, (("pair", "misalignment"),)),
@@ -97,8 +99,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     """Model of a gear pair with the quantities of its drawing as parameters.
 
     The equations are those of `GearPair.model`. The parameters are torque [N m], damping, backlash [um], pitch_error
-    [um], misalignment [um], tip_relief [um], module [mm], width [mm], shift_pinion, shift_wheel and, with supports,
-    bearing_pinion and bearing_wheel [N/m].
+    [um], misalignment [um], tip_relief [um], module [mm], width [mm], shift_pinion, shift_wheel, with friction
+    friction, and with supports bearing_pinion and bearing_wheel [N/m].
 
     Parameters
     ----------
@@ -120,6 +122,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         Harmonics of the torque by order of the pinion; default none.
     units : tuple of float, optional
         Angular frequency [rad/s] of Omega = 1 and unit of amplitudes [m]. Default: those of this design.
+    friction : float or BenedictKelley, optional
+        Coefficient of friction between the teeth; default 0. A positive number is a parameter.
 
     Raises
     ------
@@ -147,6 +151,7 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     cycle: MeshCycle | None = None
     torque_orders: Any = ()
     units: tuple[float, ...] = ()
+    friction: Any = 0.0
 
     ranges: ClassVar[Mapping[str, Range]] = {name: one.allowed for name, one in PARAMETERS.items()}
 
@@ -154,6 +159,7 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         orders = checked_orders("DrawnPair", [tuple(one) for one in self.torque_orders] if isinstance(
             self.torque_orders, list | tuple) else self.torque_orders)  # fmt: skip
         object.__setattr__(self, "torque_orders", orders)
+        object.__setattr__(self, "friction", checked_friction("DrawnPair", self.friction))
         super().__post_init__()
         if not self.units:
             own = self._built(None)
@@ -165,7 +171,7 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         supports: Any = self.supports or None
         return build_model(
             self.pair, self.torque, self.damping, self.form, supports=supports, mesh=self.mesh, cycle=self.cycle,
-            torque_orders=self.torque_orders, units=units,
+            torque_orders=self.torque_orders, units=units, friction=self.friction,
         )  # fmt: skip
 
     @cached_property
@@ -226,6 +232,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         for name, one in PARAMETERS.items():
             values = [getattr(thing, field) for thing, field in map(self._place, one.places) if thing is not None]
             is_one = len(values) == len(one.places) and None not in values and len(set(values)) == 1
+            if name == "friction" and not (isinstance(self.friction, float) and self.friction > 0):
+                continue
             if is_one and (self.cycle is None or name not in _MESH):
                 found.append((name, float(values[0])))
         same = any(name == "tip_relief" for name, _ in found)

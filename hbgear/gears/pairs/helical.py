@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, radians, sin, sqrt, tan
+from math import cos, pi, radians, sin, sqrt, tan
 from typing import ClassVar
 
 import numpy as np
@@ -33,7 +33,8 @@ from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Reaction, System
+from hbgear.mechanics.laws.vector_laws import SlidingTeeth
+from hbgear.mechanics.models import Element, Reaction, System, VectorElement
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.scales import Scales
@@ -104,6 +105,9 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         Alternating torque T(tau) on the pinion over r_p k_mean b_c, a function of the phase of Omega.
     fluctuation_scale : float, default 1.0
         Factor of the fluctuation, for use as a continuation parameter.
+    output : float, default 1.0
+        Power of the wheel over that of the pinion: the static efficiency of the mesh, or its reciprocal if the wheel
+        drives.
 
     Raises
     ------
@@ -157,6 +161,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     mesh_order: int = 1
     fluctuation: Series | None = None
     fluctuation_scale: float = 1.0
+    output: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -187,12 +192,14 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         "b": r"half backlash $b$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "fluctuation_scale": "factor of the fluctuation [-]",
+        "output": "power of the wheel over that of the pinion [-]",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (1.6, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {
         **dict.fromkeys(_POSITIVE, POSITIVE),
         **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
+        "output": POSITIVE,
         "alpha_deg": Range(above=0, below=90),
         "beta_deg": Range(above=-90, below=90),
     }
@@ -262,9 +269,28 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
 
     def mesh_vector(self) -> Array:
         """Return the direction w (12,) of the gap, in SI units."""
+        n = self._tangent(0.5 * pi) - tan(radians(self.beta_deg)) * np.array([0.0, 0.0, 1.0])
+        return self._at_pitch_point(n)
+
+    def friction_vectors(self) -> Array:
+        """Return the directions (2, 12) of the friction between the teeth, in SI units.
+
+        The first one is across the line of action at the pitch point, the second one a torque on both gears over r_p.
+        """
+        torque = self.r_p * np.array([0.0, 0.0, 1.0])
+        return np.array(
+            [self._at_pitch_point(self._tangent(pi)), np.concatenate([0 * torque, torque, 0 * torque, -torque])]
+        )
+
+    def _tangent(self, angle: float) -> Array:
+        """Return the unit vector at an angle from the normal of the driving flank, minus 90 degrees."""
+        turn = radians(self.phi_deg) + angle - radians(self.alpha_deg)
+        return np.array([cos(turn), sin(turn), 0.0])
+
+    def _at_pitch_point(self, n: Array) -> Array:
+        """Return the displacement of the pinion relative to the wheel at the pitch point along a vector (3,)."""
         alpha, phi = radians(self.alpha_deg), radians(self.phi_deg)
-        ahead, across = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
-        n = sin(alpha) * ahead + cos(alpha) * across - tan(radians(self.beta_deg)) * np.array([0.0, 0.0, 1.0])
+        ahead = np.array([cos(phi), sin(phi), 0.0])
         to_pinion = self.r_p / cos(alpha) * ahead
         to_wheel = (1 if self.internal else -1) * self.r_g / cos(alpha) * ahead
         return np.concatenate([n, np.cross(to_pinion, n), -n, -np.cross(to_wheel, n)])
@@ -272,19 +298,33 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     def torques(self) -> Array:
         """Return the constant load (12,) in SI units: T on the pinion and the reaction on the wheel."""
         w, load = self.mesh_vector(), np.zeros(12)
-        load[5], load[11] = self.torque, self.torque * w[11] / w[5]
+        load[5], load[11] = self.torque, self.output * self.torque * w[11] / w[5]
         return load
+
+    def _without_rotation(self, vectors: Array) -> Array:
+        """Return generalised forces (..., 12) in SI units without the part that turns both gears together.
+
+        With friction, forces do work on this motion. Its mean speed is constant, and no element measures it; the part
+        M phi (phi^T F) / (phi^T M phi) is removed, and all other motions stay the same.
+        """
+        w, M = self.mesh_vector(), self.structure()[0]
+        turn = np.zeros(12)
+        turn[5], turn[11] = w[11], -w[5]
+        inertia = M @ turn
+        out: Array = vectors - np.multiply.outer(vectors @ turn, inertia / (turn @ inertia))
+        return out
 
     # The dimensionless system
 
     def system(self) -> System:
         """Return the dimensionless equations of motion with the element "gap".
 
-        The module docstring states the scaling.
+        The module docstring states the scaling. Friction between the teeth of ``contacts`` adds the elements "friction
+        1" to "friction 3".
         """
         S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
         M, C, K = self.structure()
-        SS = np.outer(S, S)
+        SS, force = np.outer(S, S), self.k_mean * self.b_c
         gap = Element(
             direction=S * self.mesh_vector(),
             law=self.mesh_law(self.b),
@@ -292,11 +332,19 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
             damping=2 * self.zeta,
             name="gap",
         )
+        elements, load = [gap], self.torques()
+        fluctuating = self.r_p * np.eye(12)[5]
+        if isinstance(gap.law, MeshContacts) and gap.law.sliding is not None:
+            acts = S * self._without_rotation(self.friction_vectors())
+            moved = (gap.displacement, Series(), Series())
+            law = SlidingTeeth(gap.law)
+            elements += VectorElement([gap.direction, *acts], law, name="friction", displacements=moved)
+            load, fluctuating = self._without_rotation(load), self._without_rotation(fluctuating)
         return System(
             M=SS * M / m_c,
             C=SS * C / (m_c * omega_n),
             K=SS * K / self.k_mean,
-            elements=[gap],
-            load=self.fluctuating_load(S * self.torques() / (self.k_mean * self.b_c), self.r_p * S * np.eye(12)[5]),
+            elements=elements,
+            load=self.fluctuating_load(S * load / force, S * fluctuating),
             dof_names=[f"{axis}_{gear}" for gear in "pg" for axis in AXES],
         )

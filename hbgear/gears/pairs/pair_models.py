@@ -57,6 +57,10 @@ class _Mesh(NamedTuple):
     """Unit of the stiffness [N/m]: the mean stiffness by default."""
     b_c: float
     """Unit of length [m]: half the backlash by default."""
+    load: float
+    """Load of the relative rotation over T / r_b1."""
+    output: float
+    """Power of the wheel over that of the pinion in the static state."""
     fields: dict[str, Any]
     """Fields b, stiffness and error, or contacts, of the model."""
 
@@ -73,6 +77,7 @@ def build_model(
     direction: Any = 0.0,
     torque_orders: Any = (),
     units: tuple[float, float] | None = None,
+    friction: Any = 0.0,
 ) -> Model:
     """Return a model of a gear pair under a torque.
 
@@ -102,6 +107,9 @@ def build_model(
         "30 deg")}`` with a phase; see `hbgear.gears.torque_orders`.
     units : tuple of float, optional
         Angular frequency [rad/s] of Omega = 1 and unit of length [m], default omega_n and b_c of this pair.
+    friction : float or BenedictKelley, optional
+        Coefficient of friction between the teeth, which needs the pairs of teeth of ``mesh="teeth"``; see
+        `hbgear.gears.mesh.tooth_friction`. Default 0.
 
     Raises
     ------
@@ -124,14 +132,15 @@ def build_model(
                          "torque_orders of a torque without a mean")  # fmt: skip
     # the mesh of pairs that differ in backlash is computed once
     shape = pair if pair.center_distance is not None else replace(pair, backlash=None)
-    found = mesh_model("GearPair.model", shape, effective_torque(torque, orders), mesh, cycle)
+    side = 1 if torque >= 0 else -1
+    found = mesh_model("GearPair.model", shape, effective_torque(torque, orders), mesh, cycle, friction, side)
     k_unit, length = found.k_mean, b_c
     if units is not None:
         k_unit, length = pair.equivalent_mass * units[0] ** 2, units[1]
     zeta *= sqrt(found.k_0 / k_unit)
     fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), found.k_mean / k_unit, length)
     fields["b"] = b_c / length
-    given = _Mesh(k_unit, length, fields | _fluctuation(pair, orders, k_unit * length, form))
+    given = _Mesh(k_unit, length, found.load, found.output, fields | _fluctuation(pair, orders, k_unit * length, form))
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
@@ -188,7 +197,7 @@ def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:
 
 
 def _torsion(pair: GearPair, torque: float, zeta: float, mesh: _Mesh) -> SpurPair:
-    F_m = pair.transverse_force(torque) / (mesh.k_mean * mesh.b_c)
+    F_m = mesh.load * pair.transverse_force(torque) / (mesh.k_mean * mesh.b_c)
     return SpurPair(zeta=zeta, F_m=F_m, reference=_reference(pair, mesh), **mesh.fields)
 
 
@@ -205,7 +214,7 @@ def _bearings(
             f"mu_{i}": m_c / m, f"kappa_{i}": kappa, f"zeta_{i}": support.damping * sqrt(kappa),
             f"b_{i}": support.clearance / b_c, f"F_{i}": support.preload / (m * b_c * omega_n**2),
         }  # fmt: skip
-    F_m = pair.transverse_force(torque) / (mesh.k_mean * b_c)
+    F_m = mesh.load * pair.transverse_force(torque) / (mesh.k_mean * b_c)
     return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **fields, **mesh.fields)
 
 
@@ -228,5 +237,5 @@ def _spatial(
     return HelicalPair(
         zeta=zeta, torque=torque, k_mean=mesh.k_mean, b_c=mesh.b_c, internal=pair.wheel.internal,
         alpha_deg=degrees(pair.working_pressure_angle), beta_deg=degrees(pair.pinion.base_helix_angle),
-        phi_deg=degrees(direction), **fields, **mesh.fields,
+        phi_deg=degrees(direction), output=mesh.output, **fields, **mesh.fields,
     )  # fmt: skip

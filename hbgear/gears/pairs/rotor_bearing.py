@@ -11,11 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, System
+from hbgear.mechanics.laws.vector_laws import SlidingTeeth
+from hbgear.mechanics.models import Element, System, VectorElement
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
@@ -182,12 +185,25 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         "e": Range(-20, 20),
     }
 
+    def _friction(self, gap: Element) -> tuple[Element, ...]:
+        """Return the elements of the friction between the teeth, if there is any."""
+        if not isinstance(gap.law, MeshContacts) or gap.law.sliding is None:
+            return ()
+        turn, sliding = np.array([0.0, 0.0, 1.0]), gap.law.sliding
+        directions = [np.asarray(gap.direction), sliding.lever * turn, sliding.lever_slope * turn]
+        moved = (gap.displacement, Series(), Series())
+        return VectorElement(directions, SlidingTeeth(gap.law), name="friction", displacements=moved)
+
     def system(self) -> System:
-        """Return the equations of motion in y_1, y_2, x; the elements are "gap", "bearing 1" and "bearing 2"."""
+        """Return the equations of motion in y_1, y_2, x; the elements are "gap", "bearing 1" and "bearing 2".
+
+        Friction between the teeth of ``contacts`` adds the elements "friction 1" to "friction 3", which act on x.
+        """
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
+        law = self.mesh_law(self.b)
         gap = Element(
             direction=[1.0, -1.0, 1.0],
-            law=self.mesh_law(self.b),
+            law=law,
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",
@@ -208,7 +224,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
             M=[[m_1, 0.0, 0.0], [0.0, m_2, 0.0], [0.0, 0.0, 1.0]],
             C=None,
             K=[[0.0] * 3] * 3,
-            elements=[gap, bearing_1, bearing_2],
+            elements=[gap, bearing_1, bearing_2, *self._friction(gap)],
             load=self.fluctuating_load([-m_1 * self.F_1, m_2 * self.F_2, self.F_m], [0.0, 0.0, 1.0]),
             dof_names=["y_1", "y_2", "x"],
         )

@@ -137,9 +137,10 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
 
     def system(self) -> System:
         """Return the equation of motion in the coordinate q = x + e(tau); the mesh is the only spring."""
+        law = self.mesh_law(self.b)
         gap = Element(
             direction=[1.0],
-            law=self.mesh_law(self.b),
+            law=law.along if isinstance(law, MeshContacts) else law,
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

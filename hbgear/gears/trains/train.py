@@ -16,7 +16,7 @@ the base radius of the first wheel of the first mesh.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -34,6 +34,7 @@ from hbgear.gears.torque_orders import exact_order
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_friction import friction_elements, without_rotation
 from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.vector_laws import Component, RadialClearance
@@ -427,7 +428,7 @@ class Train(Model):  # numpydoc ignore=PR02
     def system(self) -> System:
         """Return the dimensionless equations of motion with one element for each mesh.
 
-        The module docstring states the scaling.
+        The module docstring states the scaling. A mesh with friction has three more elements, "A-B friction 1" to 3.
         """
         S, found = self.units / self.b_c, self._kinematics
         SS, m_c, omega_n = np.outer(S, S), self.m_c, self.omega_n
@@ -442,6 +443,15 @@ class Train(Model):  # numpydoc ignore=PR02
             )
             for w, mesh, order, lag in zip(self.mesh_vectors().T, self.meshes, found.orders, found.lags, strict=True)
         ]
+        rubbing = [
+            element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
+            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda parts: S * self._onto(parts))
+        ]  # fmt: skip
+        free = self._free_of_rotation(SS * M, SS * K, S) if rubbing else lambda vector: vector
+        gaps += [
+            one if i % 3 == 0 else dataclasses.replace(one, direction=free(np.asarray(one.direction)))
+            for i, one in enumerate(rubbing)
+        ]
         gaps += self._clearances(S)
         torques = {name: np.array([0.0] * 5 + [torque]) for name, torque in self.torques.items()}
         force = self.k_mean * self.b_c
@@ -452,20 +462,29 @@ class Train(Model):  # numpydoc ignore=PR02
             K=SS * K / self.k_mean,
             elements=gaps,
             load=[
-                Load(constant=S * self._onto(torques) / force),
+                Load(constant=free(S * self._onto(torques) / force)),
                 *self._unbalances(S / force),
-                *self._fluctuations(S / force),
+                *self._fluctuations(S / force, free),
             ],
             dof_names=[f"{AXES[axis]}_{name}" if name else housing[axis] for name, axis in self._coordinates],
             speed=self._speed_terms(S),
         )
+
+    def _free_of_rotation(self, M: Array, K: Array, scale: Array) -> Callable[[Array], Array]:
+        """Return a function that removes the part of a force that turns the whole train."""
+        speeds = dict(self._kinematics.speeds)
+        speeds |= {node: speeds[beam.first] for beam in self.beams for node in beam.nodes}
+        turn = (
+            np.array([float(speeds[name]) if name and axis == 5 else 0.0 for name, axis in self._coordinates]) / scale
+        )
+        return lambda vector: without_rotation(vector, turn, M, K)
 
     def _mesh_law(self, mesh: Mesh, order: int, lag: float) -> Law:
         """Return the dimensionless force law of a mesh."""
         b, ratio = self.backlash_scale * mesh.half_backlash / self.b_c, mesh.k_mean / self.k_mean
         if mesh.contacts is None:
             return Backlash(b=b, stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(ratio))
-        turned = mesh.contacts.changed(*[lambda one: in_order(one, order, lag)] * 2)
+        turned = mesh.contacts.turned(lambda one: in_order(one, order, lag), order)
         return turned.scaled(ratio, 1 / self.b_c).widened(b)
 
     def _clearances(self, scale: Array) -> list[Element]:
@@ -505,12 +524,12 @@ class Train(Model):  # numpydoc ignore=PR02
             found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
         return found
 
-    def _fluctuations(self, scale: Array) -> list[Load]:
+    def _fluctuations(self, scale: Array, free: Callable[[Array], Array]) -> list[Load]:
         """Return the load T cos(order theta + phase) of every torque order, theta = turned + omega t."""
         found = []
         for wheel in self.wheels if self.fluctuation_scale else ():
             speed, turned = self._kinematics.speeds[wheel.name], self._kinematics.turned[wheel.name]
-            direction = scale * self._onto({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale
+            direction = free(scale * self._onto({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
             for order, amplitude, phase in wheel.torque_orders:
                 multiple = int(exact_order(wheel.name, order) * abs(speed) / self._kinematics.ratio)
                 angle = (order * turned + phase) * (1 if speed > 0 else -1)

@@ -422,17 +422,19 @@ class Mesh:  # numpydoc ignore=PR02
 
     @classmethod
     def of(cls, first: str, second: str, pair: GearPair, torque: Any, damping: Any = 0.05, *,
-           mesh: str | None = None, cycle: MeshCycle | None = None, **others: Any) -> Mesh:  # fmt: skip
+           mesh: str | None = None, cycle: MeshCycle | None = None, friction: Any = 0.0,
+           **others: Any) -> Mesh:  # fmt: skip
         """Return the mesh of a `GearPair` whose pinion is the first wheel, under a torque on the pinion.
 
         Contacts or stiffness and error, backlash, angles and the phase of the pitch point follow from the pair. The
-        options ``mesh``, the model of the mesh, and ``cycle``, tables of it, are those of `GearPair.model`. The damping
-        ratio refers to the same stiffness in all models of the mesh.
+        options ``mesh``, the model of the mesh, ``cycle``, tables of it, and ``friction``, the coefficient of friction
+        between the teeth, are those of `GearPair.model`. The damping ratio refers to the same stiffness in all models
+        of the mesh.
         """
         check("Mesh.of", "pair", pair, GearPair)
         check("Mesh.of", "cycle", cycle, MeshCycle | None)
         torque = to_si("Mesh.of", "torque", torque, "N m")
-        found = mesh_model("Mesh.of", pair, torque, mesh, cycle)
+        found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction)
         begin = pair.path[0]
         pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
         own: dict[str, Any] = {

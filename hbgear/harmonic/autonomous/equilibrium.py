@@ -146,6 +146,11 @@ class EquilibriumProblem(ContinuationProblem):
         """Return the eigenvalues s (2n,) of small motions about an equilibrium, and modes (m, 2n)."""
         evaluator = self.balance.compiled(dict(parameters))
         s, n = evaluator.structure, evaluator.structure.n
+        if s.system.massless:
+            raise ValueError(
+                f"eigenvalues of equilibria need a mass of every coordinate, and '{s.system.massless}' has none: give "
+                "it a small one"
+            )
         _, k, c = _forces(evaluator, X)
         M, C, K = (np.asarray(dense(A)) for A in (s.M, s.C, s.K))
         K, C = K + (s.W * (k - s.kr)) @ s.W.T, C + (s.W * c) @ s.W.T

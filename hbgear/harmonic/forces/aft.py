@@ -2,6 +2,8 @@
 
     d_k -> d(theta_n) -> p(d, d', tau) -> f_k,   theta_n = 2 pi n / N
 
+Laws of several displacements whose force jumps at known phases are integrated between these phases by Gauss points.
+
 References
 ----------
 Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.3176036.
@@ -9,7 +11,9 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,6 +23,9 @@ from hbgear.mechanics.laws.laws import Forces, Law
 from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_complex, to_real
 from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
+
+GAUSS_POINTS = 4
+"""Gauss points of a panel between jumps of a law."""
 
 
 class SampledLaws:
@@ -117,12 +124,16 @@ class SampledVectorLaws:
     def __init__(self, groups: Sequence[tuple[np.ndarray, VectorLaw]], transform: Transform, nu: int) -> None:
         self.groups, self.nu, self._transform = groups, nu, transform
         self._tau = 2 * np.pi * nu * np.arange(transform.N) / transform.N
+        self._between = [_PhaseSegments(law.phases, nu, transform.N) if law.phases else None for _, law in groups]
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
         m, n = coefficients.shape
         blocks, size = J.reshape(m, n, m, n), 0.0
-        for elements, law in self.groups:
+        for (elements, law), between in zip(self.groups, self._between, strict=True):
+            if between is not None and not law.rated:
+                size += between.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
+                continue
             c, p = to_complex(coefficients[elements]), len(elements)
             d = self._transform.samples(c)
             v = Omega / self.nu * self._transform.samples(derive(c)) if law.rated else np.zeros_like(d)
@@ -152,6 +163,56 @@ class SampledVectorLaws:
             v = samples_of(rates, N).swapaxes(0, 1).reshape(len(elements), -1)
             p = law.force(d, v, np.tile(self._tau, len(X)))[0].reshape(len(elements), len(X), N).swapaxes(0, 1)
             f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
+
+
+class _PhaseSegments:
+    """Integration over the phase between jumps of a law, by panels of Gauss points.
+
+    Parameters
+    ----------
+    phases : sequence of float
+        Phases tau at which the force or a derivative jumps.
+    nu : int
+        Subharmonic order.
+    N : int
+        Smallest number of points per basis period.
+    """
+
+    def __init__(self, phases: Sequence[float], nu: int, N: int) -> None:
+        turn = 2 * np.pi
+        cuts = np.unique([0.0, turn, *((phase % turn + turn * i) / nu for phase in phases for i in range(nu))])
+        cuts = cuts[np.diff(cuts, prepend=-1.0) > 1e-12]
+        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        theta, weights = [], []
+        for a, b in pairwise(cuts.tolist()):
+            count = math.ceil(N * (b - a) / (turn * GAUSS_POINTS))
+            edges = np.linspace(a, b, count + 1)
+            half = 0.5 * np.diff(edges)[:, None]
+            theta.append((edges[:-1, None] + half * (1 + x)).ravel())
+            weights.append((half * w / np.pi).ravel())
+        self.theta, self.weights = np.concatenate(theta), np.concatenate(weights)
+        self.tau, self._basis = nu * self.theta, np.zeros((0, 0))
+
+    def basis(self, n: int) -> Array:
+        """Return 1, cos and sin of the harmonics at the points, (n, Q)."""
+        if len(self._basis) != n:
+            k = np.arange(1, n // 2 + 1)[:, None]
+            waves = np.stack([np.cos(k * self.theta), np.sin(k * self.theta)], axis=1).reshape(n - 1, -1)
+            self._basis = np.concatenate([np.ones((1, len(self.theta))), waves])
+        return self._basis
+
+    def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:
+        """Add forces to R (m, n) and slopes to blocks (m, n, m, n); return the norm of the forces."""
+        B = self.basis(coefficients.shape[1])
+        d = coefficients[elements] @ B
+        force, kd, _ = law.force(d, np.zeros_like(d), self.tau)
+        weighted = self.weights * B
+        weighted[0] *= 0.5
+        f = force @ weighted.T
+        R[elements] += f
+        for i, j in np.argwhere(kd.any(axis=2)):
+            blocks[elements[i], :, elements[j]] += weighted @ (kd[i, j] * B).T
+        return float(np.linalg.norm(f))
 
 
 def _bind(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:

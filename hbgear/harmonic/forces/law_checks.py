@@ -149,7 +149,8 @@ def _check_supported(system: System, springs: Array) -> None:
     ):
         return
     W, K = system.W, system.K if isinstance(system.K, np.ndarray) else system.K.toarray()
-    s = 1.0 / np.sqrt(np.abs(system.M.diagonal()))
+    mass = np.abs(system.M.diagonal())
+    s = 1.0 / np.sqrt(np.where(mass > 0, mass, mass.max() or 1.0))
     supported = K + (W * np.where(soft, 0.0, springs)) @ W.T
     free = s[:, None] * scipy.linalg.null_space(supported * np.outer(s, s), rcond=_FREE_MOTION_TOLERANCE)
     displacement = np.abs(W.T @ free)

@@ -337,6 +337,8 @@ def _require_piecewise_linear(system: System) -> None:
             f"{system.n} coordinates are too many for contact instants; at most {MAX_COORDINATES}: reduce the model "
             "first, hb.mechanics.reduce(model, modes=...)"
         )
+    if system.massless:
+        raise NotPiecewiseLinear(f"contact instants need a mass of every coordinate, and '{system.massless}' has none")
     if system.receptances is not None:
         raise NotPiecewiseLinear(
             "contact instants need M, C and K of all coordinates, but some coordinates have receptances only"

@@ -10,6 +10,7 @@ from hbgear.common.text.messages import did_you_mean
 from hbgear.gears import (
     Beam,
     Bearing,
+    BenedictKelley,
     DoubleHelicalPair,
     DrawnPair,
     Gear,
@@ -32,6 +33,7 @@ from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelect
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.function_model import SystemOfLaws
+from hbgear.mechanics.laws.mesh_contacts import ToothSliding
 from hbgear.mechanics.model_lookup import find_model_class, installed
 from hbgear.mechanics.models import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
@@ -59,7 +61,7 @@ _PART_CLASSES: dict[str, type] = {
     each.__name__: each
     for each in (
         Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, MeshCycle, MeshTable, Element, Load,
-        SpeedTerms, MatrixTable, Receptances,
+        SpeedTerms, MatrixTable, Receptances, BenedictKelley, ToothSliding,
     )
 }  # fmt: skip
 """Classes of the parts of these models by name."""

@@ -279,6 +279,8 @@ def _has_hard_short_intervals(
     if short.any():
         compiled = problem.compiled({**parameters, name: float(values[0])})
         system, Omega = compiled.system, values if name == "Omega" else parameters["Omega"]
+        if system.massless:
+            return short
         mobility = np.einsum("ij,ij->j", system.W, np.linalg.solve(dense(system.M), system.W))
         rate = max(abs(k * law.reference) for k, law in zip(mobility.tolist(), compiled.laws, strict=True))
         effect = rate * problem.nu * compiled.shortest_intervals(X) / np.square(Omega)

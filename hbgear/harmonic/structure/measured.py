@@ -44,9 +44,6 @@ class MeasuredStructure(LinearStructure):
         self._at = [list(system.dof_names).index(name) for name in self._part.names]
         super().__init__(system)
 
-    def _check_mass(self) -> None:
-        """Accept a singular M: coordinates with receptances need no entry in it."""
-
     def _close(self, system: System) -> None:
         """Set K with the reference springs; there are no modes."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T

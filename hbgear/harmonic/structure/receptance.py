@@ -38,6 +38,7 @@ import scipy
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.harmonic.forces.packed_model import PackedLinearPart, in_two
+from hbgear.harmonic.structure.massless import massless_modes
 from hbgear.mechanics.models import System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.mechanics.series.fourier import stretch, to_complex
@@ -207,7 +208,7 @@ class LinearStructure:
     Raises
     ------
     ValueError
-        If M is singular.
+        If coordinates without mass cannot be eliminated.
     UnbalancedLoadError
         If a constant load acts on a free motion.
     """
@@ -241,7 +242,6 @@ class LinearStructure:
         # scaled by the masses, the test for free motions compares frequencies in any units of the coordinates
         diagonal = np.abs(np.diag(self.M))
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
-        self._check_mass()
         self._close(system)
 
     def _close(self, system: System) -> None:
@@ -340,18 +340,6 @@ class LinearStructure:
             and not self.constrained
         )
 
-    def _check_mass(self) -> None:
-        """Raise an error if M is singular."""
-        scaled = self.M * np.outer(self._scale, self._scale)
-        if _is_diagonal(scaled) and np.diag(scaled).all():
-            return
-        s, v = scipy.linalg.svd(scaled)[1:]
-        if s[-1] <= 1e-13 * s[0]:
-            worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
-            raise ValueError(
-                f"M is singular (coordinate '{worst}' has no mass); give it a mass or eliminate it from M, C and K"
-            )
-
     def _null(self, A: Array) -> Array:
         """Return the null space of a matrix of the coordinates, scaled by the masses."""
         return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
@@ -397,6 +385,9 @@ class LinearStructure:
             T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
         else:
             B = T = np.diag(self._scale)
+        if self.system.massless:
+            poles, q, forces, condition = massless_modes(self.system, M, C, K, B, T)
+            return Modes(poles, q, forces, self.W.T @ q, forces @ self.W, condition)
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]

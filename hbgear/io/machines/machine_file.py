@@ -3,6 +3,7 @@
     torque = "200 N m"
     torque_orders = { 2 = "60 N m", "1/2" = ["10 N m", "30 deg"] }   # of the pinion, with phases; optional
     damping = 0.04
+    friction = 0.05         # of the teeth; or { viscosity = "0.01 Pa s", speed = "3000 r/min" }; optional
 
     [pinion]
     teeth = 25
@@ -33,6 +34,7 @@ from hbgear.common.units import QuantityField
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
+from hbgear.gears.mesh.tooth_friction import COEFFICIENT, BenedictKelley, Friction, checked_friction
 from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
@@ -71,6 +73,8 @@ class Machine:
         Model of the computed mesh, see `GearPair.model`; default None, its default.
     torque_orders : mapping, optional
         Harmonics of the torque by order of the pinion, see `GearPair.model`; default none.
+    friction : float or BenedictKelley, optional
+        Coefficient of friction between the teeth; default 0.
     """
 
     pair: GearPair
@@ -81,8 +85,10 @@ class Machine:
     cycle: MeshCycle | None = None
     mesh_model: Literal["teeth", "secant", "tangent"] | None = None
     torque_orders: Any = ()
+    friction: Any = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "friction", checked_friction("the machine", self.friction))
         object.__setattr__(self, "torque_orders", torque_orders("the machine", self.torque_orders))
 
     @property
@@ -99,7 +105,7 @@ class Machine:
     def model(self) -> DrawnPair:
         """Return the model, whose parameters are the quantities of the drawing."""
         return DrawnPair(self.pair, self.torque, self.damping, self.form, self.supports or (), self.mesh_model,
-                         self.cycle, self.torque_orders)  # fmt: skip
+                         self.cycle, self.torque_orders, friction=self.friction)  # fmt: skip
 
 
 def read_machine(path: str | os.PathLike[str]) -> Machine:
@@ -161,6 +167,7 @@ def _schema() -> Any:
     whole: dict[str, Any] = {
         "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
         "mesh_model": (_KINDS["mesh_model"], None), "torque_orders": (TORQUE_ORDERS, ()),
+        "friction": (float | table("friction", BenedictKelley, ("viscosity", "speed")), 0.0),
         "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
         "wheel": (table("wheel", Gear, ("teeth",)), ...),
         "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
@@ -194,6 +201,7 @@ class _Reader:
         wheel = None if pinion is None else self._made(("wheel",), Gear, _completed(pinion, data["wheel"]))
         supports = [self._made(("support", name), Support, table) for name, table in data.get("support", {}).items()]
         orders = self._orders(data.get("torque_orders", ()))
+        friction = self._friction(data.get("friction", 0.0))
         if pinion is None or wheel is None:
             return None
         pair = self._made(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
@@ -214,6 +222,7 @@ class _Reader:
             cycle,
             data.get("mesh_model"),
             orders,
+            friction,
         )
         try:
             machine.model()
@@ -227,6 +236,12 @@ class _Reader:
         except ValueError as error:
             self.problems.append((("torque_orders",), bare(error)))
             return ()
+
+    def _friction(self, given: Any) -> Friction:
+        if isinstance(given, Mapping):
+            made: Friction | None = self._made(("friction",), BenedictKelley, given)
+            return made or 0.0
+        return self._read(COEFFICIENT, ("",), given)
 
     def _read(self, field: QuantityField, place: Place, value: Any) -> float:
         try:
@@ -269,6 +284,8 @@ def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
 
 def _place_in(message: str, data: Mapping[str, Any]) -> Place:
     """Return the key of the file that an error of the whole machine refers to."""
+    if "BenedictKelley" in message or "friction" in message:
+        return ("friction",)
     for name in ("torque", "damping"):
         if f"{name} =" in message:
             return (name,)
@@ -311,6 +328,10 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
         entries = (f'"{order!r}" = [{_quantity(size, "N m")}, {_quantity(phase, "rad")}]'
                    for order, size, phase in machine.torque_orders)  # fmt: skip
         lines.append(f"torque_orders = {{ {', '.join(entries)} }}")
+    if isinstance(machine.friction, BenedictKelley):
+        lines.append(f"friction = {{ {', '.join(_entries(machine.friction))} }}")
+    elif machine.friction:
+        lines.append(f"friction = {machine.friction!r}")
     lines += [f'form = "{machine.form}"'] if machine.form != "torsion" else []
     lines += [f'mesh_model = "{machine.mesh_model}"'] if machine.mesh_model else []
     tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),

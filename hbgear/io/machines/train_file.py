@@ -107,7 +107,7 @@ def _schema() -> Any:
     pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
     mesh = form(
         "mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None),
-        mesh_model=(Literal["teeth", "secant", "tangent"], None),
+        mesh_model=(Literal["teeth", "secant", "tangent"], None), friction=(float, 0.0),
     )  # fmt: skip
     table = create_model(
         "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
@@ -200,15 +200,22 @@ def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place,
         return None
 
 
+_OF_PAIR = ("mesh_model", "friction")
+"""Keys of a mesh that is computed from a pair of gears."""
+
+
 def _mesh(
     place: Place, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[Place, str]]
 ) -> Mesh | None:
     """Return a mesh given by its fields, or by a pair of two of the gears under a torque."""
-    own = {name: value for name, value in table.items() if name not in ("pair", "torque", "mesh_model")}
+    own = {name: value for name, value in table.items() if name not in ("pair", "torque", *_OF_PAIR)}
     if "pair" not in table and "torque" not in table:
-        if "mesh_model" in table:
-            problems.append(((*place, "mesh_model"), "a model of the mesh is computed from pair and torque; give them"))
-            return None
+        for name in _OF_PAIR:
+            if name in table:
+                problems.append(
+                    ((*place, name), f"{name} needs a mesh that is computed from pair and torque; give them")
+                )
+                return None
         if "k_mean" not in own:
             problems.append((place, "a mesh needs its k_mean, or pair and torque, which determine it"))
             return None
@@ -224,5 +231,6 @@ def _mesh(
         return None
     return made(  # type: ignore[no-any-return]
         problems, place, Mesh, own,
-        lambda **given: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"), **given),
+        lambda **given: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"),
+                                friction=table.get("friction", 0.0), **given),
     )  # fmt: skip

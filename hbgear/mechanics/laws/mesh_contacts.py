@@ -6,12 +6,17 @@ A contact is a pair of teeth, or a slice of it, on one flank. Its stiffness is z
 level is the displacement at which its gap closes: the initial gap on the driving flank (side +1), and minus the
 backlash minus the initial gap on the back flank (side -1). All contacts act on one displacement, so that a mesh has the
 unknowns of one element.
+
+With friction between the teeth (`ToothSliding`) each contact also has a force across the line of action, which acts on
+the pinion against its surface velocity, and a torque about the pitch point:
+
+    across(d, tau) = sum_j a_j(tau) max(side_j (d - level_j(tau)), 0),   slide(d, tau) = sum_j b_j(tau) max(...)
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -100,6 +105,69 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
+class ToothSliding:  # numpydoc ignore=PR02
+    """Friction between the teeth of a mesh, for each of its contacts.
+
+        a_j = mu sign(s - s_P) k_j,   b_j = mu |s - s_P| p_b k_j / r_b1
+        M_1 / r_b1 = p + lever across + slide,   P_loss = relative omega_1 r_b1 slide
+        relative rotation: p + lever across + lever_slope slide
+
+    s is the position of the contact on the path of contact in base pitches p_b, s_P the pitch point, mu the coefficient
+    of friction, M_1 the torque of the mesh on the pinion and omega_1 its mean speed.
+
+    Parameters
+    ----------
+    across, slide : tuple of Series or Periodic
+        Functions a_j(tau) and b_j(tau) of each contact [force / length].
+    lever : float
+        Radius of curvature at the pitch point over the base radius: the tangent of the working pressure angle.
+    lever_slope : float
+        Factor of ``slide`` in the equation of the relative rotation, r_b1 m_c (r_b1/J_1 - r_b2/J_2); + for a ring.
+    relative : float
+        Sum of the speeds of both gears over that of the pinion, 1 + z_1/z_2; 1 - z_1/z_2 for a ring.
+    radius : float
+        Base radius of the pinion r_b1 [m].
+    speed : float
+        Speed of the pinion over Omega.
+    normal : tuple of Series or Periodic, optional
+        Stiffness k_j(tau) of the normal forces, if the stiffness of the contacts includes friction. Default (): the
+        contacts have the normal forces.
+    """
+
+    across: tuple[Phased, ...]
+    slide: tuple[Phased, ...]
+    lever: float
+    lever_slope: float
+    relative: float
+    radius: float
+    speed: float
+    normal: tuple[Phased, ...] = ()
+
+    def changed(self, stiffness: Callable[[Phased], Phased]) -> ToothSliding:
+        """Return the friction with changed functions of the phase."""
+        across, slide, normal = (tuple(map(stiffness, some)) for some in (self.across, self.slide, self.normal))
+        return replace(self, across=across, slide=slide, normal=normal)
+
+
+class SlidingForces(NamedTuple):
+    """Forces of a mesh with friction at displacements and phases.
+
+    Attributes
+    ----------
+    normal, across, slide : ndarray, shape (N,)
+        Force along the line of action, force across it, and torque about the pitch point over the base radius of the
+        pinion.
+    slopes : ndarray, shape (3, N)
+        Their derivatives with respect to the displacement.
+    """
+
+    normal: Array
+    across: Array
+    slide: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
 class MeshContacts(Law):  # numpydoc ignore=PR02
     """Sum of contacts on one displacement: the force of a mesh from its pairs of teeth.
 
@@ -109,14 +177,17 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     ----------
     contacts : sequence of ToothContact
         One or more contacts.
+    sliding : ToothSliding or None, optional
+        Friction between the teeth; default none. It does not change the force p: ``along`` has it included.
 
     Raises
     ------
     ValueError
-        If the sequence is empty, or an entry is not a contact.
+        If the sequence is empty, an entry is not a contact, or the friction has another number of contacts.
     """
 
     contacts: tuple[ToothContact, ...]
+    sliding: ToothSliding | None = None
 
     def __post_init__(self) -> None:
         if not is_listed(self.contacts) or not self.contacts:
@@ -124,13 +195,18 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         object.__setattr__(self, "contacts", tuple(self.contacts))
         if not all(type(contact) is ToothContact for contact in self.contacts):
             raise ValueError("MeshContacts: contacts must be objects of the class ToothContact")
+        if self.sliding is not None and {len(self.sliding.across), len(self.sliding.slide)} != {len(self.contacts)}:
+            raise ValueError(
+                f"MeshContacts: sliding has {len(self.sliding.across)} and {len(self.sliding.slide)} functions for "
+                f"{len(self.contacts)} contacts; give one of each for every contact"
+            )
 
     def widened(self, half_backlash: float) -> MeshContacts:
         """Return the contacts with levels moved away from zero by a half backlash."""
         return MeshContacts(tuple(
             ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
             for contact in self.contacts
-        ))  # fmt: skip
+        ), self.sliding)  # fmt: skip
 
     def scaled(self, stiffness: float, length: float) -> MeshContacts:
         """Return the contacts with stiffness and levels times factors."""
@@ -138,9 +214,85 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def changed(self, stiffness: Callable[[Phased], Phased], level: Callable[[Phased], Phased]) -> MeshContacts:
         """Return the contacts with changed functions of the phase, such as shifted ones."""
+        sliding = None if self.sliding is None else self.sliding.changed(stiffness)
         return MeshContacts(tuple(
             ToothContact(stiffness(contact.stiffness), level(contact.level), contact.side) for contact in self.contacts
-        ))  # fmt: skip
+        ), sliding)  # fmt: skip
+
+    def turned(self, change: Callable[[Phased], Phased], order: float = 1.0) -> MeshContacts:
+        """Return the contacts with all functions of the phase changed, at ``order`` times the mesh frequency."""
+        found = self.changed(change, change)
+        if found.sliding is None or order == 1:
+            return found
+        return MeshContacts(found.contacts, replace(found.sliding, speed=order * found.sliding.speed))
+
+    def _with_stiffness(self, values: Sequence[Phased], sliding: ToothSliding | None) -> MeshContacts:
+        contacts = zip(values, self.contacts, strict=True)
+        return MeshContacts(tuple(ToothContact(k, one.level, one.side) for k, one in contacts), sliding)
+
+    @property
+    def normal(self) -> MeshContacts:
+        """The contacts without friction: the forces along the line of action."""
+        if self.sliding is None:
+            return self
+        return self._with_stiffness(self.sliding.normal or [one.stiffness for one in self.contacts], None)
+
+    @property
+    def along(self) -> MeshContacts:
+        """The contacts with the force on the relative rotation, p + lever across + lever_slope slide."""
+        own = self.sliding
+        if own is None or own.normal:
+            return self
+        k = [
+            one.stiffness if not any(map(_is_set, (a, b))) else _joined(
+                _pieces(one.stiffness)
+                .plus(_pieces(a).scaled(one.side * own.lever))
+                .plus(_pieces(b).scaled(one.side * own.lever_slope))
+            )
+            for one, a, b in zip(self.contacts, own.across, own.slide, strict=True)
+        ]  # fmt: skip
+        return self._with_stiffness(k, replace(own, normal=tuple(one.stiffness for one in self.contacts)))
+
+    def sliding_forces(self, d: Array, tau: Array) -> SlidingForces:
+        """Return the forces along and across the line of action and the torque about the pitch point.
+
+        Parameters
+        ----------
+        d : ndarray, shape (N,)
+            Displacements.
+        tau : ndarray, shape (N,)
+            Phases.
+
+        Returns
+        -------
+        SlidingForces
+            The forces; zero across without friction.
+        """
+        at, rows, side = self._sliding_table
+        phase = np.mod(tau, TURN)
+        piece = np.searchsorted(at, phase, side="right") - 1
+        x = (phase - at[piece])[..., None, None]
+        c = rows[piece]
+        values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
+        depth = side * (np.asarray(d)[..., None] - values[..., 0, :])
+        closed = depth > 0.0
+        forces = np.sum(values[..., 1:, :] * (closed * depth)[..., None, :], axis=-1)
+        slopes = np.sum(values[..., 1:, :] * (closed * side)[..., None, :], axis=-1)
+        return SlidingForces(forces[..., 0], forces[..., 1], forces[..., 2], np.moveaxis(slopes, -1, 0))
+
+    @cached_property
+    def _sliding_table(self) -> tuple[Array, Array, Array]:
+        """Beginnings (T,) of common segments, cubics (T, 4, J, 4) of level, +-k, a and b, and sides (J,)."""
+        own, contacts = self.sliding, self.normal.contacts
+        nothing = (Series(),) * len(contacts)
+        across, slide = (nothing, nothing) if own is None else (own.across, own.slide)
+        functions = [
+            [_pieces(one.level) for one in contacts],
+            [_pieces(one.stiffness).scaled(float(one.side)) for one in contacts],
+            *([_pieces(one) for one in some] for some in (across, slide)),
+        ]
+        at = _union([one.at for some in functions for one in some])
+        return at, _common_rows(functions, at), np.array([float(one.side) for one in contacts])
 
     @property
     def reference(self) -> float:
@@ -183,10 +335,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level, and sides (J,)."""
         functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
         at = _union([one.at for both in functions for one in both])
-        rows = np.array([
-            [np.pad(x, ((0, 0), (0, 4 - x.shape[1]))) for x in (one.rows_at(at) for one in both)] for both in functions
-        ])  # fmt: skip
-        return at, np.ascontiguousarray(np.moveaxis(rows, 2, 0)), np.array([float(c.side) for c in self.contacts])
+        return at, _common_rows(functions, at), np.array([float(c.side) for c in self.contacts])
 
 
 class MovingSpring(NamedTuple):
@@ -194,6 +343,22 @@ class MovingSpring(NamedTuple):
 
     spring: PiecewiseLinear
     level: Phased | None
+
+
+def _common_rows(functions: Sequence[Sequence[Pieced]], at: Array) -> Array:
+    """Return cubics (T, F, J, 4) of F functions of J contacts from given phases on."""
+    rows = np.array([
+        [np.pad(x, ((0, 0), (0, 4 - x.shape[1]))) for x in (one.rows_at(at) for one in some)] for some in functions
+    ])  # fmt: skip
+    return np.ascontiguousarray(np.moveaxis(rows, 2, 0))
+
+
+def _is_set(function: Phased) -> bool:
+    return function.bound > 0.0
+
+
+def _joined(pieces: Pieced) -> Periodic:
+    return Periodic(tuple(pieces.at.tolist()), tuple(tuple(row) for row in pieces.rows.tolist()))
 
 
 def _plus(function: Phased, offset: float) -> Phased:

@@ -28,7 +28,7 @@ from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossl
 from hbgear.mechanics.laws.friction import Coulomb, Iwan, Jenkins
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
-from hbgear.mechanics.laws.vector_laws import Component, Directed, Polynomial, RadialClearance
+from hbgear.mechanics.laws.vector_laws import Component, Directed, Polynomial, RadialClearance, SlidingTeeth
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
 
@@ -324,11 +324,12 @@ register_law(name="component")(Component)
 register_law(name="radial clearance")(RadialClearance)
 register_law(name="polynomial")(Polynomial)
 register_law(name="directed")(Directed)
+register_law(name="sliding teeth")(SlidingTeeth)
 register_law(name="coulomb")(Coulomb)
 register_law(name="backlash", required=("k", "b"))(Backlash)
 register_law(name="unilateral", required=("k", "gap"))(Unilateral)
 
-_LATER = KelvinVoigt, ClippedKelvinVoigt, Component, RadialClearance, Polynomial, Directed
+_LATER = KelvinVoigt, ClippedKelvinVoigt, Component, RadialClearance, Polynomial, Directed, SlidingTeeth
 
 BUILT_IN: Mapping[str, type[Law]] = {
     cls.__name__: cls

@@ -23,6 +23,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.series.periodic import Periodic
 
 
 class VectorLaw(Law):
@@ -369,3 +371,70 @@ class Directed(VectorLaw):  # numpydoc ignore=PR02
         p, kd, kv = np.zeros_like(d), np.zeros((2, *d.shape)), np.zeros((2, *d.shape))
         p[1], kd[1, 0], kv[1, 0] = found
         return p, kd, kv
+
+
+@dataclass(frozen=True)
+class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
+    """Friction between the teeth of a mesh, beyond the force along the line of action.
+
+        p = (0, across(d_1, tau), slide(d_1, tau))
+
+    The first direction measures the mesh gap. The second one is that of the force across the line of action at the
+    pitch point, and the third one that of the torque about the pitch point.
+
+    Parameters
+    ----------
+    contacts : MeshContacts
+        Contacts with friction (`ToothSliding`).
+
+    Raises
+    ------
+    ValueError
+        If they have no friction.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> supports = (hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad"),) * 2
+    >>> pair = hb.GearPair(pinion, wheel, backlash="80 um")
+    >>> model = pair.model(200.0, 0.04, "spatial", supports=supports, friction=0.05)
+    >>> [element.name for element in model.system().elements]
+    ['gap', 'friction 1', 'friction 2', 'friction 3']
+    """
+
+    contacts: MeshContacts
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.contacts, MeshContacts) or self.contacts.sliding is None:
+            raise ValueError("SlidingTeeth: contacts must be MeshContacts with sliding=ToothSliding(...)")
+
+    @property
+    def size(self) -> int:
+        return 3
+
+    @property
+    def rated(self) -> bool:
+        return False
+
+    @property
+    def reference(self) -> float:
+        return self.contacts.reference
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        sliding = self.contacts.sliding
+        assert sliding is not None
+        corners = {x for one in (*sliding.across, *sliding.slide) if isinstance(one, Periodic) for x in one.corners}
+        return tuple(sorted({*self.contacts.phases, *corners}))
+
+    def edges(self, d: Array) -> Array:
+        distances: Array = d[0] - np.array(self.contacts.breakpoints).reshape(-1, 1)
+        return distances
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        found = self.contacts.sliding_forces(d[0], tau)
+        p, kd = np.zeros_like(d), np.zeros((3, *d.shape))
+        p[1:] = found.across, found.slide
+        kd[1:, 0] = found.slopes[1:]
+        return p, kd, np.zeros_like(kd)

@@ -132,6 +132,10 @@ class ExponentialIntegrator:
                 "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
+        massless = next((system.massless for system in self.systems if system.massless), "")
+        if massless:
+            raise ValueError(f"time integration needs a mass of every coordinate, and '{massless}' has none: give it a "
+                             "small one, or use harmonic balance, whose multipliers need none")  # fmt: skip
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
         ]

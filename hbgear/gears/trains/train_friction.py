@@ -1,0 +1,106 @@
+"""Friction between the teeth of a train: its directions, and the motion on which it does work.
+
+    across (t, rho_P side) on the first wheel, -(t, ...) on the second one,   slide r_b1 side on both rotations
+
+t is the direction of the surface velocity of the first wheel across the line of action, rho_P = r_b1 tan(alpha) its
+radius of curvature at the pitch point. The mean speeds of all wheels are constant: the part of friction that turns the
+whole train is removed, M phi (phi^T F) / (phi^T M phi), which changes no other motion. The torques of the wheels are
+those of a train without losses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import tan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.gears.trains.train_kinematics import line_of_action
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.laws.vector_laws import SlidingTeeth
+from hbgear.mechanics.models import Element, VectorElement
+from hbgear.mechanics.series.fourier import Series
+
+if TYPE_CHECKING:
+    from hbgear.gears.trains.train_components import Mesh, Wheel
+    from hbgear.gears.trains.train_kinematics import Kinematics
+
+HELD = 1e-9
+"""Stiffness of the rotation of the train, over the largest one, below which nothing holds it."""
+
+
+def friction_elements(
+    mesh: Mesh, gap: Element, wheels: Mapping[str, Wheel], found: Kinematics, at: int, onto: Any
+) -> tuple[Element, ...]:
+    """Return the elements of the friction of a mesh in SI directions; none without friction.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with number ``at``.
+    gap : Element
+        Its element along the line of action.
+    wheels : mapping
+        Wheels by name.
+    found : Kinematics
+        Kinematics of the train.
+    at : int
+        Number of the mesh.
+    onto : callable
+        Function that maps vectors (6,) of wheels by name to a dimensionless vector of all coordinates.
+
+    Returns
+    -------
+    tuple of Element
+        Three elements "FIRST-SECOND friction 1" to 3.
+
+    Raises
+    ------
+    ValueError
+        If the second wheel drives the first one.
+    """
+    law = gap.law
+    if not isinstance(law, MeshContacts) or law.sliding is None:
+        return ()
+    first, second, side = wheels[mesh.first], wheels[mesh.second], found.sides[at]
+    if side * float(found.speeds[mesh.first]) < 0:
+        raise ValueError(
+            f"Train: friction of the mesh {mesh.name} is computed for a first wheel that drives, and '{mesh.second}' "
+            f"drives '{mesh.first}'; exchange them in Mesh.of, or give friction=0"
+        )
+    w = line_of_action(mesh, side, found.angles[at], first, second)
+    lever = tan(found.angles[at][0])
+    across = np.zeros((2, 6))
+    for row, own in zip(across, w, strict=True):
+        row[:2] = side * np.array([-own[1], own[0]])
+        row[5] = lever * own[5]
+    across /= np.hypot(w[0, 0], w[0, 1])
+    slide = side * first.base_radius * np.eye(6)[5]
+    directions = [
+        gap.direction,
+        onto({mesh.first: across[0], mesh.second: across[1]}),
+        onto({mesh.first: slide, mesh.second: -slide}),
+    ]
+    moved = (gap.displacement, Series(), Series())
+    return VectorElement(directions, SlidingTeeth(law), name=f"{mesh.name} friction", displacements=moved)
+
+
+def without_rotation(vector: Array, turn: Array, M: Array, K: Array) -> Array:
+    """Return a generalised force without the part that turns the whole train; itself if the rotation is held.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (n,)
+        Force.
+    turn : ndarray, shape (n,)
+        Displacement of the rotation.
+    M, K : ndarray, shape (n, n)
+        Mass and stiffness.
+    """
+    if np.abs(K @ turn).max() > HELD * np.abs(K).max() * np.abs(turn).max():
+        return vector
+    inertia = M @ turn
+    out: Array = vector - inertia * ((turn @ vector) / (turn @ inertia))
+    return out

@@ -1,0 +1,110 @@
+"""Modes of structures with coordinates without mass, such as Maxwell elements and nodes of finite-element models.
+
+    q = B (R a + N (P c + Q e)),   N: null space of M,   Q: null space of N^T C N
+    M_a a'' + C_a a' + C_ac c' + K_a a + K_ac c + K_ae e = F_a
+    C_c c' + C_ca a' + K_ca a + K_c c + K_ce e = F_c
+    K_e e + K_ea a + K_ec c = F_e
+
+Coordinates c with a damper have one state instead of two, the static ones e none. The receptance is a sum of poles only
+if no element acts on e.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.models import System
+
+ROUNDING = 1e-10
+"""Entry of a matrix, over its largest one, that is attributed to rounding."""
+
+
+def massless_modes(
+    system: System, M: Array, C: Array, K: Array, B: Array, T: Array
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, float]:
+    """Return the poles, their right and left vectors and the condition of the eigenvectors.
+
+    Parameters
+    ----------
+    system : System
+        System, for the names in messages and the directions of the elements.
+    M, C, K : ndarray, shape (n, n)
+        Matrices with the reference springs and the dampers of the elements.
+    B, T : ndarray, shape (n, p)
+        Bases of the motions and of the equations without free motions.
+
+    Returns
+    -------
+    tuple
+        Poles (N,), right vectors (n, N), left vectors (N, n), condition.
+
+    Raises
+    ------
+    ValueError
+        If coordinates without mass cannot be eliminated.
+    """
+    (R, N), (R_left, N_left) = _split(T.T @ M @ B)
+    (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N)
+    right = [B @ R, B @ N @ P, B @ N @ Q]
+    left = [T @ R_left, T @ N_left @ P_left, T @ N_left @ Q_left]
+    _check_static(system, C, K, right[2], left[2])
+    Cr, Kr = ([[x.T @ A @ y for y in right] for x in left] for A in (C, K))
+    # e and its force are eliminated from the other equations
+    Kei = np.linalg.inv(Kr[2][2])
+    rows = [x.T - Kr[i][2] @ Kei @ left[2].T for i, x in enumerate(left[:2])]
+    Ka, Kc = ([Kr[i][j] - Kr[i][2] @ Kei @ Kr[2][j] for j in range(2)] for i in range(2))
+    Mi, Ci = np.linalg.inv(left[0].T @ M @ right[0]), np.linalg.inv(Cr[1][1])
+    n, c = len(Mi), len(Ci)
+    clock = np.sqrt(np.abs(Mi @ Ka[0]).max(initial=0.0)) or 1.0  # states (a, a'/clock, c) as in LinearStructure
+    A, F = np.zeros((2 * n + c, 2 * n + c)), np.zeros((2 * n + c, system.n))
+    A[:n, n : 2 * n] = clock * np.eye(n)
+    A[2 * n :] = -Ci @ np.hstack([Kc[0], clock * Cr[1][0], Kc[1]])
+    F[2 * n :] = Ci @ rows[1]
+    A[n : 2 * n] = -Mi @ (np.hstack([Ka[0], clock * Cr[0][0], Ka[1]]) + Cr[0][1] @ A[2 * n :]) / clock
+    F[n : 2 * n] = Mi @ (rows[0] - Cr[0][1] @ F[2 * n :]) / clock
+    static = [one - right[2] @ Kei @ (left[2].T @ K @ one) for one in right[:2]]
+    poles, V = np.linalg.eig(A)
+    V = V.astype(complex)
+    U = np.linalg.inv(V)
+    motion = np.hstack([static[0], np.zeros((system.n, n)), static[1]])
+    condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1))
+    return poles.astype(complex), motion @ V, U @ F, condition
+
+
+def _check_static(system: System, C: Array, K: Array, right: Array, left: Array) -> None:
+    """Raise an error if the static coordinates cannot be eliminated."""
+    if not right.shape[1]:
+        return
+    own = left.T @ K @ right
+    values, vectors = np.linalg.svd(own)[1:]
+    if values[-1] <= ROUNDING * np.abs(K).max():
+        raise ValueError(
+            f"coordinate '{_name(system, right @ vectors[-1])}' has no mass, no damping and no stiffness, so that "
+            "nothing determines its position; give it one of them, or remove it from M, C and K"
+        )
+    acts = np.abs(system.W.T @ right).max(axis=1, initial=0.0)
+    if acts.max(initial=0.0) > ROUNDING * np.abs(system.W).max():
+        j = int(np.argmax(acts))
+        name = _name(system, right @ (right.T @ system.W[:, j]))
+        raise ValueError(
+            f"element '{system.elements[j].name}' acts on coordinate '{name}' without mass and damping: its "
+            "displacement would follow the force of the law without delay; give the coordinate a mass or a damper"
+        )
+    if max(np.abs(C @ right).max(), np.abs(left.T @ C).max()) > ROUNDING * np.abs(C).max():
+        raise ValueError(
+            "C joins coordinates without mass and without damping of their own to others; it must be positive "
+            "semidefinite there"
+        )
+
+
+def _name(system: System, motion: Array) -> str:
+    """Return the name of the coordinate with the largest part in a motion (n,)."""
+    return system.dof_names[int(np.argmax(np.abs(motion)))]
+
+
+def _split(A: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return bases of the rows and of the null space of a square matrix, and the same of its transpose."""
+    u, s, vt = np.linalg.svd(A)
+    rank = int(np.sum(s > 1e-13 * s.max(initial=0.0)))
+    return (vt[:rank].T, vt[rank:].T), (u[:, :rank], u[:, rank:])

@@ -1,0 +1,106 @@
+"""Coordinates without mass against closed forms, condensed systems and the limit of small masses."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.structure.receptance import LinearStructure
+
+SPRING, DAMPER = 0.5, 0.3
+STOP = hb.Unilateral(k=2.0, gap=0.2)
+
+
+def maxwell(mass=0.0, direction=(1.0, 0.0), law=STOP):
+    """Return a mass on a spring, with a Maxwell element: a spring and a damper in series."""
+    K = np.array([[1 + SPRING, -SPRING], [-SPRING, SPRING]])
+    element = hb.Element(list(direction), law, name="stop")
+    return hb.System(np.diag([1.0, mass]), np.diag([0.02, DAMPER]), K, [element], hb.Load(cosine={1: [0.2, 0.0]}))
+
+
+def static_node(condensed=False):
+    """Return two masses joined by two springs in series, whose node has no mass, or by one spring."""
+    a, b = 1.5, 0.7
+    element = hb.Element([1.0, 0.0] if condensed else [1.0, 0.0, 0.0], STOP, name="stop")
+    load = np.array([0.0, 0.3]) if condensed else np.array([0.0, 0.2, 0.3])
+    if condensed:
+        k = a * b / (a + b)
+        K = np.array([[1 + k, -k], [-k, 1 + k]])
+        load = np.array([0.2 * a / (a + b), 0.3 + 0.2 * b / (a + b)])
+        return hb.System(np.eye(2), 0.05 * np.eye(2), K, [element], hb.Load(cosine={1: load}))
+    K = np.array([[1 + a, -a, 0.0], [-a, a + b, -b], [0.0, -b, 1 + b]])
+    return hb.System(np.diag([1.0, 0, 1]), np.diag([0.05, 0, 0.05]), K, [element], hb.Load(cosine={1: load}))
+
+
+def motion(model, Omega=0.9, H=15):
+    problem = hb.HarmonicBalance(model, H)
+    X = solve(problem, problem.start(Omega=Omega), {"Omega": Omega}).X
+    return problem, X
+
+
+def test_maxwell_element_is_its_complex_stiffness():
+    structure = LinearStructure(maxwell())
+    assert len(structure.modes.poles) == 3
+    for w in (0.1, 0.7, 1.4, 9.0):
+        G = structure.modes.output @ (structure.modes.input / (1j * w - structure.modes.poles)[:, None])
+        stiffness = 1j * w * SPRING * DAMPER / (SPRING + 1j * w * DAMPER)
+        assert G[0, 0] == pytest.approx(1 / (1 - w**2 + 0.02j * w + structure.kr[0] + stiffness), rel=1e-12)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (1.0, -1.0)])
+def test_multipliers_are_the_limit_of_small_masses(direction):
+    problem, X = motion(maxwell(direction=direction))
+    exact, errors = problem.multipliers(X, Omega=0.9), []
+    assert len(exact) == 3
+    for mass in (1e-4, 1e-5):
+        small, found = motion(maxwell(mass, direction))
+        mu = small.multipliers(found, Omega=0.9)
+        errors.append(max(np.abs(mu - one).min() for one in exact[np.abs(exact) > 1e-3]))
+    assert errors[0] < 5e-3 and errors[1] == pytest.approx(0.1 * errors[0], rel=0.1)  # first order in the mass
+
+
+def test_static_nodes_are_those_of_a_condensed_system():
+    (problem, X), (condensed, expected) = motion(static_node()), motion(static_node(condensed=True))
+    np.testing.assert_allclose(X, expected, rtol=0, atol=1e-12)
+    q, r = problem.motion(X, Omega=0.9), condensed.motion(expected, Omega=0.9)
+    np.testing.assert_allclose(q[[0, 2]], r, rtol=0, atol=1e-12)
+    node = (1.5 * q[0] + 0.7 * q[2] + 0.2 * np.eye(len(q[0]))[1]) / 2.2
+    np.testing.assert_allclose(q[1], node, rtol=0, atol=1e-12)
+    mu = [np.sort_complex(one.multipliers(x, Omega=0.9)) for one, x in ((problem, X), (condensed, expected))]
+    np.testing.assert_allclose(*mu, rtol=0, atol=1e-11)
+
+
+def test_a_curve_has_stability_and_folds():
+    stop = hb.Unilateral(k=20.0, gap=0.2)
+    curve = hb.trace(hb.HarmonicBalance(maxwell(law=stop), 15), "Omega", (0.6, 2.2))
+    small = hb.trace(hb.HarmonicBalance(maxwell(1e-6, law=stop), 15), "Omega", (0.6, 2.2))
+    assert curve.status.complete and [p.kind for p in curve.special] == [p.kind for p in small.special]
+    np.testing.assert_allclose(
+        [p.parameters["Omega"] for p in curve.special], [p.parameters["Omega"] for p in small.special], atol=2e-5
+    )
+
+
+def _without(K, direction=(1.0, 0.0), C=0.0):
+    element = hb.Element(list(direction), STOP, name="stop")
+    return hb.System(np.diag([1.0, 0.0]), np.diag([0.1, C]), K, [element], hb.Load(cosine={1: [0.2, 0.0]}))
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (_without([[1.0, 0.0], [0.0, 0.0]]), "coordinate 'q2' has no mass, no damping and no stiffness"),
+        (
+            _without([[2.0, -1.0], [-1.0, 1.0]], (0.0, 1.0)),
+            "element 'stop' acts on coordinate 'q2' without mass and damping",
+        ),
+    ],
+)
+def test_what_cannot_be_eliminated(model, message):
+    with pytest.raises(ValueError, match=message):
+        hb.HarmonicBalance(model, 5).start(Omega=1.0)
+
+
+def test_time_integration_states_that_it_needs_masses():
+    for method in ("DOP853", "exponential"):
+        with pytest.raises(ValueError, match="time integration needs a mass of every coordinate, and 'q2' has none"):
+            hb.time.integrate(maxwell(), np.zeros(4), 1, 1.0, method=method)
