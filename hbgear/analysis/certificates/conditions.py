@@ -1,0 +1,17 @@
+"""Conditions of a proof, and the error that names the one that fails."""
+
+from __future__ import annotations
+
+
+class NotCertifiedError(ValueError):
+    """A condition of a proof is not satisfied, or is not proved.
+
+    Attributes
+    ----------
+    condition : str
+        "model", "start", "contact order", "existence", "order of instants", "transversality", "gaps" or "grazing".
+    """
+
+    def __init__(self, condition: str, reason: str) -> None:
+        super().__init__(f"not certified, {condition}: {reason}")
+        self.condition = condition
