@@ -26,7 +26,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.contact_instants import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.checking import sample_gaps
-from hbgear.harmonic.instants.equations import EquationsAt
+from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.grazing import without_contacts
 from hbgear.harmonic.instants.corrector import CurveState, shrinking_contacts
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
@@ -104,7 +104,10 @@ def certify(point: Point) -> Certificate:
             "curves with load(path, problem=HarmonicBalance(...))"
         )
     with flint.ctx.workprec(PRECISION):
-        equations = problem.compiled(dict(point.parameters)).contact_equations
+        try:
+            equations = problem.compiled(dict(point.parameters)).contact_equations
+        except NotPiecewiseLinear as error:
+            raise NotCertifiedError("model", str(error)) from error
         data = coefficients_of(equations)
         system, reason = BallSystem(data), "no motion in contact instants was found near the point"
         for start in _starts(problem, point, kind):

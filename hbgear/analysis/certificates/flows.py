@@ -47,21 +47,24 @@ def transition(flow: BallFlow, a: Any, b: Any) -> tuple[Balls, Balls]:
         block[:N, N:] = flow.A1 * h
         E = array(matrix(block).exp())
         return E[:N, :N], E[:N, N:]
-    Y = np.concatenate([zeros(N, N), balls(np.eye(N))])
+    Y = matrix(np.concatenate([zeros(N, N), balls(np.eye(N))]))
     for step in taylor_steps(flow, a, b, Y, TRANSITION_ORDER):
         Y = step.end
-    return Y[N:], Y[:N]
+    return array(Y)[N:], array(Y)[:N]
 
 
 class TaylorStep(NamedTuple):
-    """Taylor coefficients y_0 ... y_p of a step of width h, the enclosure of y_{p+1} on it, and y at its end."""
+    """Taylor coefficients y_0 ... y_p of a step of width h, the enclosure of y_{p+1} on it, and y at its end.
+
+    Coefficients are ``flint.arb_mat`` of shape (N, 1) or (2N, N).
+    """
 
     h: Any
-    coefficients: list[Balls]
-    last: Balls
+    coefficients: list[Any]
+    last: Any
 
     @property
-    def end(self) -> Balls:
+    def end(self) -> Any:
         """The value at the end of the step."""
         total = self.last
         for c in reversed(self.coefficients):
@@ -69,102 +72,104 @@ class TaylorStep(NamedTuple):
         return total
 
 
-def taylor_steps(flow: BallFlow, a: Any, b: Any, y: Balls, order: int) -> Iterator[TaylorStep]:
-    """Yield the steps of y' = A y from a to b; y (N,), or (2N, N) of a transition matrix and its derivative."""
-    weights = _weights(flow, a, b, y.ndim)
-    bound = _matrix_bound(flow, a, b, weights)
+def taylor_steps(flow: BallFlow, a: Any, b: Any, y: Any, order: int) -> Iterator[TaylorStep]:
+    """Yield the steps of y' = A y from a to b; y (N, 1), or (2N, N) of the derivative in Omega and the value."""
+    bound = _Bound(flow, a, b)
     duration = b - a
-    steps = max(1, math.ceil(float(duration.upper()) * bound / MAX_STEP))
+    steps = max(1, math.ceil(float(duration.upper()) * bound.rate / MAX_STEP))
     if steps > MAX_TAYLOR_STEPS:
         raise OverflowError(f"{steps} Taylor steps in a piece")
     h = duration / steps
     for m in range(steps):
         tau = a + h * m
-        coefficients = _taylor(flow, tau, y, order)
-        whole = tau.union(tau + h)
-        last = _taylor(flow, whole, _enclosure(y, bound, h, weights), order + 1)[-1]
-        step = TaylorStep(h, coefficients, last)
+        step = TaylorStep(h, _taylor(flow, tau, y, order), bound.coefficient(tau.union(tau + h), h, y, order + 1))
         yield step
         y = step.end
 
 
-def _whole(flow: BallFlow, a: Any, b: Any) -> tuple[Balls, Balls]:
-    """Return balls that contain the matrix, and its derivative in Omega, at all phases from a to b."""
-    A, A1, _ = flow.at(a.union(b)) if flow.varying else (flow.A, flow.A1, None)
-    return A, A1
+class _Bound:
+    """Bounds of solutions on a piece, in the norm max |y_i| / w_i with weights w for which stiff contacts are slow.
+
+        |y(tau_m + s)| <= e^(L h) |y(tau_m)|,   |y_k| <= m_k |y|,   (k + 1) m_{k+1} = sum_j a_j m_{k-j},   a_0 = L
+
+    a_j are bounds of the Taylor coefficients of the matrix at any phase of a step.
+    """
+
+    def __init__(self, flow: BallFlow, a: Any, b: Any) -> None:
+        self.flow = flow
+        A, A1, _ = flow.at(a.union(b)) if flow.varying else (flow.A, flow.A1, None)
+        size, change = (np.array([[float(x.abs_upper()) for x in row] for row in B]) for B in (A, A1))
+        n, N = flow.n, len(size)
+        fast, stiff = float(size[:n, n : 2 * n].max()), float(size[n : 2 * n, :n].sum(axis=1).max())
+        velocity = math.sqrt(max(stiff, fast) / fast)
+        force = float(size[n : 2 * n, 2 * n :].sum(axis=1).max())
+        load = min(fast * velocity**2 / force, 1e6) if force else 1.0
+        self.weights = np.array([1.0] * n + [velocity] * n + [load] * (N - 2 * n))
+        self.rate = float((((size + change) @ self.weights) / self.weights).max()) * (1 + 1e-9)
+        self.factors = [
+            max(float(f.abs_upper() + f1.abs_upper()) / w for f, f1, w in zip(force, force1, self.weights, strict=True))
+            * sum(float(x.abs_upper()) * w for x, w in zip(row, self.weights, strict=True)) * (1 + 1e-9)
+            for _, force, force1, row in flow.varying
+        ]  # fmt: skip
+
+    def coefficient(self, whole: Any, h: Any, y: Any, order: int) -> Any:
+        """Return balls that contain the Taylor coefficient of an order at all phases of a step that begins at y."""
+        from flint import arb, arb_mat
+
+        kappa = [stiffness.taylor(whole, order) for stiffness, *_ in self.flow.varying]
+        a = [arb(0)] * (order + 1)
+        for factor, series in zip(self.factors, kappa, strict=True):
+            a = [x + k.abs_upper() * factor for x, k in zip(a, series, strict=True)]
+        a[0] = arb(self.rate)
+        m = [(a[0] * h).exp().upper()]
+        for k in range(order):
+            terms = [a[0] * m[k]] if not kappa else [a[j] * m[k - j] for j in range(k + 1)]
+            m.append((sum(terms, arb(0)) / (k + 1)).upper())
+        rows, columns = y.nrows(), y.ncols()
+        w = [arb(x) for x in self.weights] * (rows // len(self.weights))
+        out = [[arb(0)] * columns for _ in range(rows)]
+        for c in range(columns):
+            largest = arb(0)
+            for i in range(rows):
+                largest = largest.max((y[i, c].abs_upper() / w[i]).upper())
+            for i in range(rows):
+                out[i][c] = arb(0, (largest * m[order] * w[i]).upper())
+        return arb_mat(out)
 
 
-def _weights(flow: BallFlow, a: Any, b: Any, copies: int) -> list[float]:
-    """Return positive weights (N,) of the norm max |y_i| / w_i, in which the bound L is small for stiff contacts."""
-    size = np.array([[float(x.abs_upper()) for x in row] for row in _whole(flow, a, b)[0]])
-    n = flow.n
-    fast, stiff = float(size[:n, n : 2 * n].max()), float(size[n : 2 * n, :n].sum(axis=1).max())
-    velocity = math.sqrt(max(stiff, fast) / fast)
-    force = float(size[n : 2 * n, 2 * n :].sum(axis=1).max())
-    load = fast * velocity**2 / force if force else 1.0
-    return ([1.0] * n + [velocity] * n + [min(load, 1e6)] * (len(size) - 2 * n)) * copies
-
-
-def _matrix_bound(flow: BallFlow, a: Any, b: Any, weights: list[float]) -> float:
-    """Return an upper bound of the norm of (A A'; 0 A) from a to b."""
-    A, A1 = _whole(flow, a, b)
-    sums = [
-        sum(float(x.abs_upper()) * w for x, w in zip((*row, *row1), (weights * 2)[: 2 * len(row)], strict=True)) / own
-        for row, row1, own in zip(A, A1, weights, strict=False)
-    ]
-    return max(sums) * (1 + 1e-9)
-
-
-def _enclosure(y: Balls, bound: float, h: Any, weights: list[float]) -> Balls:
-    """Return balls that contain the solution on a step that begins at y: |y(tau)| <= e^(L h) |y| for each column."""
-    from flint import arb
-
-    growth = (arb(bound) * h).exp().upper()
-    out = np.empty(y.shape, dtype=object)
-    w = balls(weights)
-    for column in np.ndindex(*y.shape[1:]):
-        largest = arb(0)
-        for x, weight in zip(y[(slice(None), *column)], w, strict=True):
-            largest = largest.max((x.abs_upper() / weight).upper())
-        out[(slice(None), *column)] = [arb(0, (largest * growth * weight).upper()) for weight in w]
-    return out
-
-
-def _taylor(flow: BallFlow, tau: Any, y: Balls, order: int) -> list[Balls]:
+def _taylor(flow: BallFlow, tau: Any, y: Any, order: int) -> list[Any]:
     """Return the Taylor coefficients of y at tau.
 
     (k + 1) y_{k+1} = A y_k + sum_s force_s sum_j kappa_{s,j} (row_s y_{k-j})
 
     Y (2N, N) holds the derivative U in Omega and the value V: U' = A U + A1 V, V' = A V.
     """
-    N, single = len(flow.A), y.ndim == 1
-    kappa = [balls(stiffness.taylor(tau, order)) for stiffness, *_ in flow.varying]
-    left, mixed = matrix(flow.A), matrix(flow.A1)
-    V, U = (matrix(y[:, None]), None) if single else (matrix(y[N:]), matrix(y[:N]))
-    driven: list[list[Balls]] = [[] for _ in flow.varying]
+    from flint import arb
+
+    N, single = len(flow.A), y.ncols() == 1 and y.nrows() == len(flow.A)
+    kappa = [stiffness.taylor(tau, order) for stiffness, *_ in flow.varying]
+    A = matrix(flow.A if single else np.block([[flow.A, flow.A1], [zeros(N, N), flow.A]]))
+    terms = []
+    for _, force, force1, row in flow.varying:
+        if single:
+            terms.append((matrix(force[:, None]), matrix(row[None])))
+            continue
+        left, right = zeros(2 * N, 2), zeros(2, 2 * N)
+        left[:N, 0], left[:N, 1], left[N:, 1] = force, force1, force
+        right[0, :N], right[1, N:] = row, row
+        terms.append((matrix(left), matrix(right)))
+    driven: list[list[Any]] = [[] for _ in terms]
     out = [y]
     for k in range(order):
-        total = array(left * V)
-        above = None if U is None else array(left * U + mixed * V)
-        for s, (_, force, force1, row) in enumerate(flow.varying):
-            driven[s].append(_driven(row, array(V), None if U is None else array(U)))
-            drive = kappa[s][k::-1] @ np.array(driven[s])
-            total = total + np.outer(force, drive[: total.shape[1]])
-            if above is not None:
-                above = above + np.outer(force, drive[N:]) + np.outer(force1, drive[:N])
-        total = total / (k + 1)
-        if above is None:
-            out.append(total[:, 0])
-        else:
-            out.append(np.concatenate([above / (k + 1), total]))
-            U = matrix(out[-1][:N])
-        V = matrix(total)
+        total = A * out[k]
+        for s, (left, right) in enumerate(terms):
+            driven[s].append(right * out[k])
+            drive = driven[s][k] * kappa[s][0]
+            for j in range(1, k + 1):
+                drive = drive + driven[s][k - j] * kappa[s][j]
+            total = total + left * drive
+        out.append(total * (1 / arb(k + 1)))
     return out
-
-
-def _driven(row: Balls, V: Balls, U: Balls | None) -> Balls:
-    """Return row V, and row U if there is a derivative in Omega."""
-    return row @ V if U is None else np.concatenate([row @ V, row @ U])
 
 
 class Piece:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.certificates.ball_system import Balls, BallSystem
+from hbgear.analysis.certificates.ball_system import Balls, BallSystem, matrix
 from hbgear.analysis.certificates.flows import MOTION_ORDER, TaylorStep, taylor_steps
 
 MAX_HALVINGS = 45
@@ -62,7 +62,7 @@ def failing_gap(
         Element, breakpoint, sign of the distance from it, and the orders of the zeros at both ends (0: none).
     """
     start = ends[0]
-    steps = list(taylor_steps(flow, *ends, system.extended(x, start), MOTION_ORDER))
+    steps = list(taylor_steps(flow, *ends, matrix(system.extended(x, start)[:, None]), MOTION_ORDER))
     for number, step in enumerate(steps):
         for element, breakpoint, sign, left, right in sides:
             gap = _gap(step, system.rows[element] * sign, system.breakpoints[element][breakpoint] * sign)
@@ -78,11 +78,12 @@ def _gap(step: TaylorStep, row: Balls, level: Any) -> Gap:
     """Return the distance row y - level on a step."""
     from flint import arb, arb_poly
 
-    c = [row @ y for y in step.coefficients]
+    across = matrix(row[None])
+    c = [(across * y)[0, 0] for y in step.coefficients]
     c[0] = c[0] - level
     h = arb_poly(c)
     whole = arb(0).union(step.h)
-    last, p = row @ step.last, len(c)  # the coefficient of s^p at an unknown point of the step
+    last, p = (across * step.last)[0, 0], len(c)  # the coefficient of s^p at an unknown point of the step
     remainders = (last * whole**p, last * p * whole ** (p - 1), last * (p * (p - 1)) * whole ** (p - 2))
     first = h.derivative()
     return Gap(h, first, first.derivative(), remainders)

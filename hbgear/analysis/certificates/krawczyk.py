@@ -110,9 +110,6 @@ class Krawczyk:
         return next((R for R in RADII if R > reach and self.image(scales * R) is not None), None)
 
     def largest_radius(self, scales: Balls, smallest: float) -> float:
-        """Return the largest of `RADII` with an image in the interior of its box, found by bisection."""
-        low, high = RADII.index(smallest), len(RADII)
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if self.image(scales * RADII[middle]) is not None else (low, middle)
-        return RADII[low]
+        """Return the largest of every second of `RADII` with an image in the interior of its box."""
+        larger = [R for R in RADII[::-1][::2] if smallest < R]
+        return next((R for R in larger if self.image(scales * R) is not None), smallest)

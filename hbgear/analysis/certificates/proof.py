@@ -99,9 +99,14 @@ def equations_of(claim: Mapping[str, Any]) -> PointEquations:
     except InconsistentPatternError as error:
         raise NotCertifiedError("contact order", str(error)) from error
     system = BallSystem(claim["equations"])
+    if len(order.turns) != order.pattern.count:
+        raise NotCertifiedError("contact order", f"{len(order.turns)} turns for {order.pattern.count} switches")
     _check_sections(system, order)
     Omega = arb(claim["Omega"]) if claim["kind"] == "motion" else None
-    return PointEquations(system, order, claim["kind"], Omega, balls(claim["functional"]))
+    equations = PointEquations(system, order, claim["kind"], Omega, balls(claim["functional"]))
+    if not len(claim["center"]) == len(claim["radius"]) == equations.size:
+        raise NotCertifiedError("existence", f"the box has {len(claim['center'])} unknowns; need {equations.size}")
+    return equations
 
 
 def _check_sections(system: BallSystem, order: ContactOrder) -> None:
