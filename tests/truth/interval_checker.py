@@ -3,7 +3,7 @@
 It shares no code and no equations with hbgear: the unknowns are the phases of the contact instants, the speeds of the
 gap there and Omega; the motion between them is the closed form
 
-    d = D0 + D1 t + Re sum_l D_l e^(i l tau) + e^(-g t) (a cos w t + b sin w t)        or a + b e^(-2 g t) in free flight
+    d = D0 + D1 t + Re sum_l D_l e^(i l tau) + e^(-g t) (a cos w t + b sin w t),   or a + b e^(-2 g t) in free flight
 
 and derivatives are computed by automatic differentiation.
 """
@@ -113,7 +113,9 @@ def _inverse(x: Any) -> Any:
 
 
 def _function(x: Any, f: Any, slope: Any) -> Any:
-    return Dual(_function(x.value, f, slope), [a * slope(x.value) for a in x.slopes]) if isinstance(x, Dual) else Interval(f(x.x))
+    if isinstance(x, Dual):
+        return Dual(_function(x.value, f, slope), [a * slope(x.value) for a in x.slopes])
+    return Interval(f(x.x))
 
 
 def exp(x: Any) -> Any:
@@ -250,13 +252,13 @@ class Checker:
     def _e(self, tau: Any, order: int) -> Any:
         """Derivative of the prescribed displacement in the phase."""
         e = self.system.element["displacement"]
-        a = [(l, Interval(x), Interval(0)) for l, x in enumerate(e["cosine"], start=1)]
-        b = [(l, Interval(0), Interval(x)) for l, x in enumerate(e["sine"], start=1)]
+        a = [(n, Interval(x), Interval(0)) for n, x in enumerate(e["cosine"], start=1)]
+        b = [(n, Interval(0), Interval(x)) for n, x in enumerate(e["sine"], start=1)]
         total = Interval(0)
-        for l, x, y in a + b:
+        for n, x, y in a + b:
             for _ in range(order):
-                x, y = y * l, x * -l
-            total = total + x * cos(tau * l) + y * sin(tau * l)
+                x, y = y * n, x * -n
+            total = total + x * cos(tau * n) + y * sin(tau * n)
         return total
 
     def motion(self, u: list[Any], Omega: Any) -> list[Any]:

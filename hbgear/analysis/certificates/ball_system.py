@@ -17,11 +17,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-Balls = Any
+Balls: TypeAlias = Any
 """Array of balls: a NumPy array of objects of type ``flint.arb``."""
 
 CORNER_DISTANCE = 1e-9
@@ -32,7 +32,7 @@ def balls(numbers: Any) -> Balls:
     """Return decimals (strings) or numbers as an array of balls."""
     from flint import arb
 
-    given = np.asarray(numbers, dtype=object)
+    given: Any = np.asarray(numbers, dtype=object)
     out = np.empty(given.shape, dtype=object)
     for index in np.ndindex(*given.shape):
         out[index] = arb(given[index])
@@ -208,7 +208,7 @@ class BallSystem:
     def _constant_terms(self) -> dict[int, Balls]:
         """Return the terms P_p of the structure, its dampers and loads, by the power of Omega."""
         n, r, data = self.n, self.r, self.data
-        terms: dict[int, Balls] = {-1: zeros(self.N, self.N), 0: zeros(self.N, self.N)}
+        terms: dict[int, Any] = {-1: zeros(self.N, self.N), 0: zeros(self.N, self.N)}
         terms[-1][:n, n:r] = balls(np.eye(n))
         terms[0][r:, r:] = self.generator
         C = balls(data["C"])
@@ -220,7 +220,10 @@ class BallSystem:
         terms[-1][n:r, :n] = -(self.inverse_mass @ balls(data["K"]))
         terms[-1][n:r, n:r] = -(self.inverse_mass @ C)
         for load in data["loads"]:
-            P = terms.setdefault(int(load["power"]) - 1, zeros(self.N, self.N))
+            power = int(load["power"]) - 1
+            if power not in terms:
+                terms[power] = zeros(self.N, self.N)
+            P = terms[power]
             if load["constant"]:
                 P[n:r, r] = P[n:r, r] + self.inverse_mass @ balls(load["constant"])
             for name, shift in (("cosine", 1), ("sine", 2)):

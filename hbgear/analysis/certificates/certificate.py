@@ -74,9 +74,11 @@ class Certificate:
     def statement(self) -> str:
         """One sentence that states what was proved."""
         special = {
-            "LP": " with multiplier 1 (a nondegenerate fold)", "PD": " with multiplier -1, which it passes with nonzero "
-            "speed", "GR": " with one quadratic grazing contact", "motion": "",
-        }[self.kind]  # fmt: skip
+            "LP": " with multiplier 1 (a nondegenerate fold)",
+            "PD": " with multiplier -1, which it passes with nonzero speed",
+            "GR": " with one quadratic grazing contact",
+            "motion": "",
+        }[self.kind]
         where = f"at Omega = {self.Omega[0]}" if self.kind == "motion" else f"with Omega in [{', '.join(self.Omega)}]"
         count = len(self.instants)
         contacts = f"{count} transversal contact instants" if count else "no contact instants"
@@ -87,16 +89,16 @@ class Certificate:
         }[self.stable]  # fmt: skip
         return (
             f"Proved: the equations have exactly one periodic motion{special} {where} in a box of relative half width "
-            f"{self.uniqueness:.0e}; it has {contacts} in a period of {self.claim['equations']['nu']} x 2 pi, every gap "
-            f"lies strictly between its breakpoints elsewhere, and {stability}."
+            f"{self.uniqueness:.0e}; it has {contacts} in a period of {self.claim['equations']['nu']} x 2 pi, every "
+            f"gap lies strictly between its breakpoints elsewhere, and {stability}."
         )
 
     @property
     def assumptions(self) -> str:
         """One sentence that states what was assumed."""
         return (
-            "Assumed: the coefficients are exactly the decimals that the certificate lists; Arb, hbgear and the machine "
-            "compute as specified."
+            "Assumed: the coefficients are exactly the decimals that the certificate lists; Arb, hbgear and the "
+            "machine compute as specified."
         )
 
     def verify(self) -> Certificate:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.certificates.ball_system import Balls, BallSystem, balls
+from hbgear.analysis.certificates.ball_system import BallSystem, balls
 from hbgear.analysis.certificates.certificate import NAMES, Certificate
 from hbgear.analysis.certificates.coefficients import coefficients_of, decimal
 from hbgear.analysis.certificates.conditions import NotCertifiedError
@@ -26,9 +26,9 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.contact_instants import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.checking import sample_gaps
+from hbgear.harmonic.instants.corrector import CurveState, shrinking_contacts
 from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.grazing import without_contacts
-from hbgear.harmonic.instants.corrector import CurveState, shrinking_contacts
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import state_at
 from hbgear.harmonic.instants.shooting import Iterate
@@ -57,8 +57,8 @@ def certify(point: Point) -> Certificate:
     """Prove that a motion or a special point exists, is unique, and is stable or not.
 
     The equations of the contact instants are solved with 50 digits. Krawczyk's operator in ball arithmetic proves
-    existence and uniqueness in a box; the order of the contacts, transversality and the sign of every gap over the whole
-    period are proved, and the multipliers are enclosed. There is no truncation and no rounding error in the result.
+    existence and uniqueness in a box; the order of the contacts, transversality and the sign of every gap over the
+    whole period are proved, and the multipliers are enclosed. All rounding and truncation errors are bounded.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def certify(point: Point) -> Certificate:
     problem = point.problem
     if not isinstance(problem, HarmonicBalance):
         raise ValueError(
-            f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and load "
-            "curves with load(path, problem=HarmonicBalance(...))"
+            f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and "
+            "load curves with load(path, problem=HarmonicBalance(...))"
         )
     with flint.ctx.workprec(PRECISION):
         try:
@@ -126,8 +126,8 @@ def _claim(system: BallSystem, start: Start, kind: str, given: float) -> dict[st
     functional: list[str] = []
     if kind in SIGNS:
         v = _null_vector(equations, start)
-        functional = [decimal(x) for x in v / float((v / start.scales[: equations.n]) @ (v / start.scales[: equations.n]))
-                      / start.scales[: equations.n] ** 2]  # fmt: skip
+        scaled = v / start.scales[: equations.n]
+        functional = [decimal(x) for x in scaled / float(scaled @ scaled) / start.scales[: equations.n]]
         equations = PointEquations(system, start.order, kind, None, balls(functional))
         z, scales = np.concatenate([z, balls(v)]), np.concatenate([scales, scales[: equations.n]])
     solution = newton(equations.evaluate, z, scales)

@@ -1,6 +1,7 @@
 """Coefficients of the equations of motion as exact decimals, the input of a proof.
 
-    M q'' + C q' + K q + sum_j w_j [c_j d_j' + sum_i k_i(tau) g_i(d_j)] = sum_l Omega^p_l F_l(tau),   d_j = w_j^T q - e_j(tau)
+    M q'' + C q' + K q + sum_j w_j [c_j d_j' + sum_i k_i(tau) g_i(d_j)] = sum_l Omega^p_l F_l(tau)
+    d_j = w_j^T q - e_j(tau)
 
 A binary number stands for a decimal: .05 is not representable, its shortest decimal is. All coefficients are written as
 shortest decimals. A proof refers to the equations with exactly these decimals.

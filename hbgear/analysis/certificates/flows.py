@@ -205,8 +205,8 @@ class Piece:
         D_x = -(self.G_x @ A_a) * da + A_b @ self.G_x * db
         turn = A_a @ self.f_a - self._rate(self.A_a, self.slope_a, self.y)
         D_a = -(self.G_x @ (A_a @ dx)) + self.G_x @ turn * da + A_b @ self.G_a * db
-        D_b = A_b @ (self.G_x @ dx + self.G_a * da) + (
-            self._rate(self.A_b, self.slope_b, self.end) + A_b @ self.f_b
-        ) * db
+        D_b = (
+            A_b @ (self.G_x @ dx + self.G_a * da) + (self._rate(self.A_b, self.slope_b, self.end) + A_b @ self.f_b) * db
+        )
         D_p = self.psi_p @ dx - (self.psi_p @ self.f_a + self.G_x @ f_p_a) * da + (f_p_b + A_b @ self.G_p) * db
         return D, D_x, D_a, D_b, D_p

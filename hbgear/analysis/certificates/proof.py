@@ -112,6 +112,11 @@ def equations_of(claim: Mapping[str, Any]) -> PointEquations:
 def _check_sections(system: BallSystem, order: ContactOrder) -> None:
     """Require all breakpoints of the stiffness among the switches, one after the other."""
     count = len(system.data["sections"])
+    springs = [spring for element in system.elements for spring in element["springs"]]
+    if not {phase for spring in springs for phase in spring["stiffness"].get("phases", ())} <= set(
+        system.data["sections"]
+    ):
+        raise NotCertifiedError("contact order", "breakpoints of the stiffness are missing among the sections")
     found = [(t * count + s.breakpoint) for s, t in zip(order.pattern.switches, order.turns, strict=True) if s.is_fixed]
     expected = count * system.nu
     if count and (len(found) != expected or found != list(range(found[0], found[0] + expected))):
