@@ -72,8 +72,10 @@ def _certify(results: Results, kind: str, point: hb.SpecialPoint) -> None:
 
 def report(results: Results) -> str:
     """Return the shares of certified folds, and the conditions that failed."""
-    lines = ["| stiffness | pairs | folds | certified | largest distance | distance within the estimate | median time [s] |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| stiffness | pairs | folds | certified | largest distance | within the estimate | median time [s] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for kind, pairs in results.pairs.items():
         found = [fold for fold in results.folds if fold[0] == kind]
         failed = [one for one in results.failed if one[0] == kind]
