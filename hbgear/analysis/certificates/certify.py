@@ -119,7 +119,7 @@ def certify(point: Point) -> Certificate:
 
 
 def _claim(system: BallSystem, start: Start, kind: str, given: float) -> dict[str, Any] | str:
-    """Return the claim for start values, or the reason why there is none."""
+    """Return the claim for start values, or the reason why it cannot be made."""
     prescribed = decimal(given)
     equations = PointEquations(system, start.order, kind, balls(prescribed).item())
     z, scales = balls(start.z), balls(start.scales)

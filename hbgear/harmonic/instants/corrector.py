@@ -99,7 +99,7 @@ FORWARD_STEP = 1e-8
 """Relative forward-difference step of the parameter in a corrector, where it affects the convergence only."""
 
 UPDATES = 2
-"""Number of iterations of a corrector in which F_p is computed; it hardly changes later."""
+"""Number of iterations of a corrector in which F_p is computed; later iterations change it little."""
 
 
 def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:

@@ -47,6 +47,9 @@ MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
 
+LONG_STEP, NEAR_DOUBLING = 0.02, 0.6
+"""Step, and distance of a multiplier from -1, from which the middle of a step is tested for two period doublings."""
+
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
 
@@ -153,6 +156,8 @@ class Follower:
                     return
                 if self._strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
+                if length > LONG_STEP and self._hides_doublings(last, point):
+                    raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
                 found = [] if self._leaves(point) else self._special(last, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
@@ -224,6 +229,13 @@ class Follower:
         guess = last.state.z + length * last.tangent * last.scale
         correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
         return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
+
+    def _hides_doublings(self, last: ExactPoint, point: ExactPoint) -> bool:
+        """Return whether a multiplier passes -1 and returns between two points."""
+        a, b = last.tests["PD"], point.tests["PD"]
+        if last.state.pattern != point.state.pattern or a * b <= 0 or min(abs(a), abs(b)) > NEAR_DOUBLING:
+            return False
+        return point_between(self.family, last, point, 0.5).tests["PD"] * a < 0
 
     def _turns(self, last: ExactPoint, point: ExactPoint) -> bool:
         """Return whether the tangent turns too far between two points of one pattern."""
