@@ -54,7 +54,7 @@ def prove(claim: Mapping[str, Any]) -> Proof:
     Parameters
     ----------
     claim : mapping
-        kind, equations (`coefficients_of`), order (`ContactOrder.describe`), Omega of a motion, functional, center and
+        Kind, equations (`coefficients_of`), order (`ContactOrder.describe`), Omega of a motion, functional, center and
         radius of the box, and the factor of the box in which the point is unique.
 
     Returns
