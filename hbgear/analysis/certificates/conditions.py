@@ -10,6 +10,16 @@ class NotCertifiedError(ValueError):
     ----------
     condition : str
         "model", "start", "contact order", "existence", "order of instants", "transversality", "gaps" or "grazing".
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> try:
+    ...     hb.analysis.certify(curve["LP1"])
+    ... except hb.analysis.NotCertifiedError as error:
+    ...     print(error.condition)
+    model
     """
 
     def __init__(self, condition: str, reason: str) -> None:
