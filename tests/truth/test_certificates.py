@@ -260,3 +260,17 @@ def test_the_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, spur: hb.
     monkeypatch.setitem(__import__("sys").modules, "flint", None)
     with pytest.raises(ValueError, match=r"hbgear\[certify\]"):
         certify(spur["LP1"])
+
+
+def test_the_command_saves_proofs_and_states_what_fails(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from hbgear.cli.app import app
+
+    hb.trace(hb.HarmonicBalance(hb.SpurPair(), 16), "Omega", (0.9, 0.6)).save(tmp_path / "pair.npz")
+    done = CliRunner().invoke(app, ["certify", str(tmp_path / "pair.npz"), "LP1"])
+    assert done.exit_code == 0 and "Proved:" in done.output and "0.70803161872183103" in done.output
+    assert Certificate.load(tmp_path / "pair.LP1.json").verify().stable
+    hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6)).save(tmp_path / "duffing.npz")
+    refused = CliRunner().invoke(app, ["certify", str(tmp_path / "duffing.npz"), "LP1"])
+    assert refused.exit_code == 1 and not (tmp_path / "duffing.LP1.json").exists()
