@@ -6,6 +6,9 @@ from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.campbell_diagram import Campbell, CriticalSpeed, campbell
+    from hbgear.analysis.certificates.certificate import Certificate
+    from hbgear.analysis.certificates.certify import certify
+    from hbgear.analysis.certificates.conditions import NotCertifiedError
     from hbgear.analysis.critical_parameters import CriticalParameter, NoFoldError, critical_parameter
     from hbgear.analysis.jump_maps import JumpMap, jump_map
     from hbgear.analysis.loads.planet_loads import LoadSharing, load_sharing
@@ -25,6 +28,7 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "BranchSearch",
     "Campbell",
+    "Certificate",
     "CriticalParameter",
     "CriticalSpeed",
     "HopfPoint",
@@ -32,12 +36,14 @@ __all__ = [
     "LoadSharing",
     "MachineQuantities",
     "NoFoldError",
+    "NotCertifiedError",
     "RunUp",
     "Sensitivity",
     "ToothLoads",
     "backbone",
     "backbone_energy",
     "campbell",
+    "certify",
     "critical_parameter",
     "dynamic_factor",
     "hopf_points",

@@ -25,6 +25,7 @@ import hbgear as hb
 from hbgear.analysis.summary import message_of, summary_facts, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
+from hbgear.cli.commands import certify as cli_certify
 from hbgear.cli.commands import design as cli_design
 from hbgear.cli.commands import fit as cli_fit
 from hbgear.cli.commands import gear as cli_gear
@@ -222,6 +223,7 @@ cli_study.register(app)
 
 
 cli_time.register(app)
+cli_certify.register(app)
 
 
 cli_gear.register(app)

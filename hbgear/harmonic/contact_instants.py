@@ -42,10 +42,11 @@ from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.following import ExactCurve, Follower
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
-from hbgear.harmonic.instants.refine import Approximation, ExactMotion, exact_motion_of, initial, solve
+from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.instants.spectrum import coefficients
+from hbgear.harmonic.stability.exact_motion import exact_iterate
 from hbgear.harmonic.structure.receptance import dense
 from hbgear.mechanics.models import Model
 
@@ -170,7 +171,7 @@ class ContactInstants(HarmonicBalance):
         """
         equations = self.compiled(dict(parameters)).contact_equations
         at = equations.at(float(parameters["Omega"]))
-        for state in self._nearest_states(X, parameters):
+        for state in self.nearest_states(X, parameters):
             with suppress(NoConvergence, InconsistentPatternError):
                 iterate = solve(at, state.iterate, False)[1]
                 if float(np.linalg.norm(coefficients(at, iterate, self.H)[0].ravel() - X)) <= (
@@ -178,23 +179,17 @@ class ContactInstants(HarmonicBalance):
                 ):
                     return CurveState.of(iterate, float(parameters[name]))
         try:
-            iterate = solve(at, self._guess(at, X, parameters), False)[1]
+            iterate = exact_iterate(self, X, parameters)[1]
         except InconsistentPatternError as error:
             raise NoConvergence(f"no exact motion found: {error}", X, dict(parameters), []) from error
         return CurveState.of(iterate, float(parameters[name]))
 
-    def _guess(self, at: EquationsAt, X: Array, parameters: Mapping[str, float]) -> Iterate:
-        """Return the switches and states of coefficients X."""
-        compiled = self.compiled(dict(parameters))
-        crossings = compiled.crossings(X)
-        number = np.concatenate([np.arange(len(b)) for b in at.equations.breakpoints]).astype(int)
-        found = [
-            (float(theta * self.nu), int(compiled.element[row]), int(number[row]), int(sign))
-            for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
-        ]
-        return initial(at, Approximation(self.motion(X, **parameters), found))
+    @property
+    def known_parameter(self) -> str:
+        """Name of the parameter of the known points; empty without them."""
+        return self.known.name if self.known is not None else ""
 
-    def _nearest_states(self, X: Array, parameters: Mapping[str, float]) -> list[CurveState]:
+    def nearest_states(self, X: Array, parameters: Mapping[str, float]) -> list[CurveState]:
         """Return the states of the known points nearest to coefficients X; none at other fixed parameters."""
         known = self.known
         if known is None or {k: v for k, v in parameters.items() if k != known.name} != known.fixed:

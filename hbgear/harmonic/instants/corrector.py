@@ -95,6 +95,13 @@ class CurveState:
         return scale
 
 
+FORWARD_STEP = 1e-8
+"""Relative forward-difference step of the parameter in a corrector, where it affects the convergence only."""
+
+UPDATES = 2
+"""Number of iterations of a corrector in which F_p is computed; later iterations change it little."""
+
+
 def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
     """Return the linearised equations at a state, and [F_u F_p]."""
     iterate, value = state.iterate, state.value
@@ -109,7 +116,7 @@ def correct(
 ) -> tuple[CurveState, Linearisation, Array, int]:
     """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
 
-    F_p is computed at the prediction only. It affects the length of tangents in p, but not the sign of det F_u.
+    F_p is computed in the first iterations only. It affects the length of tangents in p, but not the sign of det F_u.
 
     Returns
     -------
@@ -122,12 +129,14 @@ def correct(
         If Newton's method does not converge.
     """
     start = state.z
-    now, J = jacobian(family, state)
-    bordered = np.vstack([J, row / scale])
+    bordered = np.zeros((len(start), len(start)))
+    bordered[-1] = row / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        if iteration > 1:
-            now = linearise(family(state.value), state.iterate)
-            bordered[:-1, :-1] = now.J
+        now = linearise(family(state.value), state.iterate)
+        bordered[:-1, :-1] = now.J
+        if iteration <= UPDATES:
+            h = FORWARD_STEP * max(abs(state.value), 1e-3)
+            bordered[:-1, -1] = (linearise(family(state.value + h), state.iterate).R - now.R) / h
         rhs = -np.append(now.R, row @ ((state.z - start) / scale))
         try:
             step = np.linalg.solve(bordered * scale, rhs) * scale

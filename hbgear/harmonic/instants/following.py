@@ -43,6 +43,13 @@ LARGEST_TURN_COSINE = math.cos(math.radians(18.0))
 STEP_GROWTH = 2.0
 """Growth of the step after a fast convergence on a straight section; the curve leaves a grazing geometrically."""
 
+MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
+"""Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
+by 18 degrees needs a correction of .16."""
+
+LONG_STEP, NEAR_DOUBLING = 0.02, 0.6
+"""Step, and distance of a multiplier from -1, from which the middle of a step is tested for two period doublings."""
+
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
 
@@ -147,6 +154,11 @@ class Follower:
                 if missed:
                     self._open(last, point, missed)
                     return
+                if self._strays(last, point, length):
+                    raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
+                if length > LONG_STEP and self._hides_doublings(last, point):
+                    raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
+                found = [] if self._leaves(point) else self._special(last, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
@@ -158,7 +170,7 @@ class Follower:
         if self._leaves(point):
             self._finish(last, point)
             return
-        self._add(point, samples, length)
+        self._add(point, samples, length, found)
         vanishing = [] if self.curve.message else self._vanishing(point)
         if vanishing:
             self._close(point, vanishing)
@@ -210,6 +222,21 @@ class Follower:
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
 
+    def _strays(self, last: ExactPoint, point: ExactPoint, length: float) -> bool:
+        """Return whether the correction is too large for the step: the point lies on another part of the curve."""
+        if last.state.pattern != point.state.pattern:
+            return False
+        guess = last.state.z + length * last.tangent * last.scale
+        correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
+        return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
+
+    def _hides_doublings(self, last: ExactPoint, point: ExactPoint) -> bool:
+        """Return whether a multiplier passes -1 and returns between two points."""
+        a, b = last.tests["PD"], point.tests["PD"]
+        if last.state.pattern != point.state.pattern or a * b <= 0 or min(abs(a), abs(b)) > NEAR_DOUBLING:
+            return False
+        return point_between(self.family, last, point, 0.5).tests["PD"] * a < 0
+
     def _turns(self, last: ExactPoint, point: ExactPoint) -> bool:
         """Return whether the tangent turns too far between two points of one pattern."""
         if last.state.pattern != point.state.pattern:
@@ -236,7 +263,7 @@ class Follower:
         scale = state.scale(self.width)
         first = exact_point(self.family, state, growing, scale, growing)
         samples = self._gaps(first)
-        self._add(here, self._gaps(here), 0.0)
+        self._add(here, self._gaps(here), 0.0, self._special(last, here))
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
         self.step = GRAZING_DURATION * self.family(first.state.value).period
@@ -273,21 +300,24 @@ class Follower:
 
     # ---- acceptance
 
-    def _add(self, point: ExactPoint, samples: Samples, length: float) -> None:
+    def _special(self, last: ExactPoint, point: ExactPoint) -> list[tuple[str, float, ExactPoint]]:
+        """Return the special points between two points."""
+        if not self.special or last.state.pattern != point.state.pattern:
+            return []
+        return special_points(self.family, last, point)
+
+    def _add(
+        self, point: ExactPoint, samples: Samples, length: float, special: list[tuple[str, float, ExactPoint]]
+    ) -> None:
         """Accept a point after the special points between the last point and it."""
-        last = self.curve.points[-1]
-        if self.special and last.state.pattern == point.state.pattern:
-            for kind, _, found in special_points(self.family, last, point):
-                if kind == "BP" and _has_shorter_period(found.state):
-                    self._accept(found, self._gaps(found), 0.0)
-                    self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
-                    self.curve.status = Status.MERGED
-                    self.curve.message = (
-                        f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
-                    )
-                    return
-                self._accept(found, self._gaps(found), 0.0)
-                self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
+        for kind, _, found in special:
+            self._accept(found, self._gaps(found), 0.0)
+            if kind == "BP" and _has_shorter_period(found.state):
+                self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
+                self.curve.status = Status.MERGED
+                self.curve.message = f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
+                return
+            self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
         self._accept(point, samples, length)
 
     def _accept(self, point: ExactPoint, samples: Samples, length: float) -> None:
@@ -317,7 +347,7 @@ class Follower:
         z = between.z.copy()
         z[-1] = end
         final = exact_point(self.family, between.moved(z), hold, scale, last.tangent)
-        self._add(final, self._gaps(final), self.step)
+        self._add(final, self._gaps(final), self.step, self._special(last, final))
         reached = end == self.span[1]
         self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
         self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (

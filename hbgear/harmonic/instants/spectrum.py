@@ -16,7 +16,7 @@ from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.propagation import growth, growths
 from hbgear.harmonic.instants.shooting import Iterate
-from hbgear.mechanics.series.fourier import to_real
+from hbgear.mechanics.series.fourier import to_real, waves
 
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Nodes and weights of the Gauss-Legendre rule of 12 points on [-1, 1], exact for polynomials of degree 23."""
@@ -33,7 +33,7 @@ def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, floa
         if durations[i] <= 0:
             continue
         tau, weights, gaps = _nodes(at, iterate, i, float(durations[i]), H / nu)
-        c += (gaps * weights[:, None]).T @ np.exp(-1j * np.outer(tau / nu, np.arange(H + 1)))
+        c += np.einsum("tm,tk->mk", gaps * weights[:, None], waves(tau / nu, H).conj())  # small: threads cost more
         square += weights @ gaps**2
     c /= at.period
     power = np.abs(c[:, 0]) ** 2 + 2 * (np.abs(c[:, 1:]) ** 2).sum(axis=1)

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.harmonic.instants.refine import Approximation, ExactMotion, refine
+from hbgear.harmonic.instants.equations import Equations, EquationsAt
+from hbgear.harmonic.instants.refine import Approximation, ExactMotion, initial, refine, solve
+from hbgear.harmonic.instants.shooting import Iterate
 
 
 def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
@@ -59,15 +61,32 @@ def refine_near_fold(problem: Any, X: Array, parameters: Mapping[str, float]) ->
     return _refine(problem, X, parameters, free=True)
 
 
+def exact_iterate(
+    problem: Any, X: Array, parameters: Mapping[str, float], free: bool = False
+) -> tuple[EquationsAt, Iterate]:
+    """Return the equations and the contact instants of the exact motion near a solution of harmonic balance.
+
+    With ``free``, Omega may change. Exceptions are those of `refine_motion`, and InconsistentPatternError.
+    """
+    equations, approximation = _approximation(problem, X, parameters)
+    at = equations.at(float(parameters["Omega"]))
+    return solve(at, initial(at, approximation), free)[:2]
+
+
 def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
     """Compute the exact motion from the switching times of a solution, at its Omega or at a free one."""
+    equations, approximation = _approximation(problem, X, parameters)
+    return refine(equations, approximation, float(parameters["Omega"]), free)
+
+
+def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> tuple[Equations, Approximation]:
+    """Return the equations, and the switching times and Fourier coefficients of a solution."""
     compiled = problem.compiled(dict(parameters))
     values = {name: float(value) for name, value in parameters.items()}
-    equations = compiled.contact_equations
     crossings = compiled.crossings(X)
-    number = np.concatenate([np.arange(len(b)) for b in equations.breakpoints]).astype(int)
+    number = np.concatenate([np.arange(len(b)) for b in compiled.contact_equations.breakpoints]).astype(int)
     found = [
         (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
         for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
     ]
-    return refine(equations, Approximation(problem.motion(X, **values), found), values["Omega"], free)
+    return compiled.contact_equations, Approximation(problem.motion(X, **values), found)

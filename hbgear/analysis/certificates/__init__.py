@@ -1,0 +1,1 @@
+"""Certificates: proofs in ball arithmetic that a motion or a special point exists, is unique and is stable or not."""

@@ -1,0 +1,182 @@
+"""Certificates: what was proved of a point, with the exact decimals from which the proof is repeated.
+
+A certificate holds the coefficients of the equations, the order of the contacts, and a box of the unknowns. These are
+all that the proof needs; enclosures, multipliers and the sentence follow from them.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from hbgear.analysis.certificates.proof import prove
+from hbgear.common.atomic_write import atomic_write
+
+FORMAT = "hbgear certificate, version 1"
+"""First entry of a file."""
+
+NAMES = {"motion": "periodic motion", "LP": "fold", "PD": "period doubling", "GR": "grazing point"}
+"""Names of the kinds of points."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate:
+    """Proof that a periodic motion or a special point exists, is unique in a box, and is stable or not.
+
+    Attributes
+    ----------
+    kind : {"motion", "LP", "PD", "GR"}
+        Kind of point.
+    label : str
+        Label of the point, such as "LP1".
+    Omega : tuple of str
+        Decimals between which Omega lies; both are the same for a motion, whose Omega is prescribed.
+    instants : tuple of tuple of str
+        Decimals between which the phases of the contact instants lie [rad].
+    multipliers : tuple of tuple of str
+        Real part, imaginary part and radius of a disc for each multiplier.
+    stable : bool or None
+        Whether all multipliers are proved to lie inside the unit circle, apart from the multiplier 1 of a fold and -1
+        of a period doubling. False if one is proved to lie outside. None if neither is proved.
+    uniqueness : float
+        Half width of the box in which the point is unique, relative to the sizes of states, Omega and one radian.
+    claim : dict
+        Coefficients, order of contacts and box: the exact decimals from which the proof is repeated.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.ContactInstants(hb.SpurPair()), "Omega", (0.9, 0.6))
+    >>> proof = hb.analysis.certify(curve["LP1"])
+    >>> [bound[:12] for bound in proof.Omega], proof.stable
+    (['0.7080316187', '0.7080316187'], True)
+    """
+
+    kind: str
+    label: str
+    Omega: tuple[str, str]
+    instants: tuple[tuple[str, str], ...]
+    multipliers: tuple[tuple[str, str, str], ...]
+    stable: bool | None
+    uniqueness: float
+    claim: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<Certificate of a {NAMES[self.kind]} {self.label}: Omega in [{self.Omega[0]}, {self.Omega[1]}]>"
+
+    def __str__(self) -> str:
+        return f"{self.statement}\n{self.assumptions}"
+
+    @property
+    def statement(self) -> str:
+        """One sentence that states what was proved."""
+        special = {
+            "LP": " with multiplier 1 (a nondegenerate fold)",
+            "PD": " with multiplier -1, which it passes with nonzero speed",
+            "GR": " with one quadratic grazing contact",
+            "motion": "",
+        }[self.kind]
+        where = f"at Omega = {self.Omega[0]}" if self.kind == "motion" else f"with Omega in [{', '.join(self.Omega)}]"
+        count = len(self.instants)
+        contacts = f"{count} transversal contact instants" if count else "no contact instants"
+        rest = "all multipliers" if self.kind in ("motion", "GR") else "all other multipliers"
+        stability = {
+            True: f"{rest} lie inside the unit circle", False: "a multiplier lies outside of the unit circle",
+            None: "it is not proved where the multipliers lie",
+        }[self.stable]  # fmt: skip
+        return (
+            f"Proved: the equations have exactly one periodic motion{special} {where} in a box of relative half width "
+            f"{self.uniqueness:.0e}; it has {contacts} in a period of {self.claim['equations']['nu']} x 2 pi, every "
+            f"gap lies strictly between its breakpoints elsewhere, and {stability}."
+        )
+
+    @property
+    def assumptions(self) -> str:
+        """One sentence that states what was assumed."""
+        return (
+            "Assumed: the coefficients are exactly the decimals that the certificate lists; Arb, hbgear and the "
+            "machine compute as specified."
+        )
+
+    def verify(self) -> Certificate:
+        """Repeat the proof from the exact decimals.
+
+        Returns
+        -------
+        Certificate
+            The certificate that the decimals give.
+
+        Raises
+        ------
+        NotCertifiedError
+            If a condition fails; the message states which one.
+        """
+        return Certificate.of(self.claim, self.label)
+
+    @staticmethod
+    def of(claim: dict[str, Any], label: str) -> Certificate:
+        """Return the certificate of a claim, which is proved; raises NotCertifiedError if a condition fails."""
+        proof = prove(claim)
+        return Certificate(kind=claim["kind"], label=label, claim=claim, **proof._asdict())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the certificate as plain data."""
+        return {
+            "format": FORMAT, "kind": self.kind, "label": self.label, "statement": self.statement,
+            "assumptions": self.assumptions, "Omega": list(self.Omega), "instants": [list(x) for x in self.instants],
+            "multipliers": [list(x) for x in self.multipliers], "stable": self.stable, "uniqueness": self.uniqueness,
+            "claim": self.claim,
+        }  # fmt: skip
+
+    @staticmethod
+    def from_dict(data: dict[str, Any]) -> Certificate:
+        """Return the certificate of plain data; the proof is not repeated, see `verify`.
+
+        Raises
+        ------
+        ValueError
+            If the data are not those of a certificate.
+        """
+        if data.get("format") != FORMAT:
+            raise ValueError(f"format = {data.get('format')!r}: need '{FORMAT}'")
+        return Certificate(
+            kind=data["kind"], label=data["label"], Omega=(data["Omega"][0], data["Omega"][1]),
+            instants=tuple((a, b) for a, b in data["instants"]),
+            multipliers=tuple((a, b, c) for a, b, c in data["multipliers"]),
+            stable=data["stable"], uniqueness=data["uniqueness"], claim=data["claim"],
+        )  # fmt: skip
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the certificate to a JSON file.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            Name of the file.
+        """
+        with atomic_write(path) as file:
+            file.write((json.dumps(self.to_dict(), indent=1) + "\n").encode())
+
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Certificate:
+        """Read a certificate; the proof is not repeated, see `verify`.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            Name of the file.
+
+        Returns
+        -------
+        Certificate
+            The certificate.
+
+        Raises
+        ------
+        ValueError
+            If the file is not a certificate.
+        """
+        return Certificate.from_dict(json.loads(Path(path).read_text(encoding="utf-8")))

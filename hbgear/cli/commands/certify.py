@@ -1,0 +1,69 @@
+"""Command ``hbgear certify``: proofs of the points of a saved curve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.cli.commands.files import check_writable, outputs
+from hbgear.cli.support import File, OwnModel, point_of, print_message, print_table, problem_in
+
+NOT_PROVED = 1
+"""Exit code of a point that is not certified."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command of this module."""
+    app.command()(certify)
+
+
+def certify(
+    file: File,
+    points: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="POINT...",
+            help="Labels such as LP1, or values such as 0.9; default: all folds, period doublings and grazing points.",
+            autocompletion=cli_complete.labels,
+        ),
+    ] = None,
+    model: OwnModel = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help=".json, for a single point.", show_default="FILE.POINT.json"),
+    ] = None,
+) -> None:
+    """Prove by ball arithmetic that points of a saved curve exist, are unique, and are stable or not.
+
+    Each proof is saved as exact decimals. Exit codes: 0 all points are certified, 1 a point is not certified (the
+    message states which condition fails), 2 bad input.
+    """
+    check_writable(output, (".json",))
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    names = points or [point.label for point in branch.special if point.kind in ("LP", "PD", "GR")]
+    if output is not None and len(names) != 1:
+        raise ValueError(f"--output {output}: {len(names)} points; give one POINT")
+    chosen = [(name, point_of(branch, name, "POINT")) for name in names]
+    rows, failed = [], False
+    with outputs() as out:
+        for name, point in chosen:
+            try:
+                proof = hb.analysis.certify(point)
+            except hb.analysis.NotCertifiedError as error:
+                failed = True
+                print_message("error", f"{name}: {error}")
+                continue
+            out.write(output or file.with_suffix(f".{name}.json"), proof.save)
+            stability = {True: "stable", False: "unstable", None: "undecided"}[proof.stable]
+            rows.append([name, *proof.Omega, stability, f"{proof.uniqueness:.0e}"])
+            print(f"{name}: {proof.statement}")
+        if rows:
+            print(proof.assumptions)
+            print_table(["point", "Omega from", "to", "multipliers", "unique within"], rows)
+    if failed:
+        raise typer.Exit(NOT_PROVED)

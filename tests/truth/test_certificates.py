@@ -1,0 +1,276 @@
+"""Certificates against numbers that were computed without hbgear, and against an independent interval checker.
+
+The intervals of the folds of the spur pair come from another program in interval arithmetic, the special points of the
+stop from a code with 30 digits. A claim whose motion, contact order or model is changed must not be proved.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flint")
+pytest.importorskip("mpmath")
+
+from truth.interval_checker import Checker
+
+import hbgear as hb
+from hbgear.analysis import Certificate, NotCertifiedError, certify
+from hbgear.analysis.certificates.coefficients import coefficients_of
+
+SPUR_FOLDS = {"LP1": ("0.7080316187218250", "0.7080316187218381"), "LP2": ("0.8284639843882141", "0.8284639843882173")}
+"""Intervals of the folds of SpurPair(zeta=.05, F_m=.1, e=(.05,))."""
+
+STOP_POINTS = {
+    "PD2": "0.86396784958531215291", "PD1": "0.96254908803479464627", "LP2": "1.731365021391413406",
+    "LP1": "1.2596146258363070128",
+}  # fmt: skip
+"""Special points of the stop with k = 1000, by a code with 30 digits; LP1 lies 4e-8 from a grazing point."""
+
+
+def stop(k: float = 1e3) -> hb.System:
+    """Return a mass with a stop."""
+    element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.5), name="stop")
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+
+
+@pytest.fixture(scope="module")
+def spur() -> hb.Branch:
+    return hb.trace(hb.ContactInstants(hb.SpurPair(zeta=0.05, F_m=0.1, e=(0.05,)), 8), "Omega", (0.9, 0.6))
+
+
+@pytest.fixture(scope="module")
+def hard() -> hb.Branch:
+    return hb.trace(hb.ContactInstants(stop(), 8), "Omega", (2.2, 0.8))
+
+
+@pytest.fixture(scope="module")
+def fold(spur: hb.Branch) -> Certificate:
+    return certify(spur["LP1"])
+
+
+def inner(proof: Certificate) -> tuple[Fraction, Fraction]:
+    return Fraction(proof.Omega[0]), Fraction(proof.Omega[1])
+
+
+@pytest.mark.parametrize("label", SPUR_FOLDS)
+def test_folds_of_the_spur_pair_lie_in_the_intervals_of_another_program(spur: hb.Branch, label: str) -> None:
+    low, high = inner(certify(spur[label]))
+    other = [Fraction(x) for x in SPUR_FOLDS[label]]
+    assert other[0] <= low <= high <= other[1]
+    assert high - low < Fraction(1, 10**20)
+
+
+@pytest.mark.parametrize("label", STOP_POINTS)
+def test_points_of_a_hard_stop_contain_the_numbers_of_another_code(hard: hb.Branch, label: str) -> None:
+    low, high = inner(certify(hard[label]))
+    digits = len(STOP_POINTS[label]) - 2
+    rounding = Fraction(1, 10**digits)
+    assert low - rounding <= Fraction(STOP_POINTS[label]) <= high + rounding
+    assert high - low < Fraction(1, 10**20)
+
+
+@pytest.mark.parametrize("harmonics", [12, 32])
+def test_a_fold_of_harmonic_balance_leads_to_the_same_certificate(fold: Certificate, harmonics: int) -> None:
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), harmonics), "Omega", (0.9, 0.6))
+    other = certify(curve["LP1"])
+    assert inner(other)[0] <= inner(fold)[1] and inner(fold)[0] <= inner(other)[1]
+
+
+def test_grazing_points_of_a_linear_motion_are_roots_of_its_amplitude(hard: hb.Branch) -> None:
+    """At the first grazing, |.3 / (1 - Omega^2 + .1 i Omega)| = .5, a quadratic equation of Omega^2."""
+    proof = certify(hard["GR1"])
+    linear = math.sqrt(1.99 / 2 + math.sqrt((1.99 / 2) ** 2 - 1 + 0.36))
+    assert abs(float(proof.Omega[0]) - linear) < 1e-14 and float(proof.uniqueness) > 1e-12
+    assert proof.stable and not proof.instants
+
+
+# ---- the independent checker
+
+
+@pytest.mark.parametrize("case", ["spur LP1", "spur LP2", "spur motion", "hard PD1", "hard LP2"])
+def test_an_independent_checker_confirms_the_proof(case: str, spur: hb.Branch, hard: hb.Branch) -> None:
+    name, label = case.split()
+    curve = spur if name == "spur" else hard
+    proof = certify(curve[12] if label == "motion" else curve[label])
+    checker = Checker(proof.claim)
+    image = checker.krawczyk("1e-18")
+    assert image is not None, "no box of the checker is mapped into itself"
+    assert checker.signs_hold(image)
+    for i, bounds in enumerate(proof.instants):
+        assert image[2 * i].low <= mpf(bounds[1]) and mpf(bounds[0]) <= image[2 * i].high
+    if proof.kind != "motion":
+        Omega = image[2 * checker.K]
+        assert Omega.low <= mpf(proof.Omega[1]) and mpf(proof.Omega[0]) <= Omega.high
+        assert Omega.high - Omega.low < 1e-30
+
+
+def mpf(text: str) -> Any:
+    import mpmath
+
+    return mpmath.mpf(text)
+
+
+def test_the_checker_rejects_a_perturbed_motion(fold: Certificate) -> None:
+    claim = copy.deepcopy(fold.claim)
+    claim["center"][4] = str(float(claim["center"][4]) + 1e-9)
+    assert Checker(claim).krawczyk("1e-12") is None
+
+
+def test_multipliers_satisfy_the_formula_of_liouville(spur: hb.Branch) -> None:
+    """Product of the multipliers: exp(-2 zeta T) with T = 2 pi / Omega."""
+    proof = certify(spur[12])
+    mu = [complex(float(a), float(b)) for a, b, _ in proof.multipliers]
+    assert abs(mu[0] * mu[1] - math.exp(-0.1 * 2 * math.pi / float(proof.Omega[0]))) < 1e-14
+    np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(spur[12].multipliers), atol=1e-8)
+
+
+def test_an_unstable_motion_is_proved_unstable(spur: hb.Branch) -> None:
+    unstable = next(point for point in spur if point.stable is False)
+    assert certify(unstable).stable is False
+
+
+# ---- claims that are not true
+
+
+def not_proved(claim: dict[str, Any], condition: str) -> str:
+    with pytest.raises(NotCertifiedError) as caught:
+        Certificate.of(claim, "")
+    assert caught.value.condition == condition, caught.value
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("entry", [0, 1, 4, 6])
+def test_a_perturbed_motion_is_not_certified(fold: Certificate, entry: int) -> None:
+    claim = copy.deepcopy(fold.claim)
+    claim["center"][entry] = str(float(claim["center"][entry]) + 1e-9)
+    claim["factor"] = "1.0"
+    assert "existence" in not_proved(claim, "existence")
+
+
+@pytest.mark.parametrize(("field", "value"), [("damping", "0.1000000001"), ("direction", ["1.0000000001"])])
+def test_a_perturbed_model_is_not_certified(fold: Certificate, field: str, value: Any) -> None:
+    claim = copy.deepcopy(fold.claim)
+    claim["equations"]["elements"][0][field] = value
+    not_proved(claim, "existence")
+
+
+def test_a_wrong_order_of_contacts_is_not_certified(fold: Certificate) -> None:
+    claim = copy.deepcopy(fold.claim)
+    claim["order"]["switches"] = claim["order"]["switches"][::-1]
+    not_proved(claim, "contact order")
+    claim = copy.deepcopy(fold.claim)
+    claim["order"]["before"] = [1]
+    for switch in claim["order"]["switches"]:
+        switch[2] = -switch[2]
+    with pytest.raises(NotCertifiedError):
+        Certificate.of(claim, "")
+
+
+def test_a_contact_that_is_left_out_is_noticed() -> None:
+    """The equations of a motion without contacts do not contain the stop; only the sign of the gap does."""
+    far = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Unilateral(k=10.0, gap=5.0), name="stop")],
+                    hb.Load(cosine={1: [0.3]}))  # fmt: skip
+    curve = hb.trace(hb.ContactInstants(far, 4), "Omega", (0.9, 0.95))
+    claim = certify(curve[0]).claim
+    amplitude = 0.3 / abs(1 - 0.9**2 + 0.09j)
+    for level, proved in ((amplitude * (1 + 1e-9), True), (amplitude * (1 - 1e-9), False)):
+        element = claim["equations"]["elements"][0]
+        element["breakpoints"], element["springs"][0]["corners"] = [repr(level)], [repr(level)]
+        if proved:
+            assert Certificate.of(claim, "").stable
+        else:
+            assert "stop" in not_proved(claim, "gaps")
+
+
+def test_breakpoints_of_the_stiffness_may_not_be_left_out() -> None:
+    teeth = hb.mechanics.Periodic.rectangular(high=1.16, low=0.76, share=0.6)
+    curve = hb.trace(hb.ContactInstants(hb.SpurPair(stiffness=teeth, e=(0.01,)), 8), "Omega", (1.4, 1.38))
+    proof = certify(curve[0])
+    assert proof.stable and inner(proof)[0] == Fraction(repr(curve[0].parameters["Omega"]))
+    claim = copy.deepcopy(proof.claim)
+    order = claim["order"]
+    order["switches"], order["turns"] = order["switches"][:1], order["turns"][:1]
+    assert "breakpoints of the stiffness" in not_proved(claim, "contact order")
+
+
+# ---- several coordinates, files, input
+
+
+def two_masses() -> hb.System:
+    """Return two masses, the first against a stop."""
+    element = hb.Element([1.0, 0.0], hb.Unilateral(k=20.0, gap=0.5), name="stop")
+    return hb.System(np.diag([1.0, 1.5]), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], [element],
+                     hb.Load(cosine={1: [0.3, 0.1]}))  # fmt: skip
+
+
+def test_a_motion_of_two_masses_is_the_one_of_the_contact_instants() -> None:
+    curve = hb.trace(hb.ContactInstants(two_masses(), 8), "Omega", (0.75, 0.76))
+    proof = certify(curve[0])
+    exact = curve[0].problem.exact_motion(curve[0].X, **curve[0].parameters)
+    found = sorted(float(low) % (2 * math.pi) for low, _ in proof.instants)
+    np.testing.assert_allclose(found, np.sort(exact.instants), atol=1e-9)
+    mu = sorted((abs(complex(float(a), float(b))) for a, b, _ in proof.multipliers), reverse=True)
+    np.testing.assert_allclose(mu, np.sort(np.abs(exact.multipliers))[::-1], atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_fold_with_harmonic_stiffness() -> None:
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(eps=(0.1,), e=(0.03,)), 48), "Omega", (0.9, 0.6))
+    proof = certify(curve["LP1"])
+    low, high = inner(proof)
+    assert high - low < Fraction(1, 10**15) and abs(float(low) - curve["LP1"].parameters["Omega"]) < 1e-8
+
+
+def test_a_certificate_is_saved_as_exact_decimals_and_proved_again(fold: Certificate, tmp_path: Path) -> None:
+    fold.save(tmp_path / "LP1.json")
+    assert json.loads((tmp_path / "LP1.json").read_text())["claim"]["equations"]["elements"][0]["damping"] == "0.1"
+    again = Certificate.load(tmp_path / "LP1.json")
+    assert again.to_dict() == fold.to_dict()
+    assert again.verify().Omega == fold.Omega
+    with pytest.raises(ValueError, match="format"):
+        Certificate.from_dict({"format": "another"})
+
+
+def test_the_sentence_states_what_was_proved_and_assumed(fold: Certificate) -> None:
+    assert "exactly one periodic motion with multiplier 1" in fold.statement and fold.Omega[0] in fold.statement
+    assert "all other multipliers lie inside the unit circle" in fold.statement
+    assert "exactly the decimals" in fold.assumptions and str(fold).count("\n") == 1
+
+
+def test_bad_input() -> None:
+    smooth = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    with pytest.raises(NotCertifiedError, match="not piecewise linear"):
+        certify(smooth["LP1"])
+    with pytest.raises(TypeError):
+        certify(1.0)  # type: ignore[arg-type]
+    moved = hb.SpurPair(error=hb.mechanics.Periodic.trapezoidal(high=0.1, low=0.0, share=0.4, ramp=0.1))
+    with pytest.raises(NotCertifiedError, match="displacement of gap has breakpoints"):
+        coefficients_of(hb.HarmonicBalance(moved, 4).compiled({}).contact_equations)
+
+
+def test_the_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, spur: hb.Branch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "flint", None)
+    with pytest.raises(ValueError, match=r"hbgear\[certify\]"):
+        certify(spur["LP1"])
+
+
+def test_the_command_saves_proofs_and_states_what_fails(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from hbgear.cli.app import app
+
+    hb.trace(hb.HarmonicBalance(hb.SpurPair(), 16), "Omega", (0.9, 0.6)).save(tmp_path / "pair.npz")
+    done = CliRunner().invoke(app, ["certify", str(tmp_path / "pair.npz"), "LP1"])
+    assert done.exit_code == 0 and "Proved:" in done.output and "0.70803161872183103" in done.output
+    assert Certificate.load(tmp_path / "pair.LP1.json").verify().stable
+    hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6)).save(tmp_path / "duffing.npz")
+    refused = CliRunner().invoke(app, ["certify", str(tmp_path / "duffing.npz"), "LP1"])
+    assert refused.exit_code == 1 and not (tmp_path / "duffing.LP1.json").exists()
