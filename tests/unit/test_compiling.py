@@ -65,7 +65,7 @@ def start(script, folder=None, package=ROOT.parent):
 
 def told(process):
     """What a process printed, and what it warned of."""
-    out, err = process.communicate(timeout=300)
+    out, err = process.communicate(timeout=900)
     assert process.returncode == 0, err
     return out, err
 
@@ -227,7 +227,7 @@ print(*sorted(places))
     others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "user"), "PYTHONPATH": str(ROOT.parent)}
     done = subprocess.run([sys.executable, "-c", script], env=others | home, check=True,
-                          capture_output=True, text=True, timeout=300)  # fmt: skip
+                          capture_output=True, text=True, timeout=900)  # fmt: skip
     assert done.stdout.splitlines()[-1].split() == [str(tmp_path / "mine" / "__pycache__")]
     assert {path.name for path in (tmp_path / "user").rglob("*") if path.is_file()} == {
         f"hbgear.continuation.stepping.kernels.{name}" for name in KERNELS
@@ -350,7 +350,7 @@ def test_arguments_of_the_same_classes_and_of_another_type_are_stored(tmp_path):
     assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n0 2\n"
     assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n2 0\n"
     wrong = script.partition("print")[0] + "two.f(('a',))"
-    assert "TypingError" in start(wrong, tmp_path / "kept").communicate(timeout=100)[1]
+    assert "TypingError" in start(wrong, tmp_path / "kept").communicate(timeout=600)[1]
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
@@ -381,7 +381,7 @@ def test_ctrl_c_while_a_kernel_is_compiled(tmp_path, stop):
     assert "compiles its core" in command.stderr.readline()
     time.sleep(1.0)  # the first kernel takes longer
     command.send_signal(stop)
-    _, err = command.communicate(timeout=200)
+    _, err = command.communicate(timeout=600)
     assert command.returncode == 3 and "Traceback" not in err, err
     assert err.splitlines()[-1].startswith("hbgear: ") and len(err.splitlines()) <= 2
     kept = [path for path in tmp_path.rglob("*") if path.is_file()]

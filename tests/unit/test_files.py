@@ -36,7 +36,7 @@ def limited(code, size=LIMIT):
     """Python code run where no file can grow beyond a size."""
     first = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, resource.RLIM_INFINITY))\n"
     env = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}
-    return subprocess.run([sys.executable, "-c", first + code], capture_output=True, text=True, timeout=120, env=env)
+    return subprocess.run([sys.executable, "-c", first + code], capture_output=True, text=True, timeout=600, env=env)
 
 
 def command(args):
@@ -207,7 +207,7 @@ def test_output_that_cannot_be_printed(folder):
     with open("/dev/full", "w") as full:
         out = subprocess.run(
             [sys.executable, "-c", command([*CURVE, "-o", "a.npz"])], stdout=full, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}, timeout=120,
+            env={**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}, timeout=600,
         )  # fmt: skip
     assert out.returncode == 2 and "No space left on device" in out.stderr and "Exception" not in out.stderr
     assert len(hb.load("a.npz"))

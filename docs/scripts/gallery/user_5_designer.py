@@ -4,7 +4,7 @@ Designer: tolerances
 
 From the file of a gear pair,
 :download:`gearbox.toml <../scripts/gallery/data/gearbox.toml>`, to the scatter of
-its response and its jumps in production: damping and load vary from one
+its response and its jumps in production: damping and torque vary from one
 machine to the next.
 """
 
@@ -13,8 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import hbgear as hb
 
 model = hb.io.read_machine("data/gearbox.toml").model()
-load = ("uniform", 0.9 * model.F_m, 1.1 * model.F_m)
-scatter = hb.design.latin_hypercube(8, zeta=("uniform", 0.05, 0.08), F_m=load)
+scatter = hb.design.latin_hypercube(8, damping=("uniform", 0.05, 0.08), torque=("uniform", 180, 220))  # [N m]
 with ThreadPoolExecutor(1) as executor:
     found = hb.design.cases(
         model,
