@@ -22,7 +22,7 @@ import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import problem_along
 from hbgear.analysis.summary import message_of, text_at
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
-from hbgear.cli.commands.machine_report import ACCURACY_GRADE, recommendation, show_speeds
+from hbgear.cli.commands.machine_report import ACCURACY_GRADE, merged, recommendation, show_speeds
 from hbgear.cli.quantities import is_number
 from hbgear.cli.support import (
     Changes,
@@ -61,6 +61,10 @@ PARAMETRIC_SPAN = 2.4
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
+
+LONG_STEPS = hb.StepControl(max_step=0.4)
+"""Steps of the curves for comparison. Jumps are located between the points, so that their speeds do not depend on the
+steps; factors changed by 0.5 % at most, and half of the points remain."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
@@ -404,7 +408,8 @@ def _alternative_results(
     """Return `_factor_and_jumps` of a changed model; its curve is reused if the model differs in scales only."""
     if changed.replace(reference=getattr(model, "reference", ())) != model:
         problem = hb.HarmonicBalance(changed, count)
-        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=_until(stop))
+        curve = hb.trace(problem, "Omega", changed.default_span, steps=LONG_STEPS, accuracy=None,
+                         progress=_until(stop))  # fmt: skip
     return _factor_and_jumps(changed, curve)
 
 
@@ -449,7 +454,7 @@ def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
         span = (PARAMETRIC_SPAN, model.default_span[0])
-        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
+        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, steps=LONG_STEPS, accuracy=None)
 
 
 def _subharmonics(
@@ -464,17 +469,19 @@ def _subharmonics(
     for point in curve.special:
         if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
             continue
-        doubled = hb.switch(curve, point.label, span, accuracy=None, progress=_until(stop))
+        doubled = hb.switch(curve, point.label, span, steps=LONG_STEPS, special=False, accuracy=None,
+                            progress=_until(stop))  # fmt: skip
         ends.append(float(doubled.values[-1]))
         stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
         rpm = scales.pinion_speed(doubled.values)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
-        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+        spans = merged((min(rpm[a], rpm[b - 1]), max(rpm[a], rpm[b - 1]))
+                       for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)  # fmt: skip
         if not spans:
             continue
         largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
         factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
-        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in sorted(spans))
+        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in spans)
         begin = float(scales.pinion_speed(point.parameters["Omega"]))
         yield [f"{begin:.0f} r/min", speeds, rounded(factor, 3)]
 

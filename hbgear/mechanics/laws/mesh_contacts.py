@@ -127,10 +127,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def widened(self, half_backlash: float) -> MeshContacts:
         """Return the contacts with levels moved away from zero by a half backlash."""
-        return MeshContacts(tuple(
-            ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
-            for contact in self.contacts
-        ))  # fmt: skip
+        return _widened(self, half_backlash)
 
     def scaled(self, stiffness: float, length: float) -> MeshContacts:
         """Return the contacts with stiffness and levels times factors."""
@@ -187,6 +184,14 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
             [np.pad(x, ((0, 0), (0, 4 - x.shape[1]))) for x in (one.rows_at(at) for one in both)] for both in functions
         ])  # fmt: skip
         return at, np.ascontiguousarray(np.moveaxis(rows, 2, 0)), np.array([float(c.side) for c in self.contacts])
+
+
+@lru_cache(maxsize=32)  # a model assembles its system for each motion that is evaluated
+def _widened(law: MeshContacts, half_backlash: float) -> MeshContacts:
+    return MeshContacts(tuple(
+        ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
+        for contact in law.contacts
+    ))  # fmt: skip
 
 
 class MovingSpring(NamedTuple):
