@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import landings
-from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, usual_measure
+from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, usual_measure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.models.frequency_units import common_scales, model_of, same_scales, scales
+from hbgear.harmonic.models.frequency_units import common_scales
 from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.style import (
     BRANCHES,
@@ -264,7 +264,9 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
 
 
 @checked_arguments()
-def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def jump_map(
+    jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
+) -> Axes:  # fmt: skip
     """Draw jump frequencies against a design parameter; ranges with several motions are shaded, cusps are marked.
 
     Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines those with decreasing Omega.
@@ -277,6 +279,9 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         Axes to draw on; new ones by default.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether the ordinate is Omega. By default it is the speed of the pinion [r/min] if the model has scales that do
+        not depend on the parameter.
 
     Returns
     -------
@@ -291,26 +296,33 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """
     names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
     own = ax is None
+    across = OmegaAxis.of_ends(jumps.folds, jumps.labels.get("Omega", r"$\Omega$"), dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _shade(ax, jumps)
+        _shade(ax, jumps, across.scale)
         for arm in jumps.arms:
             name, style = names[arm.direction]
-            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
+            ax.plot(arm.values, across.scale * arm.Omega, style, color=COLOURS["no_impact"], label=name)
         for cusp in jumps.cusps:
-            x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
+            x, y = cusp.parameters[jumps.parameter], across.scale * cusp.parameters["Omega"]
             ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
                     gid=cusp.label)  # fmt: skip
             fraction = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
             side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
-            ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
+            ax.annotate(
+                f"{x:.5g}, {y:.4g}" + (" r/min" if across.is_speed else ""),
+                (x, y),
+                (0, 8),
+                textcoords="offset points",
+                fontsize=8,
+                ha=side,
+            )
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
-        ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
+        ax.set_ylabel(across.label)
         dress(ax)
-        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and scaled_axes(ax, same_scales(known), "right"):
+        if own and scaled_axes(ax, across.above, "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
@@ -322,12 +334,12 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     return ax
 
 
-def _shade(ax: Axes, jumps: JumpMap) -> None:
+def _shade(ax: Axes, jumps: JumpMap, scale: float) -> None:
     """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
     ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
     values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
     for low, high in jumps.bands(values):
-        ax.fill_between(values, low, high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
+        ax.fill_between(values, scale * low, scale * high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
                         label="several motions")  # fmt: skip
 
 

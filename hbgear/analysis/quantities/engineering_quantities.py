@@ -260,10 +260,10 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
     names = [*(elements or problem.model.sharing or layout.elements)]
     each = [layout.index(name) for name in names]
     rows = zip(branch.X, (branch.parameters_at(i) for i in range(len(branch))), strict=True)
-    return names, [[_force(problem, X, here, index) for index in each] for X, here in rows]
+    return names, [[element_force(problem, X, here, index) for index in each] for X, here in rows]
 
 
-def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def element_force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
@@ -327,16 +327,16 @@ def _of_motion(
     The largest force is the one in the direction of the static force.
     """
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    force = _force(problem, X, here, index)
+    force = element_force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     level = force_level(compiled.system.elements, problem.rows(X))
     known = is_static(static, float(np.abs(force).max()), level)
-    swing = float(half_peak_to_peak(_error(problem, X, here, index)))
+    swing = float(half_peak_to_peak(total_error(problem, X, here, index)))
     return swing, largest, static if known else 0.0, largest / static if known else math.nan
 
 
-def _error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def total_error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Return the coefficients of the dynamic transmission error d + e of an element."""
     changed = {name: value for name, value in here.items() if name != "Omega"}
     error: Array = problem.rows(X)[index] + _prescribed(problem, changed, index)
