@@ -80,9 +80,10 @@ def order_amplitudes(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
-    >>> cut = hb.analysis.order_amplitudes(curve, "transmission error", 1)
-    >>> bool(abs(cut[0] * 2**0.5 / curve.amplitude("H1")[0] - 1) < 0.5), len(cut) == len(curve)
-    (True, True)
+    >>> names = ("transmission error", "acceleration")
+    >>> error, acceleration = (hb.analysis.order_amplitudes(curve, name, order=1) for name in names)
+    >>> bool(abs(acceleration[0] / curve.values[0] ** 2 / error[0] - 1) < 1e-9)
+    True
     """
     _check(quantity)
     counted("order", order)
@@ -110,8 +111,16 @@ def order_levels(
 
     Parameters
     ----------
-    found, quantity, order, element, dof
-        Arguments of `order_amplitudes`.
+    found : Branch or Point
+        Branch or point.
+    quantity : str
+        Quantity, see `order_amplitudes`.
+    order : int, optional
+        Harmonic of the excitation; default 1.
+    element : int or str, optional
+        Mesh by number or name; default 0.
+    dof : int or str, optional
+        Coordinate of the acceleration.
     dimensionless : bool, optional
         Whether the reference is one unit of the model although the model has scales; default False.
 
