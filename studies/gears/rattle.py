@@ -60,7 +60,7 @@ class Case:
     ratio: float
     """Alternating force over mean force."""
     contact: float
-    """Omega of the last loss of contact by the curve; nan if there is none."""
+    """Omega of the last loss of contact by the curve."""
     closed_form: float
     """The same in closed form."""
 
