@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
     from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, machine_quantities
     from hbgear.analysis.quantities.mesh_dynamic_factor import dynamic_factor
+    from hbgear.analysis.quantities.order_cuts import order_amplitudes
     from hbgear.analysis.run_ups import RunUp, run_up
     from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
@@ -51,6 +52,7 @@ __all__ = [
     "limit_cycles",
     "load_sharing",
     "machine_quantities",
+    "order_amplitudes",
     "peaks",
     "run_up",
     "sensitivity",

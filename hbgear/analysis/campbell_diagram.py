@@ -385,8 +385,11 @@ def _track_modes(rotor: _Rotor, Omega: Array) -> tuple[list[ComplexArray], list[
             previous = np.array([pole for pole, _ in last])
             assurance = np.abs(np.array([shape.conj() @ shapes for _, shape in last])) ** 2
             distance = np.abs(previous[:, None] - poles) / (np.abs(previous[:, None]) + np.abs(poles))
-            old, new = scipy.optimize.linear_sum_assignment(1 - assurance + 4 * distance)
-            column_of = dict(zip(new.tolist(), old.tolist(), strict=True))
+            if assurance.size == 1:  # without importing scipy.optimize, which takes half a second
+                column_of = {0: 0}
+            else:
+                old, new = scipy.optimize.linear_sum_assignment(1 - assurance + 4 * distance)
+                column_of = dict(zip(new.tolist(), old.tolist(), strict=True))
         for j, pole in enumerate(poles.tolist()):
             if j not in column_of:
                 columns.append(np.full(len(Omega), np.nan, dtype=complex))

@@ -19,6 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_of, report_progress, response_curve
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
@@ -165,14 +166,18 @@ class JumpMap:
         Parameters
         ----------
         path : str or path-like
-            File. Its columns are arm, parameter, Omega and direction.
+            File. Its columns are arm, parameter, Omega and direction, and the speed of the pinion if the model has
+            scales.
         """
+        across = OmegaAxis.of_ends(self.folds, "")
+        speed = [across.name] if across.is_speed else []
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
             writer = csv.writer(handle)
-            writer.writerow(["arm", self.parameter, "Omega", "direction"])
+            writer.writerow(["arm", self.parameter, "Omega", "direction", *speed])
             for i, arm in enumerate(self.arms, 1):
                 writer.writerows(
-                    [i, float(x), float(y), arm.direction] for x, y in zip(arm.values, arm.Omega, strict=True)
+                    [i, float(x), float(y), arm.direction, *(float(across.scale * y) for _ in speed)]
+                    for x, y in zip(arm.values, arm.Omega, strict=True)
                 )
 
     def bands(self, values: Array) -> list[tuple[Array, Array]]:

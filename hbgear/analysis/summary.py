@@ -302,7 +302,7 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
     yield "fixed", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
     ends = values_text(branch, [branch.values[0], branch.values[-1]], dimensionless)
     yield "curve", f"from {ends[0]} to {ends[1]}, {len(branch)} points"
-    yield "status", f"{branch.status}: {message_of(branch, dimensionless)}"
+    yield "status", f"{branch.status.in_words}: {message_of(branch, dimensionless)}"
     found = values_text(branch, list(branch.asymptotes.values()), dimensionless, 9)
     beyond = [f"{x} (beyond the {end} point)" for x, end in zip(found, branch.asymptotes, strict=True)]
     yield "asymptotes", ", ".join(beyond)

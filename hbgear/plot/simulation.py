@@ -10,12 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import (
+    Abscissa,
+    OmegaAxis,
+    Ordinate,
+    dimension_of,
+    in_figure,
+    in_micrometres,
+)
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.models.frequency_units import model_of, scales
+from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
-from hbgear.plot.curves import response, speed_axes
+from hbgear.plot.curves import response
 from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.time.basins_of_attraction import Basins
 from hbgear.time.frequency_sweep import Sweep
@@ -53,7 +61,7 @@ MAX_VECTOR_DOTS = 1000
 @checked_arguments()
 def sweeps(
     found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
-    ax: Axes | None = None, *, legend: bool = True, model: Model | None = None,
+    ax: Axes | None = None, *, legend: bool = True, model: Model | None = None, dimensionless: bool = False,
 ) -> Axes:  # fmt: skip
     """Draw sweeps as dots, over the curve of a branch if one is given.
 
@@ -75,7 +83,9 @@ def sweeps(
     legend : bool, optional
         Whether to add a legend; default True.
     model : Model, optional
-        Model with scales for axes of mesh frequency and pinion speed above new axes; default that of the branch.
+        Model, whose scales convert Omega to r/min and amplitudes to um; default that of the branch.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model; default False.
 
     Returns
     -------
@@ -99,21 +109,32 @@ def sweeps(
     parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
     if len(parameters) > 1:
         raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
-    own = ax is None
+    own, model = ax is None, model or (model_of(branch) if branch else None)
+    across = _axis(found[0], model, dimensionless)
+    length = None if dimensionless or model is None else length_scale(model, {})
+    factor = 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
         if branch is not None:
-            response(branch, measure, element, ax, jumps=False, legend=False, speeds=False, dimensionless=True)
+            response(branch, measure, element, ax, jumps=False, legend=False, speeds=False,
+                     dimensionless=dimensionless)  # fmt: skip
         for s in found:
-            _dots(ax, s, s.amplitude(measure, element))
+            _dots(ax, s, across.scale * s.values, factor * s.amplitude(measure, element))
             for jump in s.jumps:
-                ax.axvspan(*sorted(jump.interval), color=DIRECTIONS[s.direction][1], alpha=0.12, linewidth=0, zorder=0)
+                ax.axvspan(
+                    *sorted(across.scale * x for x in jump.interval),
+                    color=DIRECTIONS[s.direction][1],
+                    alpha=0.12,
+                    linewidth=0,
+                    zorder=0,
+                )
         if branch is None:
-            ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
-            ax.set_ylabel(axis_text(measure, _name(found[0], element)))
+            ax.set_xlabel(across.label)
+            motion = _name(found[0], element)
+            ax.set_ylabel(in_figure(axis_text(measure, motion if length is None else in_micrometres(motion))))
         dress(ax)
-        if own:
-            _in_speeds(ax, found[0].parameter, model or (model_of(branch) if branch else None))
+        if own and scaled_axes(ax, across.above):
+            heighten(ax)
         if legend:
             add_legend(ax)
             old: Any = ax.get_legend()
@@ -122,13 +143,13 @@ def sweeps(
     return ax
 
 
-def _in_speeds(ax: Axes, parameter: str, model: Model | None) -> None:
-    """Add axes of pinion speed and mesh frequency above, if Omega was swept and the model has scales."""
-    if parameter == "Omega" and scaled_axes(ax, scales(model, {})):
-        heighten(ax)
+def _axis(s: Sweep, model: Model | None, dimensionless: bool) -> OmegaAxis:
+    """Return the axis of the parameter of a sweep."""
+    known = scales(model, {}) if s.parameter == "Omega" else {}
+    return OmegaAxis(known, s.labels.get(s.parameter, s.parameter), dimensionless)
 
 
-def _dots(ax: Axes, s: Sweep, height: Any) -> None:
+def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
     marker, colour, name = DIRECTIONS[s.direction]
     kinds: tuple[tuple[Any, dict[str, Any], str], ...] = (
         (s.period == 1, {"marker": marker, "markerfacecolor": colour}, name),
@@ -137,14 +158,14 @@ def _dots(ax: Axes, s: Sweep, height: Any) -> None:
     )
     for which, look, label in kinds:
         if which.any():
-            ax.plot(s.values[which], height[which], linestyle="none", markersize=3.6, markeredgecolor=colour,
+            ax.plot(x[which], height[which], linestyle="none", markersize=3.6, markeredgecolor=colour,
                     markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
 
 
 @checked_arguments()
 def bifurcation(
     found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
-    model: Model | None = None,
+    model: Model | None = None, dimensionless: bool = False,
 ) -> Axes:  # fmt: skip
     """Draw Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
 
@@ -161,7 +182,9 @@ def bifurcation(
     ax : Axes, optional
         Axes to draw on; new ones by default.
     model : Model, optional
-        Model with scales for axes of mesh frequency and pinion speed above new axes.
+        Model, whose scales convert Omega to r/min.
+    dimensionless : bool, optional
+        Whether Omega is kept; default False.
 
     Returns
     -------
@@ -182,7 +205,9 @@ def bifurcation(
     """
     if not len(found):
         raise ValueError("no sweep to draw")
-    own = ax is None
+    own, across = ax is None, _axis(found[0], model, dimensionless)
+    known = None if dimensionless or model is None else model.scales
+    factor = 1.0 if known is None else known.length * (known.frequency if rate else 1e6)
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for s in found:
@@ -193,17 +218,19 @@ def bifurcation(
                 if not which.any():
                     continue
                 rows = np.flatnonzero(which)
-                x = np.concatenate([np.full(len(s.points[i]), s.values[i]) for i in rows])
-                y = np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
+                x = np.concatenate([np.full(len(s.points[i]), across.scale * s.values[i]) for i in rows])
+                y = factor * np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
                 ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
                         rasterized=len(x) > MAX_VECTOR_DOTS)  # fmt: skip
         s = found[0]
-        ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
+        ax.set_xlabel(across.label)
         label = _name(s, element)
+        if known is not None:
+            label = in_figure(in_micrometres(label)) if not rate else in_micrometres(label).replace("[um]", "[m/s]")
         ax.set_ylabel(f"{'rate of ' if rate else ''}{label} at " + r"$\tau = 0$")
         dress(ax)
-        if own:
-            _in_speeds(ax, s.parameter, model)
+        if own and scaled_axes(ax, across.above):
+            heighten(ax)
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
     return ax
@@ -265,7 +292,9 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
 
 
 @checked_arguments()
-def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
+def validation(
+    report: Report, branch: Branch, element: int | str = 0, *, dimensionless: bool = False
+) -> Figure:  # fmt: skip
     """Draw the validated points on the curve, numbered along it, and below their differences from time integration.
 
     Points that agree only with more harmonics have their own symbols, also for the remaining difference.
@@ -278,6 +307,8 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
         The validated curve.
     element : int or str, optional
         Element by number or name; default 0.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model; default False.
 
     Returns
     -------
@@ -297,9 +328,12 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
 
     with styled():
         figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
-        response(branch, "rms", element, top, special=False, jumps=False, legend=False, dimensionless=True)
-        x = np.array([row.value for row in report.rows])
-        rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
+        response(branch, "rms", element, top, special=False, jumps=False, legend=False,
+                 dimensionless=dimensionless)  # fmt: skip
+        across = Abscissa([branch], dimensionless)
+        factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
+        x = across.scale * np.array([row.value for row in report.rows])
+        rms = factor * branch.amplitude("rms", element)[[row.index for row in report.rows]]
         for kind, name, colour, marker in (
             ((True, False), "agrees with integration", "#1b7f5a", "o"),
             ((True, True), REFINED, "#b36b00", "D"),
@@ -317,7 +351,7 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
         _differences(low, report)
         for ax in (top, low):
             dress(ax)
-        speed_axes(top, [branch])
+        scaled_axes(top, across.above)
         low.tick_params(axis="x", which="both", top=False, length=0)
     return figure
 

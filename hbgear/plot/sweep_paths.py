@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, in_figure, usual_measure
+from hbgear.analysis.quantities.order_cuts import level_title, order_levels
 from hbgear.analysis.run_ups import BranchSection, RunUp, run_up
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked, counted
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import Jump, Point
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import layout_of
-from hbgear.plot.curves import name_axes, speed_axes
-from hbgear.plot.style import BRANCHES, FONT, GREY, add_legend, axes_or_new, dress, gap_label, heighten, styled
+from hbgear.plot.curves import name_axes
+from hbgear.plot.style import (
+    BRANCHES,
+    FONT,
+    GREY,
+    add_legend,
+    axes_or_new,
+    dress,
+    gap_label,
+    heighten,
+    scaled_axes,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,12 +49,13 @@ _PALEST_SHADE = 0.15
 @checked_arguments()
 def runs(
     branch: Branch,
-    measure: str = "pp2",
+    measure: str | None = None,
     element: int | str = 0,
     ax: Axes | None = None,
     *,
     others: Sequence[Branch] = (),
     legend: bool = True,
+    dimensionless: bool = False,
 ) -> Axes:
     """Draw run-up and run-down along a curve, with their jumps as arrows; the rest of the curve is thin and grey.
 
@@ -50,15 +64,17 @@ def runs(
     branch : Branch
         Curve along which the runs go.
     measure : str, optional
-        Measure of amplitude, see `Branch.amplitude`; default "pp2".
+        Measure of amplitude or name of an engineering quantity, see `hbgear.plot.response`, also for the default.
     element : int or str, optional
         Element by number or name; default 0.
     ax : Axes, optional
-        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+        Axes to draw on; new ones by default, with an axis of the mesh frequency above if the model has scales.
     others : sequence of Branch, optional
         Other curves on which jumps may land.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model; default False.
 
     Returns
     -------
@@ -72,24 +88,25 @@ def runs(
     >>> axes = hb.plot.runs(curve)
     """
     found = [run_up(branch, direction, others) for direction in ("down", "up")]  # the wider one first
-    own = ax is None
+    own, curves = ax is None, [branch, *branch.others, *others]
+    across = Abscissa(curves, dimensionless)
+    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        for curve in (branch, *branch.others, *others):
-            height = curve.amplitude(measure, element)
-            ax.plot(curve.values, height, ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
+        for curve in curves:
+            ax.plot(across.along(curve), height.along(curve), ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
         for one in found:
-            for section in one.sections:
-                ax.plot(
-                    section.values, section.amplitude(measure, element), color=RUNS[one.direction],
-                    linewidth=_RUN_WIDTHS[one.direction], label=f"run-{one.direction}", gid=f"run {one.direction}",
-                )  # fmt: skip
-            _connect(ax, one, measure, element)
+            drawn = [(across.scale * section.values, _heights(section, height)) for section in one.sections]
+            for x, y in drawn:
+                ax.plot(x, y, color=RUNS[one.direction], linewidth=_RUN_WIDTHS[one.direction],
+                        label=f"run-{one.direction}", gid=f"run {one.direction}")  # fmt: skip
+            _connect(ax, one, drawn)
             for jump in one.jumps:
-                _arrow(ax, jump, measure, element, RUNS[one.direction])
-        name_axes(ax, branch, measure, element)
+                ends = [None if end is None else height.at(end, branch) for end in (jump.before, jump.after)]
+                _arrow(ax, across.scale * jump.value, ends, RUNS[one.direction])
+        name_axes(ax, branch, height.measure, element, dimensionless=dimensionless)
         dress(ax)
-        if own and speed_axes(ax, [branch]):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -99,9 +116,10 @@ def runs(
 @checked_arguments()
 def orders(
     found: RunUp, orders: Sequence[int] = (1, 2, 3), element: int | str = 0, ax: Axes | None = None,
-    *, derivative: int = 0, legend: bool = True,
+    *, derivative: int = 0, quantity: str | None = None, dof: int | str | None = None, legend: bool = True,
+    dimensionless: bool = False,
 ) -> Axes:  # fmt: skip
-    """Draw order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis.
+    """Draw order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis or in dB.
 
     Parameters
     ----------
@@ -112,39 +130,68 @@ def orders(
     element : int or str, optional
         Element by number or name; default 0.
     ax : Axes, optional
-        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+        Axes to draw on; new ones by default, with an axis of the mesh frequency above if the model has scales.
     derivative : int, optional
-        Derivative in time, see `Branch.amplitude`; default 0.
+        Derivative of the displacement in time, see `Branch.amplitude`; default 0.
+    quantity : {"transmission error", "force", "acceleration"}, optional
+        Quantity to draw in dB instead of the displacement, see `hbgear.analysis.order_amplitudes`. The axis states the
+        reference value.
+    dof : int or str, optional
+        Coordinate of the acceleration. By default it is that of the element.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model; default False.
 
     Returns
     -------
     Axes
         The axes.
 
+    Raises
+    ------
+    ValueError
+        If the quantity is unknown.
+
     Examples
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 0.6))
-    >>> axes = hb.plot.orders(hb.analysis.run_up(curve, "down"))
+    >>> down = hb.analysis.run_up(curve, "down")
+    >>> axes = hb.plot.orders(down)
+    >>> hb.plot.orders(down, quantity="force").get_ylabel()
+    'level of the force [dB re 1 unit of the model]'
     """
     for order in orders:
         counted("orders", order)
     branch, own = found.sections[0].branch, ax is None
+    across = Abscissa([branch], dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for i, order in enumerate(orders):
+            colour = BRANCHES[i % len(BRANCHES)]
+            if quantity is None:
+                factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
+                cut = partial(_harmonic, order=order, element=element, derivative=derivative, factor=factor)
+            else:
+                cut = partial(order_levels, quantity=quantity, order=order, element=element, dof=dof,
+                              dimensionless=dimensionless)  # fmt: skip
             for section in found.sections:
-                ax.plot(section.values, section.amplitude(f"H{order}", element, derivative),
-                        color=BRANCHES[i % len(BRANCHES)], label=f"order {order}", gid=f"order {order}")  # fmt: skip
+                ax.plot(across.scale * section.values, _along(section, cut), color=colour, label=f"order {order}",
+                        gid=f"order {order}")  # fmt: skip
             for jump in found.jumps:
-                _arrow(ax, jump, f"H{order}", element, BRANCHES[i % len(BRANCHES)], derivative)
-        ax.set_yscale("log")
-        name_axes(ax, branch, "rms", element)
-        ax.set_ylabel(f"amplitude of {_quantity(branch, element, derivative)}")
+                ends = [None if end is None else float(cut(end)[0]) for end in (jump.before, jump.after)]
+                _arrow(ax, across.scale * jump.value, ends, colour)
+        name_axes(ax, branch, "rms", element, dimensionless=dimensionless)
+        if quantity is None:
+            ax.set_yscale("log")
+            ax.set_ylabel(f"amplitude of {_quantity(branch, element, derivative, dimensionless)}")
+        else:
+            title = level_title(branch, quantity, dimensionless)
+            ax.set_ylabel(re.sub(r"re 1 u(?=[mN])", "re 1 \N{MICRO SIGN}", title))
+
         dress(ax)
-        if own and speed_axes(ax, [branch]):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -153,9 +200,13 @@ def orders(
 
 @checked_arguments()
 def waterfall(
-    found: RunUp, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0
-) -> Axes:
-    """Draw a waterfall from above: spectra along a run, with amplitude as colour; harmonics lie on rays, the orders.
+    found: RunUp, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0,
+    dimensionless: bool = False,
+) -> Axes:  # fmt: skip
+    """Draw a waterfall from above: spectra along a run, with amplitude as colour.
+
+    Harmonics lie on rays, the orders of the excitation. Dashed lines continue them to numbers at the edge. The axes are
+    the speed of the pinion [r/min] and the frequency [Hz] if the model has scales.
 
     Parameters
     ----------
@@ -169,6 +220,8 @@ def waterfall(
         Fraction of the largest amplitude at which colours begin, between 0 and 1; default 1e-3.
     derivative : int, optional
         Derivative in time, see `Branch.amplitude`; default 0.
+    dimensionless : bool, optional
+        Whether the axes are in units of Omega; default False.
 
     Returns
     -------
@@ -194,6 +247,7 @@ def waterfall(
     if found.parameter != "Omega":
         raise ValueError(f"a waterfall is over Omega; this run is along {found.parameter}")
     branch, own = found.sections[0].branch, ax is None
+    across = Abscissa([branch], dimensionless)
     lowest = 20 * np.log10(floor)
     with styled():
         ax = axes_or_new(ax, (5.6, 4.2))
@@ -203,8 +257,8 @@ def waterfall(
         shades = ListedColormap(colormaps["magma_r"](np.linspace(_PALEST_SHADE, 1.0, 256)))
         for section, level in zip(found.sections, levels, strict=True):
             for k, relative in enumerate(level - top, 1):
-                frequency = k / _nu(section.branch) * section.values
-                points = np.column_stack([section.values, frequency])
+                frequency = across.hertz * k / _nu(section.branch) * section.values
+                points = np.column_stack([across.scale * section.values, frequency])
                 middle = 0.5 * (relative[1:] + relative[:-1])
                 shown = middle > lowest
                 highest = max([highest, *frequency[1:][shown]])
@@ -213,19 +267,37 @@ def waterfall(
                     clim=(lowest, 0.0), linewidths=3.0, gid=f"order {k}",
                 )  # fmt: skip
                 ax.add_collection(drawn)
-        values = found.values
+        values = across.scale * found.values
         ax.set_xlim(values.min(), values.max())
         ax.set_ylim(0.0, 1.05 * highest)
-        name_axes(ax, branch, "rms", element)
-        ax.set_ylabel("frequency, in the unit of $\\Omega$")
+        _order_lines(ax, across.hertz / across.scale)
+        name_axes(ax, branch, "rms", element, dimensionless=dimensionless)
+        ax.set_ylabel("frequency, in the unit of $\\Omega$" if across.hertz == 1.0 else "frequency [Hz]")
         dress(ax)
         bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
-        quantity = re.sub(r"\s*\[[^\[\]]*\]", "", _quantity(branch, element, derivative))  # without unit
+        quantity = re.sub(r"\s*\[[^\[\]]*\]", "", _quantity(branch, element, derivative, dimensionless))
         bar.set_label(f"amplitude of {quantity}, run-{found.direction} [dB of the largest]")
         bar.ax.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
-        if own and speed_axes(ax, [branch]):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
     return ax
+
+
+def _order_lines(ax: Axes, slope: float) -> None:
+    """Draw thin lines along the first orders, with their numbers at the edges; ``slope`` is that of order 1."""
+    right, top = ax.get_xlim()[1], ax.get_ylim()[1]
+    for order in range(1, _NUMBERED_ORDERS + 1):
+        ax.plot([0, 2 * right], [0, 2 * right * order * slope], color=GREY, linewidth=0.5, linestyle="--", zorder=0.5,
+                scalex=False, scaley=False, gid=f"line of order {order}")  # fmt: skip
+        x, y = (right, right * order * slope) if right * order * slope < top else (top / (order * slope), top)
+        if x < ax.get_xlim()[0]:
+            continue
+        ax.annotate(f"{order}", (x, y), (-3, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
+                    color="#444444", gid=f"number of order {order}")  # fmt: skip
+
+
+_NUMBERED_ORDERS = 5
+"""Number of orders that have lines and numbers in a waterfall."""
 
 
 def _nu(branch: Branch) -> int:
@@ -244,37 +316,57 @@ def _levels(section: BranchSection, element: int | str, derivative: int) -> Arra
     return out
 
 
-def _connect(ax: Axes, one: RunUp, measure: str, element: int | str) -> None:
+def _heights(section: BranchSection, height: Ordinate) -> Array:
+    """Return the values of a measure or quantity along a section."""
+    rest = height.along(section.branch)[section.points]
+    return rest if section.landed is None else np.append(height.at(section.landed, section.branch), rest)
+
+
+def _along(section: BranchSection, cut: Callable[[Branch | Point], Array]) -> Array:
+    """Return the values of an order cut along a section."""
+    rest = cut(section.branch)[section.points]
+    return rest if section.landed is None else np.append(cut(section.landed), rest)
+
+
+def _harmonic(found: Branch | Point, order: int, element: int | str, derivative: int, factor: float) -> Array:
+    """Return the amplitude of a harmonic of the displacement, or of its derivative, at one or all points."""
+    if isinstance(found, Branch):
+        return factor * found.amplitude(f"H{order}", element, derivative=derivative)
+    layout = layout_of(found)
+    assert layout is not None  # runs consist of motions
+    rows = layout.rows(found.X, element)[None]
+    if derivative:
+        rows = layout.in_time(rows, {name: np.array([x]) for name, x in found.parameters.items()}, derivative)
+    return factor * layout.measure_rows(f"H{order}", rows)
+
+
+def _connect(ax: Axes, one: RunUp, drawn: Sequence[tuple[Array, Array]]) -> None:
     """Draw thin lines where the run changes to another curve without a jump, such as to a doubled motion."""
     jumps = [jump.value for jump in one.jumps]
-    for before, after in pairwise(one.sections):
-        if after.values[0] not in jumps:
-            x = [before.values[-1], after.values[0]]
-            y = [before.amplitude(measure, element)[-1], after.amplitude(measure, element)[0]]
-            ax.plot(x, y, color=RUNS[one.direction], linewidth=0.8, gid="on another curve")
+    for section, before, after in zip(one.sections[1:], drawn, drawn[1:], strict=False):
+        if section.values[0] not in jumps:
+            ax.plot([before[0][-1], after[0][0]], [before[1][-1], after[1][0]], color=RUNS[one.direction],
+                    linewidth=0.8, gid="on another curve")  # fmt: skip
 
 
-def _quantity(branch: Branch, element: int | str, derivative: int) -> str:
+def _quantity(branch: Branch, element: int | str, derivative: int, dimensionless: bool) -> str:
+    """Return the text of a displacement or its derivative, with its unit."""
     names = ("", "velocity of ", "acceleration of ")
     order = f"derivative {derivative} of " if derivative >= len(names) else names[derivative]
-    return order + gap_label(layout_of(branch), element)
+    text = in_figure(Ordinate("rms", element, dimensionless=dimensionless).motion(branch))
+    if not derivative or text == gap_label(layout_of(branch), element):
+        return order + text
+    power = f"^{derivative}" if derivative > 1 else ""
+    return order + text[:-1] + f"/(unit of time{power})]"
 
 
-def _arrow(ax: Axes, jump: Jump, measure: str, element: int | str, colour: str, derivative: int = 0) -> None:
+def _arrow(ax: Axes, x: float, ends: Sequence[float | None], colour: str) -> None:
     """Draw an arrow from the motion before a jump to the motion after it; a cross if the latter is unknown."""
-    start = (jump.value, _height(jump.before, measure, element, derivative))
-    if jump.after is None:
-        ax.plot(*start, "x", color=colour, markersize=5, zorder=4, label="landing unknown", gid="lost")
+    before, after = ends
+    if before is None:
         return
-    end = (jump.value, _height(jump.after, measure, element, derivative))
+    if after is None:
+        ax.plot(x, before, "x", color=colour, markersize=5, zorder=4, label="landing unknown", gid="lost")
+        return
     style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9}
-    ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
-
-
-def _height(point: Point, measure: str, element: int | str, derivative: int) -> float:
-    layout = layout_of(point)
-    assert layout is not None  # runs consist of motions
-    rows = layout.rows(point.X, element)[None]
-    if derivative:
-        rows = layout.in_time(rows, {name: np.array([x]) for name, x in point.parameters.items()}, derivative)
-    return float(layout.measure_rows(measure, rows)[0])
+    ax.annotate("", xy=(x, after), xytext=(x, before), arrowprops=style, zorder=3)

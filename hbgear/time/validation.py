@@ -167,6 +167,27 @@ class Check:
         return self.ok and self.status != AGREES
 
 
+class Units(NamedTuple):
+    """Units of a table of a `Report`.
+
+    Attributes
+    ----------
+    name : str
+        Header of the parameter, such as "pinion r/min".
+    scale : float
+        Value for a parameter of one; default 1.
+    size : str
+        Unit of amplitudes in the header, such as " [um]"; default none.
+    length : float
+        Value for an amplitude of one; default 1.
+    """
+
+    name: str
+    scale: float = 1.0
+    size: str = ""
+    length: float = 1.0
+
+
 @renamed_attributes(verdict="status")
 @dataclass(frozen=True)
 class JumpCheck:
@@ -263,20 +284,22 @@ class Report:
             text += f"; {sum(jump.ok for jump in self.jumps)} of {len(self.jumps)} jumps agree"
         return text + ("" if self.complete else "; interrupted")
 
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the points."""
-        headers = ["point", self.parameter, "rms", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
+    def table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
+        """Return the headers and rows of a table of the points, in units of the model or in other ones."""
+        name, scale, size, length = units or Units(self.parameter)
+        headers = ["point", name, f"rms{size}", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
                    "growth", "status"]  # fmt: skip
-        return headers, [_texts(row) for row in self.rows]
+        return headers, [_texts(row, scale, length) for row in self.rows]
 
-    def jump_table(self) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the jumps."""
-        headers = ["jump", self.parameter, "while", "rms before", "rms after", "integrated", "period", "after periods",
+    def jump_table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
+        """Return the headers and rows of a table of the jumps, in units of the model or in other ones."""
+        name, scale, size, length = units or Units(self.parameter)
+        headers = ["jump", name, "while", f"rms{size} before", "rms after", "integrated", "period", "after periods",
                    "status"]  # fmt: skip
         return headers, [
-            [j.label, f"{j.value:.6g}", "increasing" if j.direction > 0 else "decreasing", f"{j.before:.5g}",
-             f"{j.after:.5g}" if np.isfinite(j.after) else "-", f"{j.rms:.5g}", str(j.period or "-"),
-             str(j.integrated_periods), j.status] for j in self.jumps
+            [j.label, f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
+             f"{length * j.before:.5g}", f"{length * j.after:.5g}" if np.isfinite(j.after) else "-",
+             f"{length * j.rms:.5g}", str(j.period or "-"), str(j.integrated_periods), j.status] for j in self.jumps
         ]  # fmt: skip
 
     def export(self, path: str | os.PathLike[str]) -> None:
@@ -301,15 +324,15 @@ class Report:
             writer.writerows([getattr(row, name) for name in names] for row in self.rows)
 
 
-def _texts(row: Check) -> list[str]:
-    """Return the cells of one row of the table."""
+def _texts(row: Check, scale: float, length: float) -> list[str]:
+    """Return the cells of one row of the table; the parameter is multiplied by a scale, the amplitude by a length."""
 
     def text(x: float, form: str = ".1e") -> str:
         return f"{x:{form}}" if np.isfinite(x) else "-"
 
     sizes = [text(x, ".5f" if x < 1e4 else ".4g") for x in (abs(row.mu), row.growth)]
     numbers = [text(x) for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
-    return [f"{row.index} {row.reason}", f"{row.value:.6g}", f"{row.rms:.6g}", *numbers, sizes[0],
+    return [f"{row.index} {row.reason}", f"{scale * row.value:.6g}", f"{length * row.rms:.6g}", *numbers, sizes[0],
             text(row.multiplier_error), sizes[1],
             f"{row.status} to {row.refined_error:.1e}" if row.refined else row.status]  # fmt: skip
 

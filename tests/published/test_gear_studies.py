@@ -62,3 +62,19 @@ def test_a_marine_pair_from_its_drawing():
     assert study.line(found.curves["from the drawing"], 600, 1) != study.line(found.curves["as published"], 8000, 1)
     assert study.report(found).count("| 400 |") == 3
     assert len(study.plot(found).axes) == 2
+
+
+def test_a_drag_above_the_torque_of_the_engine_ends_rattle():
+    """With 16 N m the force at low speed is that of rigid teeth, F_0 + F_2; with 4 N m they cross the backlash."""
+    study = importlib.import_module("studies.gears.rattle")
+    light, heavy = study.run(quick=True)
+    assert (light.drag, heavy.drag) == (4.0, 16.0)
+    base_radius = 0.5 * 0.075 * np.cos(np.radians(20.0))
+    assert heavy.static == pytest.approx(16.0 / base_radius, rel=1e-9)
+    assert heavy.force[0] == pytest.approx(heavy.static * (1 + heavy.ratio), rel=1e-4)
+    assert light.travel.min() > study.HALF_BACKLASH > 50 * heavy.travel.max()
+    assert light.force.min() > 5 * light.static and (np.diff(light.force) > 0).all()
+    for one in (light, heavy):
+        assert one.contact == pytest.approx(one.closed_form, rel=1e-8)
+    assert len(study.plot((light, heavy)).axes[0].get_legend().get_texts()) == 2
+    assert study.report((light, heavy)).count("of 3 |") == 2

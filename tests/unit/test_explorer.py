@@ -604,6 +604,30 @@ def test_jump_map_is_drawn_and_taken(shown):
     waited_for(shown, "!document.getElementById('map').hidden && document.getElementById('map').data")
     kinds = shown.execute_script("return document.getElementById('map').data.map(trace => trace.name)")
     assert {"jump, sweep up", "jump, sweep down", "now"} == set(kinds)
+    title, x = shown.execute_script(
+        "const d = document.getElementById('map'); return [d.layout.xaxis.title.text, d.data[0].x]"
+    )
+    assert title == "speed of the pinion [r/min]"
+    assert MODEL.scales.pinion_speed(0.3) < min(y for y in x if y) < MODEL.scales.pinion_speed(1.5)
+
+
+def test_fields_of_the_range_are_speeds(shown):
+    from selenium.webdriver.common.keys import Keys
+
+    first, last = (shown.find_element("id", name) for name in ("from", "to"))
+    waited_for(shown, "document.querySelector('.frequency-unit').textContent === 'r/min'")
+    for field, Omega in ((first, SPAN[0]), (last, SPAN[1])):
+        assert float(field.get_attribute("value")) == pytest.approx(MODEL.scales.pinion_speed(Omega), rel=1e-6)
+    before = shown.execute_script("return explorer.timings.length")
+    first.send_keys(Keys.CONTROL, "a")
+    first.send_keys("20000", Keys.ENTER)
+    waited_for(shown, f"explorer.timings.length > {before}")
+    Omega = shown.execute_script("return explorer.now.from")
+    assert MODEL.scales.pinion_speed(Omega) == pytest.approx(20000.0, rel=1e-6)
+    assert first.get_attribute("value") == "20000"
+    assert max(shown.execute_script("return hbgear.state.curves[0].x")) == pytest.approx(20000.0, rel=1e-6)
+    assert shown.execute_script("return document.getElementById('mapx').selectedOptions[0].text") == "speed [r/min]"
+    assert complaints(shown) == []
 
 
 def test_measured_points_lie_over_the_curve(shown, tmp_path):

@@ -624,3 +624,29 @@ def test_a_legend_keeps_clear_of_enlarged_axes(monkeypatch, share):
     legend = ax.get_legend().get_window_extent()
     assert not legend.overlaps(inset)
     assert (legend.x0 > ax.get_window_extent().x1) == (share > 0.5)
+
+
+SCALED = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+
+
+def test_measured_points_in_physical_units_lie_on_the_axes_of_the_response():
+    data = hb.design.Measurements([15000.0, 16000.0], [5.0, 4.0], direction=-1, unit="pinion r/min", length="um")
+    axes = plot.measured(data, SCALED)
+    np.testing.assert_allclose(axes.lines[-1].get_xydata(), [[15000.0, 5.0], [16000.0, 4.0]], rtol=1e-12)
+    bare = plot.measured(data, SCALED, dimensionless=True)
+    expected = [
+        [15000.0 / SCALED.scales.pinion_speed(1.0), 5.0 / 37.6],
+        [16000.0 / SCALED.scales.pinion_speed(1.0), 4.0 / 37.6],
+    ]
+    np.testing.assert_allclose(bare.lines[-1].get_xydata(), expected, rtol=1e-12)
+
+
+def test_sweeps_are_in_physical_units():
+    sweep = hb.time.sweep(SCALED, [1.4, 1.45], "up")
+    axes = hb.plot.sweeps([sweep], model=SCALED)
+    (dots,) = [line for line in axes.lines if len(line.get_xdata()) == 2]
+    np.testing.assert_allclose(dots.get_xdata(), SCALED.scales.pinion_speed(sweep.values), rtol=1e-12)
+    np.testing.assert_allclose(dots.get_ydata(), 37.6 * sweep.amplitude("pp2"), rtol=1e-9)
+    assert axes.get_xlabel() == "speed of the pinion [r/min]" and "[\N{MICRO SIGN}m]" in axes.get_ylabel()
+    section = hb.plot.bifurcation([sweep], model=SCALED).lines[0]
+    np.testing.assert_allclose(section.get_ydata(), [37.6 * points[0, 0, 0] for points in sweep.points], rtol=1e-9)

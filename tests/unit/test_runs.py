@@ -165,3 +165,49 @@ def test_answers_in_units_of_the_machine():
     acceleration = found["acceleration, rms"]
     np.testing.assert_allclose(acceleration, 25e-6 * 3e4**2 * bare["acceleration, rms"], rtol=1e-9)
     np.testing.assert_allclose(found["acceleration, level"], 20 * np.log10(acceleration / 1e-6), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("order", "zeta"), [(1, 0.05), (2, 0.2)])
+def test_order_cuts_satisfy_the_equation_of_motion(order, zeta):
+    """a = x'' + e'' = F_m - 2 zeta x' - p, and p = x - 1 in contact: |a_k| = |1 + 2i zeta k Omega| X_k."""
+    pair = hb.SpurPair(zeta=zeta, F_m=0.4, e=(0.02, 0.01))
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning):
+        curve = hb.trace(hb.HarmonicBalance(pair, 6), "Omega", (1.5, 1.4))
+    x = curve.amplitude(f"H{order}") / np.sqrt(2)
+    force, acceleration, error = (
+        hb.analysis.order_amplitudes(curve, name, order) for name in ("force", "acceleration", "transmission error")
+    )
+    np.testing.assert_allclose(force, x, rtol=1e-7)
+    np.testing.assert_allclose(acceleration, np.abs(1 + 2j * zeta * order * curve.values) * x, rtol=1e-7)
+    np.testing.assert_allclose(error, acceleration / (order * curve.values) ** 2, rtol=1e-7)
+    assert hb.analysis.order_amplitudes(curve[3], "force", order)[0] == force[3]
+
+
+def test_levels_of_orders_state_their_reference():
+    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
+    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.04, mesh="tangent")
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning):
+        curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 1.45))
+    run, scales = hb.analysis.run_up(curve, "up"), model.scales
+    axes = hb.plot.orders(run, (1,), quantity="acceleration")
+    assert axes.get_ylabel() == "level of the acceleration [dB re 1 \N{MICRO SIGN}m/s^2]"
+    x, y = axes.lines[0].get_data()
+    assert x[-1] == pytest.approx(float(scales.pinion_speed(1.5)), rel=1e-12)
+    bare = hb.plot.orders(run, (1,), quantity="acceleration", dimensionless=True)
+    lower = 20 * np.log10(scales.length * scales.frequency**2 / 1e-6)
+    np.testing.assert_allclose(bare.lines[0].get_ydata() + lower, y, atol=1e-9)
+    assert "unit of the model" in bare.get_ylabel() and bare.lines[0].get_xdata()[-1] == 1.5
+    with pytest.raises(ValueError, match="no order cut of 'speed'; there are transmission error, force, acceleration"):
+        hb.plot.orders(run, quantity="speed")
+
+
+def test_a_waterfall_of_a_drawing_is_in_hertz_over_the_speed():
+    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
+    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.04, mesh="tangent")
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning):
+        curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 1.45))
+    axes = hb.plot.waterfall(hb.analysis.run_up(curve, "up"))
+    assert axes.get_xlabel() == "speed of the pinion [r/min]" and axes.get_ylabel() == "frequency [Hz]"
+    (line,) = [one for one in axes.lines if one.get_gid() == "line of order 2"]
+    (x, y), teeth = np.array(line.get_data())[:, 1], 25
+    assert y / x == pytest.approx(2 * teeth / 60, rel=1e-9)

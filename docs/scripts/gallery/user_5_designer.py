@@ -13,7 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 import hbgear as hb
 
 model = hb.io.read_machine("data/gearbox.toml").model()
-scatter = hb.design.latin_hypercube(8, damping=("uniform", 0.05, 0.08), torque=("uniform", 180, 220))  # [N m]
+scatter = hb.design.latin_hypercube(
+    8, damping=("uniform", 0.05, 0.08), torque=("uniform", 180, 220)
+)  # [N m]
 with ThreadPoolExecutor(1) as executor:
     found = hb.design.cases(
         model,

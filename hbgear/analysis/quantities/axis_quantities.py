@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,15 @@ from hbgear.common.text.symbols import without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of
-from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales, length_scale, model_of
+from hbgear.harmonic.models.frequency_units import (
+    MESH,
+    PINION,
+    common_scales,
+    length_scale,
+    model_of,
+    same_scales,
+    scales,
+)
 from hbgear.mechanics.models import Model
 
 SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acceleration": "acceleration, rms"}
@@ -61,6 +69,47 @@ def in_figure(text: str) -> str:
     return text.replace("[um", "[\N{MICRO SIGN}m")
 
 
+def dimension_of(measure: str) -> int:
+    """Return the power of the length in a measure: 0 for ratios and for measures with their own unit.
+
+    Parameters
+    ----------
+    measure : str
+        Name of a measure of amplitude.
+
+    Returns
+    -------
+    int
+        Power.
+    """
+    entry = MEASURES.get(measure)
+    return 1 if entry is None else 0 if entry.unit else entry.dimension
+
+
+def in_micrometres(symbol: str, name: str = "") -> str:
+    """Return the label of a motion with the unit of physical lengths.
+
+    Parameters
+    ----------
+    symbol : str
+        Label in units of the model.
+    name : str, optional
+        Text that follows the symbol.
+
+    Returns
+    -------
+    str
+        Label.
+
+    Examples
+    --------
+    >>> in_micrometres("$x$ [-]")
+    '$x$ [um]'
+    """
+    plain = without_unit(symbol).partition(" / ")[0]
+    return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
+
+
 def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
     """Return the measure that is shown by default: the dynamic transmission error, or "pp2" without physical units.
 
@@ -91,6 +140,70 @@ def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
     return "dte"
 
 
+class OmegaAxis:
+    """Omega on an axis or in a table, as speed of the pinion if Omega = 1 is a known speed.
+
+    Parameters
+    ----------
+    known : mapping of str to float
+        Values of Omega = 1 in physical units by `MESH` and `PINION`; empty if the model has no scales.
+    usual : str, optional
+        Label of the axis of Omega.
+    dimensionless : bool, optional
+        Whether Omega is kept; default False.
+
+    Attributes
+    ----------
+    scale : float
+        Value on the axis for Omega = 1.
+    hertz : float
+        Mesh frequency [Hz] for Omega = 1; 1 if Omega is kept.
+    label : str
+        Label of the axis.
+    name : str
+        Header of a column: "pinion r/min" or "Omega".
+    above : dict of str to float
+        Scales of additional axes by `MESH` and `PINION`, relative to the axis.
+
+    Examples
+    --------
+    >>> axis = OmegaAxis({"mesh Hz": 500.0, "pinion r/min": 1500.0})
+    >>> axis.text(0.5), OmegaAxis({}).text(0.5)
+    ('750 r/min', 'Omega = 0.5')
+    """
+
+    def __init__(self, known: Mapping[str, float], usual: str = r"$\Omega$", dimensionless: bool = False) -> None:
+        self.scale, self.hertz, self.label, self.name, self.above = 1.0, 1.0, usual, "Omega", dict(known)
+        if known and not dimensionless:
+            self.scale, self.hertz, self.label, self.name = known[PINION], known[MESH], SPEED_LABEL, PINION
+            self.above = {MESH: known[MESH] / known[PINION]}
+
+    @classmethod
+    def of(cls, model: Model | None, dimensionless: bool = False) -> OmegaAxis:
+        """Return the axis of a model."""
+        usual = str(model.labels.get("Omega", r"$\Omega$")) if model is not None else r"$\Omega$"
+        return cls(scales(model, {}), usual, dimensionless)
+
+    @classmethod
+    def of_ends(cls, folds: Sequence[Branch], usual: str, dimensionless: bool = False) -> OmegaAxis:
+        """Return the axis of fold curves, on which the unit of Omega may change: Omega is kept then."""
+        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in folds for i in (0, -1)]
+        return cls(same_scales(known), usual, dimensionless)
+
+    @property
+    def is_speed(self) -> bool:
+        """Whether the axis is the speed of the pinion."""
+        return self.name == PINION
+
+    def number(self, Omega: float, digits: int = 6) -> str:
+        """Return the value on the axis as text."""
+        return f"{self.scale * Omega:.{digits}g}"
+
+    def text(self, Omega: float, digits: int = 6) -> str:
+        """Return the value with its unit, such as "9000 r/min", or "Omega = 0.8"."""
+        return f"{self.number(Omega, digits)} r/min" if self.is_speed else f"Omega = {self.number(Omega, digits)}"
+
+
 class Abscissa:
     """Parameter of branches on the horizontal axis of a figure.
 
@@ -105,6 +218,8 @@ class Abscissa:
     ----------
     scale : float
         Value on the axis for a parameter of one.
+    hertz : float
+        Mesh frequency [Hz] for a parameter of one; 1 if Omega is kept.
     label : str
         Label of the axis.
     above : dict of str to float
@@ -123,10 +238,8 @@ class Abscissa:
         first, layout = branches[0], layout_of(branches[0])
         names = layout.labels if layout else {}
         usual = r"$\Omega$" if first.parameter == "Omega" else first.parameter
-        self.scale, self.label, self.above = 1.0, str(names.get(first.parameter, usual)), known
-        if known and not dimensionless:
-            self.scale, self.label = known[PINION], SPEED_LABEL
-            self.above = {MESH: known[MESH] / known[PINION]}
+        axis = OmegaAxis(known, str(names.get(first.parameter, usual)), dimensionless)
+        self.scale, self.hertz, self.label, self.above = axis.scale, axis.hertz, axis.label, axis.above
 
     def along(self, branch: Branch) -> Array:
         """Return the values at the points of a branch."""
@@ -236,8 +349,7 @@ class Ordinate:
     @property
     def _dimension(self) -> int:
         """Power of the length in the measure; 0 for ratios and for measures with their own unit."""
-        entry = MEASURES.get(self.measure)
-        return 1 if entry is None else 0 if entry.unit else entry.dimension
+        return dimension_of(self.measure)
 
     def _motion(self, branch: Branch, layout: Layout | None) -> str:
         """Return the symbol of the motion of the element with its unit."""
@@ -247,8 +359,7 @@ class Ordinate:
         symbol = layout.labels.get("amplitude", "gap (model units)")
         if self._length(model_of(branch), branch.parameters_at(0)) is None:
             return symbol + name
-        plain = without_unit(symbol).partition(" / ")[0]
-        return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
+        return in_micrometres(symbol, name)
 
     def _length(self, model: Model | None, parameters: dict[str, float]) -> float | None:
         """Return the unit of amplitudes [um]; None if amplitudes keep the unit of the model."""
@@ -260,6 +371,14 @@ class Ordinate:
             length = length_scale(model, changed)
             self._lengths[key] = None if length is None else 1e6 * length
         return self._lengths[key]
+
+    def factor(self, branch: Branch) -> float:
+        """Return the unit of amplitudes [um] at the first point of a branch; 1 if it keeps the unit of the model."""
+        return self._factor(model_of(branch), branch.parameters_at(0))
+
+    def motion(self, branch: Branch) -> str:
+        """Return the symbol of the motion of the element with its unit."""
+        return self._motion(branch, layout_of(branch))
 
     def _factor(self, model: Model | None, parameters: dict[str, float]) -> float:
         length = self._length(model, parameters)

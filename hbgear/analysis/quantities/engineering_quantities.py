@@ -39,7 +39,7 @@ from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
 from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Reaction
-from hbgear.mechanics.series.fourier import evaluate, to_real
+from hbgear.mechanics.series.fourier import evaluate, stretch, to_complex, to_real
 
 REFERENCE = 1e-6
 """Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""
@@ -198,11 +198,15 @@ def transmission_error(found: Branch | Point, element: int | str = 0) -> Array:
         if not isinstance(found.problem, HarmonicBalance):
             raise ValueError("the transmission error of a point needs the problem of its branch")
         problem, X, each = found.problem.at_resolution_of(found), found.X[None], [dict(found.parameters)]
-    index, values = problem.layout.index(element), np.empty(len(X))
+    index, values, scale = problem.layout.index(element), np.empty(len(X)), None
+    before: dict[str, float] | None = None
     for i, (row, here) in enumerate(zip(X, each, strict=True)):
         changed = {name: value for name, value in here.items() if name != "Omega"}
-        scale = length_scale(problem.model, changed)
-        values[i] = half_peak_to_peak(_error(problem, row, here, index)) * (1.0 if scale is None else 1e6 * scale)
+        if changed != before:
+            before, scale = changed, length_scale(problem.model, changed)
+            error = _prescribed(problem, changed, index)
+        swing = float(half_peak_to_peak(problem.rows(row)[index] + error))
+        values[i] = swing * (1.0 if scale is None else 1e6 * scale)
     return values
 
 
@@ -264,10 +268,10 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
     names = [*(elements or problem.model.sharing or layout.elements)]
     each = [layout.index(name) for name in names]
     rows = zip(branch.X, (branch.parameters_at(i) for i in range(len(branch))), strict=True)
-    return names, [[_force(problem, X, here, index) for index in each] for X, here in rows]
+    return names, [[element_force(problem, X, here, index) for index in each] for X, here in rows]
 
 
-def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def element_force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
@@ -337,12 +341,12 @@ def _of_motion(
     The largest force is the one in the direction of the static force.
     """
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    force = _force(problem, X, here, index)
+    force = element_force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     level = force_level(compiled.system.elements, problem.rows(X))
     known = is_static(static, float(np.abs(force).max()), level)
-    swing = float(half_peak_to_peak(_error(problem, X, here, index)))
+    swing = float(half_peak_to_peak(total_error(problem, X, here, index)))
     return swing, largest, static if known else 0.0, largest / static if known else math.nan
 
 
@@ -367,9 +371,18 @@ def _friction(
     return float(np.abs(forces.across).max()), efficiency, loss * sliding.radius * speed
 
 
-def _error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def total_error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Return the coefficients of the dynamic transmission error d + e of an element."""
-    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    e = compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
-    error: Array = problem.rows(X)[index] + e
+    changed = {name: value for name, value in here.items() if name != "Omega"}
+    error: Array = problem.rows(X)[index] + _prescribed(problem, changed, index)
     return error
+
+
+def _prescribed(problem: HarmonicBalance, changed: dict[str, float], index: int) -> Array:
+    """Return the coefficients of the prescribed displacement e of an element with these values of parameters."""
+    displacement = problem.models.system(changed).elements[index].displacement
+    c = to_complex(stretch(displacement.row(problem.H // problem.nu), problem.nu))
+    e = np.zeros(problem.H + 1, dtype=complex)
+    e[: len(c)] = c
+    e[np.setdiff1d(np.arange(problem.H + 1), problem.orders)] = 0.0  # harmonics that the motion cannot have
+    return to_real(e)

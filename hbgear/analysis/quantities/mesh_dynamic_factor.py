@@ -72,11 +72,11 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     layout = layout_of(point)
     if layout is None:
         raise ValueError("dynamic_factor: the point has no layout; give a point of a branch of a HarmonicBalance")
-    here, index = model.at(point.parameters), layout.index(element)
-    force = _forces(here, point, layout, index)
+    elements, index = model.at(point.parameters).system().elements, layout.index(element)
+    force = _forces(elements[index], point, layout, index)
     mean = float(force.mean())
     rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
-    if not is_static(mean, float(np.abs(force).max()), force_level(here.system().elements, rows)):
+    if not is_static(mean, float(np.abs(force).max()), force_level(elements, rows)):
         raise ValueError(
             f"dynamic_factor: the static force of {quoted(layout.elements[index])} is zero, so the factor is not "
             "defined; use the column 'force, largest' of hb.analysis.machine_quantities"
@@ -133,9 +133,9 @@ def _max_stiffness(one: Element, size: float) -> float:
     return float(np.abs(slopes).max())
 
 
-def _forces(model: Model, point: Point, layout: Layout, index: int) -> Array:
+def _forces(one: Element, point: Point, layout: Layout, index: int) -> Array:
     """Return samples of the force of the law of an element over the period of its motion, shape (N,)."""
-    one, row, nu = model.system().elements[index], point.coefficients(index), layout.nu
+    row, nu = point.coefficients(index), layout.nu
     kept = to_complex(stretch(one.displacement.row(layout.harmonics // nu), nu))
     return force_samples(one, kept, row, point.parameters["Omega"] / nu, nu)
 

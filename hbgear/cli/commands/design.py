@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.summary import digits_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
+    Dimensionless,
     Element,
     Figure,
     File,
@@ -68,6 +71,7 @@ def map_command(
     last: Last = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute a jump map: jump frequencies against a design parameter, and where jumps vanish.
 
@@ -88,12 +92,14 @@ def map_command(
         found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
                             known=known)  # fmt: skip
     digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
+    across = OmegaAxis.of_ends(found.folds, found.labels.get("Omega", ""), dimensionless)
     rows = [
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
-         f"{arm.Omega[0]:.{digits}g} to {arm.Omega[-1]:.{digits}g}",
+         " to ".join(across.number(Omega, digits) for Omega in arm.Omega[[0, -1]]),
          "increasing" if arm.direction > 0 else "decreasing"]
         for arm in found.arms
     ]  # fmt: skip
+    unit = unit_after(problem.model, parameter)
     with outputs() as out:
         out.write(output, found.export)
         if part and found.status is hb.Status.INTERRUPTED:
@@ -102,17 +108,30 @@ def map_command(
                   "same command continues from there")  # fmt: skip
         elif part:
             part.unlink(missing_ok=True)
-        out.figure(plot, lambda drawing: drawing.jump_map(found))
+        out.figure(plot, lambda drawing: drawing.jump_map(found, dimensionless=dimensionless))
         if not rows:
-            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")
+            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
         else:
-            print_table([parameter, "Omega", "Omega during the jump"], rows, "jump curves")
+            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), across.name,
+                       f"{'speed' if across.is_speed else 'Omega'} during the jump"]  # fmt: skip
+            print_table(headers, rows, "jump curves")
         for cusp in found.cusps:
-            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
+            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_where(cusp, across)}")
         for point in (one for one in found.special if one not in found.cusps):
-            where = f"{parameter} = {text_at(point, parameter)}, Omega = {text_at(point, 'Omega')}"
+            where = f"{parameter} = {text_at(point, parameter)}{unit}, {_where(point, across)}"
             print(f"{point.meaning} ({point.label}) at {where}")
     finish(found)
+
+
+def _where(point: hb.SpecialPoint, across: OmegaAxis) -> str:
+    """Return the speed of a special point, or its Omega with the digits that are known."""
+    return across.text(point.parameters["Omega"]) if across.is_speed else f"Omega = {text_at(point, 'Omega')}"
+
+
+def unit_after(model: Any, parameter: str) -> str:
+    """Return the unit of a parameter of a drawing after its value, such as " um"; empty for other models."""
+    found = re.search(r"\[([^\[\]]+)\]$", str(model.labels.get(parameter, ""))) if model.scales is not None else None
+    return f" {found[1]}" if found and found[1] not in ("-", "1") else ""
 
 
 def critical(
@@ -138,6 +157,7 @@ def critical(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute the value of a parameter at which a jump appears or vanishes, and the frequency of that jump.
 
@@ -155,14 +175,22 @@ def critical(
     own = problem.value_of(parameter)
     side = "below" if found.jump_below else "above"
     digits = digits_of(found.point)
-    print(
-        f"{parameter} = {text_at(found.point, parameter)}: a jump exists {side} this value, none just on the other side"
+    across, unit = (
+        OmegaAxis.of(problem.model_at({parameter: found.value}), dimensionless),
+        unit_after(problem.model, parameter),
     )
-    print(f"it appears at Omega = {text_at(found.point, 'Omega')}")
+    print(f"{parameter} = {text_at(found.point, parameter)}{unit}: a jump exists {side} this value, none just on the "
+          "other side")  # fmt: skip
+    Omega = found.point.parameters["Omega"]
+    print(f"it appears at {across.text(Omega) if across.is_speed else 'Omega = ' + text_at(found.point, 'Omega')}")
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
-    print(f"the model has {parameter} = {own:.6g}{distance}")
+    print(f"the model has {parameter} = {own:.6g}{unit}{distance}")
+
+    def axis_at(value: float) -> OmegaAxis:
+        return OmegaAxis.of(problem.model_at({parameter: value}), dimensionless)
+
     for other, Omega in found.others:
-        values = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        values = f"{parameter} = {rounded(other, digits)}{unit}, {axis_at(other).text(Omega, digits)}"
         print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
         moved = hb.analysis.sensitivity(found, measure=measure, element=element_of(element))

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 
 import hbgear as hb
@@ -128,9 +129,14 @@ def drawing_process() -> Iterator[Executor | None]:
 
 
 def _import_plotting() -> None:
-    """Import the plotting modules."""
+    """Import the plotting modules and load the kernel of the transmission error."""
     _pyplot()
+    import scipy.interpolate  # noqa: F401 smooth lines
+
+    from hbgear.mechanics.series.fourier import extrema
     from hbgear.plot.machines import mesh  # noqa: F401 imports all modules of the figure
+
+    extrema(np.zeros(3))
 
 
 def _pyplot() -> Any:

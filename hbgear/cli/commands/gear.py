@@ -21,8 +21,21 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import problem_along
 from hbgear.analysis.summary import message_of, text_at
+from hbgear.cli.commands.assumptions import (
+    FACTOR_CANDIDATES,
+    JUMPS,
+    LONG_STEPS,
+    MEASURES,
+    alternative_results,
+    alternatives,
+    factor_and_jumps,
+    largest_motions,
+    print_assumptions,
+    show_assumptions,
+    until,
+)
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
-from hbgear.cli.commands.machine_report import ACCURACY_GRADE, recommendation, show_speeds
+from hbgear.cli.commands.machine_report import merged, recommendation, show_speeds
 from hbgear.cli.quantities import is_number
 from hbgear.cli.support import (
     Changes,
@@ -53,9 +66,6 @@ if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
     from hbgear.io.machines.machine_file import Machine
 
-FACTOR_CANDIDATES = 5
-"""Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
-
 PARAMETRIC_SPAN = 2.4
 """Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
 
@@ -64,7 +74,6 @@ SAME_SPEED = 1e-4
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
-
 
 DAMPING_RANGE = "effect of the damping ratio of the mesh, whose measured values lie between 0.02 and 0.1"
 """Title of the table of damping ratios, which is printed before all results that depend on them."""
@@ -154,7 +163,8 @@ def speed(
 ) -> None:
     """Compute resonances, jumps, safe and critical speeds of a machine.
 
-    Resonances and jumps have their dynamic factors, transmission errors and forces.
+    Resonances and jumps have their dynamic factors, transmission errors and forces. For a gear pair, a table shows how
+    they change with assumed values: damping, pitch error, tip relief, inertia and the model of the mesh.
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
@@ -169,15 +179,19 @@ def speed(
         if text is not None and is_number(text):
             raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
     span = span_of(model, first, last)
+    from hbgear.gears import DrawnPair
+
     problem = hb.HarmonicBalance(model, harmonics_of(harmonics))
     check_shown(problem, measure, 0)
     with in_terms_of_the_machine():
         curve = traced(problem, "Omega", span)
-    with outputs() as out:
+    with in_terms_of_the_machine(), outputs() as out:
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
         print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
         show_speeds(model, curve, dimensionless)
+        if isinstance(model, DrawnPair) and not model.torque_orders:
+            show_assumptions(model, curve, harmonics_of(harmonics), span)
         print_text(recommendation(model, curve))
     raise typer.Exit(exit_code(curve))
 
@@ -260,7 +274,7 @@ def _trace_and_report(
 
     def alternative(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[list[str]]:
         name, changed = assumption
-        return [[name, *_alternative_results(changed().equations, model.equations, curve, count, stop)]]
+        return [[name, *alternative_results(changed().equations, model.equations, curve, count, stop)]]
 
     def subharmonics(stop: Event) -> list[list[str]]:
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
@@ -268,7 +282,7 @@ def _trace_and_report(
         return [row for one in curves for row in _subharmonics(model, one, span, stop)]
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
-    works += [partial(alternative, one) for one in _alternatives(machine, by_default)]
+    works += [partial(alternative, one) for one in alternatives(model, by_default)]
     if machine.torque_orders:  # each curve takes minutes
         works = [_nothing]
     with begun(_do, works) as (doubled, *rows), outputs() as out:
@@ -276,11 +290,10 @@ def _trace_and_report(
         out.figure(plot, methodcaller("drive", cycle, curve), by)
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
-        jumps = "jumps at r/min, speed increasing (+) or decreasing (-)"
         computed = [row for one in rows for row in one.result()]
         damping = [row for row in computed if row[0].startswith("damping")]
-        first = [f"damping {machine.damping:g}, as computed", *_factor_and_jumps(model, curve)]
-        print_table(["damping ratio", "largest dynamic factor", jumps], [first, *damping], DAMPING_RANGE)
+        first = [f"damping {machine.damping:g}, as computed", *factor_and_jumps(model, curve)]
+        print_table(["damping ratio", "largest dynamic factor", JUMPS], [first, *damping], DAMPING_RANGE)
         found = doubled.result()
         others = [(float(a), float(b)) for row in found for a, b in re.findall(r"(\d+) to (\d+)", row[1])]
         show_speeds(model, curve, dimensionless, others)
@@ -291,10 +304,9 @@ def _trace_and_report(
         if found:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
             print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
-        headers = ["assumption: alternative", "largest dynamic factor", jumps]
         first[0] = "as computed"
-        print_table(headers, [first, *(row for row in computed if row not in damping)], "assumptions and their effect")
-        helpful = [(_MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in _MEASURES]
+        print_assumptions([first, *(row for row in computed if row not in damping)])
+        helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]
         print_text(recommendation(model, curve, helpful, _number_in(first[1]), others))
         if machine.torque_orders:
             print_text("With torque orders, other assumptions and motions of twice the period are not computed: every "
@@ -388,7 +400,7 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
     """Yield the largest loads of a pair of teeth on stable motions."""
     mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), model.scales
     assert scales is not None
-    found = [(hb.analysis.tooth_loads(point, mesh), point) for point in _largest_motions(curve)]
+    found = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
     loads, point = max(found, key=lambda one: one[0].force_factor)
     number, position = loads.largest
     speed = float(scales.pinion_speed(point.parameters["Omega"]))
@@ -429,23 +441,9 @@ def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
            f"across the line of action {found['friction across, largest'][i]:.0f} N"]  # fmt: skip
 
 
-def _alternative_results(
-    changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event
-) -> tuple[str, str]:
-    """Return `_factor_and_jumps` of a changed model; its curve is reused if the model differs in scales only."""
-    if changed.replace(reference=getattr(model, "reference", ())) != model:
-        problem = hb.HarmonicBalance(changed, count)
-        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=_until(stop))
-    return _factor_and_jumps(changed, curve)
-
-
 def _nothing(_: Event) -> list[list[str]]:
     """Return no rows."""
     return []
-
-
-_MEASURES = {"no tip relief: 10 um": "tip relief of 10 um on both gears"}
-"""Changes of the design among the alternatives, by the name of the alternative."""
 
 
 def _number_in(text: str) -> float:
@@ -465,22 +463,12 @@ def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]
     return work(stop)
 
 
-def _until(stop: Event) -> Callable[[hb.Progress], None]:
-    """Return a monitor of a trace that ends it when an event is set."""
-
-    def ends(_: hb.Progress) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-
-    return ends
-
-
 def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
     """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
         span = (PARAMETRIC_SPAN, model.default_span[0])
-        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, accuracy=None)
+        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, steps=LONG_STEPS, accuracy=None)
 
 
 def _subharmonics(
@@ -495,84 +483,21 @@ def _subharmonics(
     for point in curve.special:
         if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
             continue
-        doubled = hb.switch(curve, point.label, span, accuracy=None, progress=_until(stop))
+        doubled = hb.switch(curve, point.label, span, steps=LONG_STEPS, special=False, accuracy=None,
+                            progress=until(stop))  # fmt: skip
         ends.append(float(doubled.values[-1]))
         stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
         rpm = scales.pinion_speed(doubled.values)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
-        spans = [sorted((rpm[a], rpm[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1]
+        spans = merged((min(rpm[a], rpm[b - 1]), max(rpm[a], rpm[b - 1]))
+                       for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)  # fmt: skip
         if not spans:
             continue
         largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
         factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
-        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in sorted(spans))
+        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in spans)
         begin = float(scales.pinion_speed(point.parameters["Omega"]))
         yield [f"{begin:.0f} r/min", speeds, rounded(factor, 3)]
-
-
-def _factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
-    """Return the largest dynamic factor and the jump speeds as texts."""
-    return _largest_factor(model, curve), _jump_speeds(model, curve)
-
-
-def _alternatives(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], DrawnPair]]]:
-    """Yield each assumption with an alternative value, and the model with that value."""
-    from hbgear.gears.mesh.iso_dynamics import deviations
-    from hbgear.gears.mesh.mesh_models import MESHES
-
-    zeta, pair = machine.damping, machine.pair
-
-    def made(**changes: Any) -> Callable[[], DrawnPair]:
-        return dataclasses.replace(machine, **changes).model
-
-    def paired(**changes: Any) -> Callable[[], DrawnPair]:
-        return made(pair=dataclasses.replace(pair, **changes))
-
-    origin = "assumed" if by_default else "given"
-    for factor in (0.5, 1.5):
-        if zeta and zeta * factor <= 1:
-            yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
-    if not pair.pitch_error:
-        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
-    if not pair.pinion.tip_relief:
-        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
-        yield "no tip relief: 10 um", paired(**relieved)
-    lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
-               for name in ("pinion", "wheel")}  # fmt: skip
-    yield "solid gears without other inertia: inertia 20 % less", paired(**lighter)
-    used = machine.mesh_model or MESHES[0]
-    for name in MESHES:
-        if name != used and not machine.friction:  # the mean-mesh models have no friction
-            yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh_model=name)
-
-
-_MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}
-"""Names of the models of the mesh in tables."""
-
-
-def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
-    assert model.scales is not None
-    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
-    found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
-    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in found) or "none"
-
-
-def _largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
-    """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    for one in (curve, *curve.others):
-        if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
-            return "unbounded"
-    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in _largest_motions(curve)), 3)
-
-
-def _largest_motions(curve: hb.Branch) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others."""
-    points = []
-    for one in (curve, *curve.others):
-        size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
-        points += [one[int(i)] for i in np.argsort(size)[-FACTOR_CANDIDATES:]]
-    return points
 
 
 # ---- input

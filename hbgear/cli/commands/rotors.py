@@ -9,8 +9,20 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.campbell_diagram import whirl_word
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
-from hbgear.cli.support import Changes, Figure, First, Last, Model, assignments, chosen_model, print_table, span_of
+from hbgear.cli.support import (
+    Changes,
+    Dimensionless,
+    Figure,
+    First,
+    Last,
+    Model,
+    assignments,
+    chosen_model,
+    print_table,
+    span_of,
+)
 from hbgear.harmonic.models.frequency_units import MESH
 
 
@@ -38,6 +50,7 @@ def campbell(
         list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable."),
     ] = None,
     plot: Figure = None,
+    dimensionless: Dimensionless = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies against speed, and critical speeds, where excitation orders cross them.
 
@@ -53,14 +66,14 @@ def campbell(
     contacts = {name: True for name in closed or ()} | {name: False for name in opened or ()}
     found = hb.analysis.campbell(chosen, (a, b), orders, points, modes, closed=contacts)
     with outputs() as out:
-        out.figure(plot, lambda drawing: drawing.campbell(found))
+        out.figure(plot, lambda drawing: drawing.campbell(found, dimensionless=dimensionless))
         print(f"elements in contact: {', '.join(found.closed) or 'none'}; open: {', '.join(found.opened) or 'none'}")
-        known = dict(found.scales)
+        known, across = dict(found.scales), OmegaAxis(found.scales, dimensionless=dimensionless)
         whirls = bool(np.isfinite(found.whirl).any())
         headers = [
             "order",
             "mode",
-            "Omega",
+            *(["Omega"] if dimensionless or not known else []),
             *known,
             "natural frequency" + (" [Hz]" if MESH in known else ""),
             "damping ratio",
@@ -68,7 +81,9 @@ def campbell(
         ]
         unit = known.get(MESH, 1.0)
         rows = [
-            [one.order, str(one.mode), f"{one.Omega:.6g}", *(f"{one.Omega * known[name]:.6g}" for name in known),
+            ["mesh" if one.order == "Omega" and across.is_speed else one.order,
+             str(one.mode), *([f"{one.Omega:.6g}"] if dimensionless or not known else []),
+             *(f"{one.Omega * known[name]:.6g}" for name in known),
              f"{one.frequency * unit:.6g}", f"{one.damping:.4g}",
              *([whirl_word(one.whirl)] if whirls else [])]
             for one in found.critical
@@ -76,7 +91,8 @@ def campbell(
         if rows:
             print_table(headers, rows, "critical speeds")
         else:
-            print(f"no order crosses a natural frequency from Omega = {a:g} to {b:g}")
+            end = across.text(b) if across.is_speed else f"{b:g}"
+            print(f"no order crosses a natural frequency from {across.text(a)} to {end}")
 
 
 def _number(name: str, text: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,12 +10,14 @@ import numpy as np
 import typer
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, OmegaAxis, Ordinate, dimension_of
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
     STOPPED_EARLY,
     At,
     Changes,
+    Dimensionless,
     Element,
     Figure,
     File,
@@ -34,6 +37,7 @@ from hbgear.cli.support import (
     print_table,
     problem_in,
 )
+from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales
 
 DISAGREES = 1
 """Exit code of a validation in which a point or jump disagrees."""
@@ -59,6 +63,7 @@ def validate(
     output: Table = None,
     plot: Figure = None,
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Validate a saved curve by time integration, point by point.
 
@@ -68,6 +73,7 @@ def validate(
     Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (results so far are shown and
     saved).
     """
+    from hbgear.time.validation import Units
     from hbgear.time.validation import validate as validate_by_integration
 
     check_writable(output, (".csv",))
@@ -81,13 +87,20 @@ def validate(
         report = validate_by_integration(
             branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress
         )
-    headers, rows = report.table()
+    across, length = Abscissa([branch], dimensionless), Ordinate("rms", which, dimensionless=dimensionless)
+    known = across.label == SPEED_LABEL
+    size = length.header(branch).removeprefix("rms")
+    units = Units(PINION if known else branch.parameter, across.scale, size, length.factor(branch))
+    headers, rows = report.table(units)
     with outputs() as out:
         out.write(output, report.export)
-        out.figure(plot if report.rows else None, lambda drawing: drawing.validation(report, branch, which))
+        out.figure(
+            plot if report.rows else None,
+            lambda drawing: drawing.validation(report, branch, which, dimensionless=dimensionless),
+        )
         print_table(headers, rows, "harmonic balance against time integration")
         if report.jumps:
-            print_table(*report.jump_table(), "landings of jumps by integration")
+            print_table(*report.jump_table(units), "landings of jumps by integration")
         print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
@@ -116,6 +129,7 @@ def sweep(
     bifurcation: Annotated[Path | None, typer.Option(help="Draw the Poincare points against the parameter.")] = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute a slow sweep by time integration, with its jumps and its motions of other periods.
 
@@ -150,10 +164,18 @@ def sweep(
     with outputs() as out:
         if found:
             out.write(output, lambda path: export(found, path))
-            out.figure(plot, lambda drawing: drawing.sweeps(found, curve, measure, which, model=machine))
-            out.figure(bifurcation, lambda drawing: drawing.bifurcation(found, which, model=machine))
+            out.figure(
+                plot,
+                lambda drawing: drawing.sweeps(
+                    found, curve, measure, which, model=machine, dimensionless=dimensionless
+                ),
+            )
+            out.figure(
+                bifurcation,
+                lambda drawing: drawing.bifurcation(found, which, model=machine, dimensionless=dimensionless),
+            )
         for s in found:
-            _show(s, measure, which)
+            _show(s, measure, which, machine, dimensionless)
     complete = bool(found) and all(s.status.complete for s in found)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
 
@@ -211,16 +233,22 @@ def _ends(option: str, text: str) -> tuple[float, float]:
     return number_of(option, low), number_of(option, high)
 
 
-def _show(s: Any, measure: str, element: int | str) -> None:
+def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, dimensionless: bool) -> None:
     """Print a sweep: how it ended, its jumps, and the motions that do not have the period of the excitation."""
-    print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {s.message}")
-    size = s.amplitude(measure, element)
+    across = OmegaAxis(scales(model, {}) if s.parameter == "Omega" else {}, dimensionless=dimensionless)
+    name = across.name if across.is_speed else s.parameter
+    length = None if dimensionless else length_scale(model, {})
+    factor = 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
+    size, unit = factor * s.amplitude(measure, element), "" if length is None else " [um]" * dimension_of(measure)
+    message = _OMEGA.sub(lambda found: across.text(float(found[1]), 5), s.message) if across.is_speed else s.message
+    print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {message}")
     jumps = []
     for jump in s.jumps:
         ends = [float(size[np.argmin(np.abs(s.values - x))]) for x in jump.interval]
-        jumps.append([*(f"{x:.6g}" for x in jump.interval), *(f"{x:.5g}" for x in ends)])
+        jumps.append([*(across.number(x) for x in jump.interval), *(f"{x:.5g}" for x in ends)])
     if jumps:
-        print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
+        headers = [f"jump after{f' {name}' if across.is_speed else ''}", "before", f"{measure}{unit} before", "after"]
+        print_table(headers, jumps, "jumps")
     others = []
     for i in np.flatnonzero(s.period != 1):
         distance = (
@@ -232,6 +260,11 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         aperiodic = (
             f"not periodic after {s.integrated_periods[i]} periods{converging}, Lyapunov exponent {s.lyapunov[i]:.3g}"
         )
-        others.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else aperiodic, f"{size[i]:.5g}"])
+        motion = f"period {s.period[i]}" if s.period[i] else aperiodic
+        others.append([across.number(s.values[i]), motion, f"{size[i]:.5g}"])
     if others:
-        print_table([s.parameter, "motion", measure], others, "motions that do not have the period of the excitation")
+        headers = [name, "motion", measure + unit]
+        print_table(headers, others, "motions that do not have the period of the excitation")
+
+
+_OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")

@@ -39,6 +39,11 @@ class Status(StrEnum):
         )  # fmt: skip
 
     @property
+    def in_words(self) -> str:
+        """Status for readers, such as "complete" or "stopped early, max points"."""
+        return "complete" if self.complete else f"stopped early, {self.value.replace('_', ' ')}"
+
+    @property
     def advice(self) -> str:
         """Recommended action of the user."""
         return _ADVICE[self]

@@ -90,6 +90,8 @@ class MeshExcitation(Model):
         """Return the force law of the mesh with a half backlash."""
         if self.contacts is None:
             return Backlash(b=half_backlash, stiffness=self.mesh_stiffness)
+        if self.mesh_order == 1:
+            return self.contacts.widened(half_backlash)
         found = self.contacts.turned(lambda one: in_order(one, self.mesh_order), self.mesh_order)
         return found.widened(half_backlash)
 

@@ -224,6 +224,10 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     @property
     def parameters(self) -> dict[str, float]:
         """Quantities of the drawing by name, in the units of `PARAMETERS`."""
+        return dict(self._parameters)  # a copy: callers change it
+
+    @cached_property
+    def _parameters(self) -> dict[str, float]:
         return {name: _rounded(value * PARAMETERS[name].scale) for name, value in self._values()}
 
     def _values(self) -> list[tuple[str, float]]:
@@ -270,9 +274,9 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
             If there is no such parameter.
         """
         known = (
-            {*self.parameters, "tip_relief_pinion", "tip_relief_wheel"} if self.cycle is None else {*self.parameters}
+            {*self._parameters, "tip_relief_pinion", "tip_relief_wheel"} if self.cycle is None else {*self._parameters}
         )
-        own = self.parameters
+        own = self._parameters
         drawn = {name: changes.pop(name) for name in [*changes] if name in known}
         drawn = {name: value for name, value in drawn.items() if value != own.get(name)}
         if not drawn and not changes:

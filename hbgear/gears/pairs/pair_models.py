@@ -218,14 +218,19 @@ def _bearings(
     return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **fields, **mesh.fields)
 
 
+_NO_TILT = """GearPair.model: the form 'spatial' needs the key tilt in both supports, which is stiffness s^2/4 of two \
+bearings a distance s apart; axial is 0 by default, which suits spur gears only. In a file: \
+support.pinion = { stiffness = "6e8 N/m", axial = "3e8 N/m", tilt = "4e5 N m/rad" }, and the same for support.wheel."""
+"""Message for supports without tilt stiffness."""
+
+
 def _spatial(
     pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support], direction: float
 ) -> HelicalPair:
     fields: dict[str, Any] = {}
     for name, gear, support in zip("pg", (pair.pinion, pair.wheel), supports, strict=True):
         if support.tilt is None:
-            raise ValueError("GearPair.model: the form 'spatial' needs the tilt stiffness of both supports [N m/rad]; "
-                             "of two bearings a distance s apart it is stiffness s^2/4")  # fmt: skip
+            raise ValueError(_NO_TILT)
         if support.clearance or support.preload:
             raise ValueError("GearPair.model: the form 'spatial' has no clearance or preload in its supports; "
                              "form='bearings' has")  # fmt: skip

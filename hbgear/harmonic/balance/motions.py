@@ -49,7 +49,7 @@ class PeriodicMotions(HarmonicEquations):
         return self._once("layout", (), self._build_layout)
 
     def _build_layout(self) -> Layout:
-        elements = self.compiled({}).system.elements
+        elements = self.models.system({}).elements
         return Layout(
             harmonics=self.H, nu=self.nu,
             elements=tuple(e.name for e in elements),

@@ -173,6 +173,11 @@ class ModelCache:
         changes = self.changes(parameters)
         return self._evaluators.get(changes, lambda: self._build_evaluator(changes))
 
+    def system(self, parameters: Mapping[str, float]) -> System:
+        """Return the system at the given parameters, reduced if the structure is; no kernel is loaded."""
+        changes = self.changes(parameters)
+        return self._systems.get(changes, lambda: self._system(changes))
+
     def model_at(self, parameters: Mapping[str, float]) -> Model:
         """Return the model with the given parameters."""
         return self._model(self.changes(parameters))
@@ -195,7 +200,7 @@ class ModelCache:
         return self._model(changes).system() if reduction is None else reduction[0].system
 
     def _build_evaluator(self, changes: Changes) -> Evaluator:
-        system, grid = self._systems.get(changes, lambda: self._system(changes)), self.discretization
+        system, grid = self.system(dict(changes)), self.discretization
         structure = self._structure(system)
         return Evaluator(
             system, structure, grid.H, grid.nu, grid.sampled, grid.transform, self.reduce, grid.orders

@@ -203,10 +203,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def widened(self, half_backlash: float) -> MeshContacts:
         """Return the contacts with levels moved away from zero by a half backlash."""
-        return MeshContacts(tuple(
-            ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
-            for contact in self.contacts
-        ), self.sliding)  # fmt: skip
+        return _widened(self, half_backlash)
 
     def scaled(self, stiffness: float, length: float) -> MeshContacts:
         """Return the contacts with stiffness and levels times factors."""
@@ -336,6 +333,14 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
         at = _union([one.at for both in functions for one in both])
         return at, _common_rows(functions, at), np.array([float(c.side) for c in self.contacts])
+
+
+@lru_cache(maxsize=32)  # a model assembles its system for each motion that is evaluated
+def _widened(law: MeshContacts, half_backlash: float) -> MeshContacts:
+    return MeshContacts(tuple(
+        ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
+        for contact in law.contacts
+    ), law.sliding)  # fmt: skip
 
 
 class MovingSpring(NamedTuple):

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, dimension_of
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import unit_of
 from hbgear.design.fitting.fit import Fit
 from hbgear.design.fitting.measurements import Measurements
+from hbgear.harmonic.models.frequency_units import length_scale
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
 from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, styled
@@ -29,7 +32,9 @@ HOLLOW: Any = {"markersize": 3.6, "markerfacecolor": "white", "markeredgewidth":
 
 
 @checked_arguments()
-def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def measured(
+    data: Measurements, model: Model, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
+) -> Axes:
     """Draw measured points, and measured jumps as vertical lines, on the axes of a response figure.
 
     Parameters
@@ -42,6 +47,8 @@ def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend
         Axes with a response curve of the same measure; new ones by default.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether the axes are Omega and the amplitude of the model; default False, as of `hbgear.plot.response`.
 
     Returns
     -------
@@ -60,26 +67,35 @@ def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend
     >>> data = hb.design.Measurements([0.8, 0.9, 1.0], [0.4, 0.7, 1.1], direction=1)
     >>> axes = hb.plot.measured(data, hb.Duffing(), hb.plot.response(curve))
     """
-    own = units_of(model)
-    Omega, amplitude, deviation = data.in_units(own, unit_of(model.labels.get("amplitude", "")))
+    x, amplitude, deviation, across = _shown(data, model, dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for direction, (marker, colour, name) in SWEEPS.items():
             mine = data.directions == direction
             if mine.any():
-                ax.errorbar(Omega[mine], amplitude[mine], deviation[mine], fmt="none", ecolor=colour, elinewidth=0.6)
-                ax.plot(Omega[mine], amplitude[mine], marker, color=colour, label=name, zorder=5, **HOLLOW)
-        unit = data.frequency_unit(own)
+                ax.errorbar(x[mine], amplitude[mine], deviation[mine], fmt="none", ecolor=colour, elinewidth=0.6)
+                ax.plot(x[mine], amplitude[mine], marker, color=colour, label=name, zorder=5, **HOLLOW)
+        unit = data.frequency_unit(units_of(model))
         for frequency, direction, _ in data.jumps:
-            ax.axvline(frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0)
+            ax.axvline(
+                across.scale * frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0
+            )
         dress(ax)
         if legend:
             add_legend(ax)
     return ax
 
 
+def _shown(data: Measurements, model: Model, dimensionless: bool) -> tuple[Array, Array, Array, OmegaAxis]:
+    """Return abscissa, amplitude and deviation of measured points in the units of a figure, and its axis."""
+    Omega, amplitude, deviation = data.in_units(units_of(model), unit_of(model.labels.get("amplitude", "")))
+    across, own = OmegaAxis.of(model, dimensionless), None if dimensionless else length_scale(model, {})
+    factor = 1.0 if own is None else (1e6 * own) ** dimension_of(data.measure)
+    return across.scale * Omega, factor * amplitude, factor * deviation, across
+
+
 @checked_arguments()
-def fitted(found: Fit) -> Figure:
+def fitted(found: Fit, *, dimensionless: bool = False) -> Figure:
     """Draw the fitted response with the data, and below the residuals in standard deviations.
 
     Crosses mark points that no stable motion of the curve reaches.
@@ -88,6 +104,8 @@ def fitted(found: Fit) -> Figure:
     ----------
     found : Fit
         Result of `hbgear.design.fit`.
+    dimensionless : bool, optional
+        Whether the axes are Omega and the amplitude of the model although it has scales; default False.
 
     Returns
     -------
@@ -104,29 +122,29 @@ def fitted(found: Fit) -> Figure:
     import matplotlib.pyplot as plt
 
     data = found.data
-    labels = found.model.labels
-    Omega, amplitude, _ = data.in_units(units_of(found.model), unit_of(labels.get("amplitude", "")))
+    x, amplitude, _, across = _shown(data, found.model, dimensionless)
     with styled():
         figure, panels = plt.subplots(
             2, 1, figsize=(5.4, 4.8), sharex=True, height_ratios=(2.4, 1), layout="constrained"
         )
         axes: Any = panels
-        response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False)
-        measured(data, found.model, axes[0], legend=False)
+        response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False,
+                 dimensionless=dimensionless)  # fmt: skip
+        measured(data, found.model, axes[0], legend=False, dimensionless=dimensionless)
         far = ~found.reached
         if far.any():
-            axes[0].plot(Omega[far], amplitude[far], "x", color="black", markersize=6, label="not reached", zorder=6)
+            axes[0].plot(x[far], amplitude[far], "x", color="black", markersize=6, label="not reached", zorder=6)
         add_legend(axes[0])
         axes[0].set_xlabel("")
         below = axes[1]
         for direction, (marker, colour, _) in SWEEPS.items():
             mine = data.directions == direction
-            below.plot(Omega[mine], found.residuals[mine], marker, color=colour, **HOLLOW)
+            below.plot(x[mine], found.residuals[mine], marker, color=colour, **HOLLOW)
         below.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
         below.axhline(0.0, color=GREY, linewidth=0.6)
         below.set_ylabel("residual\n[deviations]")
-        below.set_xlabel(found.model.labels.get("Omega", r"$\Omega$"))
-        low, high = float(np.min(Omega)), float(np.max(Omega))
+        below.set_xlabel(across.label)
+        low, high = float(np.min(x)), float(np.max(x))
         below.set_xlim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         dress(below)
     return figure

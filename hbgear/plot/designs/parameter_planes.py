@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.models.frequency_units import model_of, same_scales, scales
 from hbgear.plot.style import COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ CURVES = {
 
 
 @checked_arguments()
-def special_curves(curves: Sequence[Branch], ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def special_curves(
+    curves: Sequence[Branch], ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
+) -> Axes:  # fmt: skip
     r"""Draw curves of special points in the plane of two parameters, with their points of codimension two.
 
     Parameters
@@ -41,6 +43,9 @@ def special_curves(curves: Sequence[Branch], ax: Axes | None = None, *, legend: 
         Axes to draw on, such as those of `jump_map`; new ones by default.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether Omega is kept. By default it is the speed of the pinion [r/min] if the model has scales that do not
+        depend on the parameter.
 
     Returns
     -------
@@ -65,34 +70,38 @@ def special_curves(curves: Sequence[Branch], ax: Axes | None = None, *, legend: 
     if len(planes) != 1 or len(plane := next(iter(planes))) != 2:
         raise ValueError("special_curves needs results of hb.follow in one second parameter, from one first parameter")
     x, y = plane
-    own = ax is None
+    own, labels = ax is None, getattr(curves[0].layout, "labels", {})
+    across = OmegaAxis.of_ends(curves, labels.get("Omega", r"$\Omega$"), dimensionless)
+    scale = across.scale if y == "Omega" else 1.0
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for curve in curves:
             name, line, colour = CURVES.get(curve.meta.get("curve", {}).get("of", ""), ("special points", "-", "black"))
-            ax.plot(curve.values, curve.tracked[y], linestyle=line, color=colour, label=name)
-        _mark(ax, [p for curve in curves for p in curve.special], x, y)
+            ax.plot(curve.values, scale * curve.tracked[y], linestyle=line, color=colour, label=name)
+        _mark(ax, [p for curve in curves for p in curve.special], (x, y), scale)
         if own:
-            labels = getattr(curves[0].layout, "labels", {})
             ax.set_xlabel(labels.get(x, x))
-            ax.set_ylabel(labels.get(y, r"$\Omega$" if y == "Omega" else y))
+            ax.set_ylabel(across.label if y == "Omega" else labels.get(y, y))
             dress(ax)
         if legend:
             _add_legend(ax)
     return ax
 
 
-def _mark(ax: Axes, points: Sequence[SpecialPoint], x: str, y: str, span: tuple[float, float] | None = None) -> None:
-    """Mark special points in the plane of two parameters, with their values if the span of x is given."""
+def _mark(
+    ax: Axes, points: Sequence[SpecialPoint], plane: tuple[str, str], scale: float,
+    span: tuple[float, float] | None = None, unit: str = "",
+) -> None:  # fmt: skip
+    """Mark special points in the plane of two parameters, with their values if the span of the first one is given."""
     for point in map(named, points):
-        at = point.parameters[x], point.parameters[y]
+        at = point.parameters[plane[0]], scale * point.parameters[plane[1]]
         ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(point),
                 gid=point.label)  # fmt: skip
         if span is None:
             continue
         fraction = (at[0] - span[0]) / (span[1] - span[0])
         side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
-        ax.annotate("{:.5g}, {:.4g}".format(*at), at, (0, 8), textcoords="offset points", fontsize=8, ha=side)
+        ax.annotate("{:.5g}, {:.4g}".format(*at) + unit, at, (0, 8), textcoords="offset points", fontsize=8, ha=side)
 
 
 def _add_legend(ax: Axes) -> None:
@@ -104,7 +113,9 @@ def _add_legend(ax: Axes) -> None:
 
 
 @checked_arguments()
-def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def jump_map(
+    jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
+) -> Axes:  # fmt: skip
     """Draw jump frequencies against a design parameter; special points are marked.
 
     Ranges with several motions are shaded. Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines
@@ -118,6 +129,9 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         Axes to draw on; new ones by default.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether the ordinate is Omega. By default it is the speed of the pinion [r/min] if the model has scales that do
+        not depend on the parameter.
 
     Returns
     -------
@@ -132,20 +146,21 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """
     names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
     own = ax is None
+    across = OmegaAxis.of_ends(jumps.folds, jumps.labels.get("Omega", r"$\Omega$"), dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _shade(ax, jumps)
+        _shade(ax, jumps, across.scale)
         for arm in jumps.arms:
             name, style = names[arm.direction]
-            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
-        _mark(ax, jumps.special, jumps.parameter, "Omega", jumps.span)
+            ax.plot(arm.values, across.scale * arm.Omega, style, color=COLOURS["no_impact"], label=name)
+        unit = " r/min" if across.is_speed else ""
+        _mark(ax, jumps.special, (jumps.parameter, "Omega"), across.scale, jumps.span, unit)
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
-        ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
+        ax.set_ylabel(across.label)
         dress(ax)
-        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and scaled_axes(ax, same_scales(known), "right"):
+        if own and scaled_axes(ax, across.above, "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
@@ -154,10 +169,10 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     return ax
 
 
-def _shade(ax: Axes, jumps: JumpMap) -> None:
+def _shade(ax: Axes, jumps: JumpMap, scale: float) -> None:
     """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
     ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
     values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
     for low, high in jumps.bands(values):
-        ax.fill_between(values, low, high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
+        ax.fill_between(values, scale * low, scale * high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
                         label="several motions")  # fmt: skip

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbgear.analysis.campbell_diagram import Campbell, whirl_word
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.harmonic.models.frequency_units import MESH
 from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @checked_arguments()
-def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False) -> Axes:
     """Draw a Campbell diagram: natural frequencies over speed, orders of the excitation, and critical speeds as dots.
 
     Modes of backward whirl are dash-dotted.
@@ -27,9 +27,12 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) ->
     found : Campbell
         Result of `hbgear.analysis.campbell`.
     ax : Axes, optional
-        Axes to draw on; new ones by default, with axes of the speeds above if the model has scales.
+        Axes to draw on; new ones by default, with an axis of the mesh frequency above if the model has scales.
     legend : bool, optional
         Whether to add a legend to the right of the axes; default True.
+    dimensionless : bool, optional
+        Whether the axes are in units of Omega. By default they are the speed of the pinion [r/min] and Hz if the model
+        has scales.
 
     Returns
     -------
@@ -41,32 +44,34 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) ->
     >>> import hbgear as hb
     >>> axes = hb.plot.campbell(hb.analysis.campbell(hb.gears.GearRotorBearing(), (0.2, 2.0)))
     """
-    own, hertz = ax is None, found.scales.get(MESH)
-    unit = hertz or 1.0
+    own, across = ax is None, OmegaAxis(found.scales, r"$\Omega$, frequency of the excitation", dimensionless)
+    speeds, unit = across.scale * found.Omega, across.hertz
     senses = [whirl_word(_middle(column)) for column in found.whirl.T]
     with styled():
         ax = axes_or_new(ax, (5.6, 3.6))
         for i, column in enumerate(found.frequencies.T):
             word, first = senses[i], senses.index(senses[i]) == i
-            ax.plot(found.Omega, column * unit, color=COLOURS["no_impact"], linewidth=1.1,
+            ax.plot(speeds, column * unit, color=COLOURS["no_impact"], linewidth=1.1,
                     linestyle="-." if word == "backward" else "-",
                     label=_label(word) if first else "_", gid=f"mode {i + 1}")  # fmt: skip
         # modes above 1.5 times the highest order are left out
         highest = 1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
         top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), highest) or 1.0
         for i, (name, order) in enumerate(found.orders.items()):
-            ax.plot(found.Omega, order * found.Omega * unit, color=BRANCHES[(i + 1) % len(BRANCHES)],
-                    linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {name}", gid=f"order {name}")  # fmt: skip
+            word = "mesh" if name == "Omega" and across.is_speed else name
+            ax.plot(speeds, order * found.Omega * unit, color=BRANCHES[(i + 1) % len(BRANCHES)],
+                    linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {word}", gid=f"order {name}")  # fmt: skip
         if found.critical:
-            ax.plot([one.Omega for one in found.critical], [one.frequency * unit for one in found.critical], "o",
+            at = [(across.scale * one.Omega, one.frequency * unit) for one in found.critical]
+            ax.plot(*zip(*at, strict=True), "o",
                     color="black", markersize=3.4, label="critical speed", zorder=3)  # fmt: skip
-        ax.set_xlim(found.Omega[0], found.Omega[-1])
+        ax.set_xlim(speeds[0], speeds[-1])
         ax.set_ylim(0, top)
-        ax.set_xlabel(r"$\Omega$, frequency of the excitation" + (" [-]" if hertz else ""))
-        ax.set_ylabel("natural frequency [Hz]" if hertz else r"natural frequency $\omega$ (unit of $\Omega$)")
+        ax.set_xlabel(across.label)
+        ax.set_ylabel("natural frequency [Hz]" if across.is_speed else r"natural frequency $\omega$ (unit of $\Omega$)")
         ax.grid(color=GREY, linewidth=0.3, alpha=0.5)
         dress(ax)
-        if own and scaled_axes(ax, dict(found.scales)):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
         if legend:
             ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)

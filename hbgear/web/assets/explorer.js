@@ -55,9 +55,15 @@ const explorer = (() => {
     }
   }
 
+  const perOmega = () => (hbgear.state.units ? hbgear.state.units.rpm : 1); // value of Ω = 1 in the fields
+  let filled = 1; // perOmega() of the values in the fields
+
   function describeRange() { // in the units of the figure
-    const { units } = hbgear.state, speed = (Omega) => hbgear.short(Omega * units.rpm);
-    $("range").textContent = units ? `${speed(now.from)} to ${speed(now.to)} r/min; Ω = 1 is ${speed(1)} r/min` : "";
+    if (perOmega() !== filled) { // known with the first curve, and another one for another module or width
+      fill();
+      for (const id of ["mapx", "mapy"]) if ($(id).value === "Omega") mapRange(id);
+    }
+    $("range").textContent = hbgear.state.units ? `Ω = ${hbgear.short(now.from)} to ${hbgear.short(now.to)}; Ω = 1 is ${hbgear.short(perOmega())} r/min` : "";
   }
 
   async function rest(found, serial) { // when no slider moves: motion and tables of the curve
@@ -183,7 +189,11 @@ const explorer = (() => {
   }
 
   function fill() {
-    $("from").value = now.from; $("to").value = now.to;
+    filled = perOmega();
+    for (const id of ["from", "to"]) $(id).value = filled === 1 ? now[id] : hbgear.short(now[id] * filled, 7);
+    document.querySelectorAll(".frequency").forEach((word) => { word.textContent = filled === 1 ? "Ω" : "speed"; });
+    document.querySelectorAll(".frequency-unit").forEach((word) => { word.textContent = filled === 1 ? "" : "r/min"; });
+    document.querySelectorAll("option[value=Omega]").forEach((option) => { option.textContent = filled === 1 ? "Omega" : "speed [r/min]"; });
     const choices = [...new Set([4, 8, 12, 16, 24, 32, 48, now.harmonics])].sort((a, b) => a - b);
     $("harmonics").replaceChildren(...choices.map((H) => new Option(H, H, false, H === now.harmonics)));
   }
@@ -203,11 +213,12 @@ const explorer = (() => {
   function mapRange(id) {
     const name = $(id).value, p = data.map.find((each) => each.name === name);
     const [low, high] = name === "Omega" ? [Math.min(now.from, now.to), Math.max(now.from, now.to)] : [p.low, p.high];
-    $(`${id}0`).value = hbgear.short(low, 5); $(`${id}1`).value = hbgear.short(high, 5);
+    const unit = name === "Omega" ? filled : 1;
+    $(`${id}0`).value = hbgear.short(low * unit, 5); $(`${id}1`).value = hbgear.short(high * unit, 5);
   }
 
   async function makeMap() {
-    const axis = (id) => [$(id).value, Number($(`${id}0`).value), Number($(`${id}1`).value)];
+    const axis = (id) => [$(id).value, ...["0", "1"].map((end) => Number($(id + end).value) / ($(id).value === "Omega" ? filled : 1))];
     const at = hbgear.state.at, Omega = at ? hbgear.state.curves[at[0]].Omega[at[1]] : null;
     const axes = { x: axis("mapx"), y: axis("mapy"), Omega };
     $("makemap").disabled = true; $("cancelmap").hidden = false; $("mapstatus").textContent = "computing";
@@ -225,21 +236,23 @@ const explorer = (() => {
   }
 
   async function drawMap(found, axes) {
-    const ink = hbgear.palette(), seen = new Set(), div = $("map");
+    const ink = hbgear.palette(), seen = new Set(), div = $("map"), scale = perOmega();
+    const shown = (axis, xs) => (axes[axis][0] === "Omega" ? xs.map((x) => (x === null ? null : x * scale)) : xs);
+    const label = (axis, text) => (axes[axis][0] === "Omega" && scale !== 1 ? "speed of the pinion [r/min]" : text);
     const styles = { "jump, sweep up": { color: ink.regimes.no_impact, dash: "solid" },
                      "jump, sweep down": { color: ink.regimes.single_sided, dash: "dashdot" } };
     const traces = found.lines.map((line) => {
       const first = !seen.has(line.kind);
       seen.add(line.kind);
-      return { x: line.x, y: line.y, mode: "lines", name: line.kind.replace("Omega", "Ω"), showlegend: first, legendgroup: line.kind,
+      return { x: shown("x", line.x), y: shown("y", line.y), mode: "lines", name: line.kind.replace("Omega", "Ω"), showlegend: first, legendgroup: line.kind,
                line: { width: 2, ...(styles[line.kind] || { color: ink.regimes.no_impact }) }, hoverinfo: "x+y+name" };
     });
     const value = (name) => (name === "Omega" ? axes.Omega : now.values[name]);
     const [x, y] = [value(axes.x[0]), value(axes.y[0])]; // the axes of the map of a machine are parameters of its model
-    if (x !== undefined && y !== undefined) traces.push({ x: [x], y: [y], mode: "markers", name: "now", hoverinfo: "x+y+name",
+    if (x !== undefined && y !== undefined) traces.push({ x: shown("x", [x]), y: shown("y", [y]), mode: "markers", name: "now", hoverinfo: "x+y+name",
                   marker: { symbol: "circle-open", size: 11, color: ink.text, line: { width: 2 } } });
     div.hidden = false;
-    await Plotly.react(div, traces, hbgear.layoutOf({ xaxis: hbgear.axis(found.labels[0]), yaxis: hbgear.axis(found.labels[1]),
+    await Plotly.react(div, traces, hbgear.layoutOf({ xaxis: hbgear.axis(label("x", found.labels[0])), yaxis: hbgear.axis(label("y", found.labels[1])),
       margin: { l: 62, r: 14, t: 14, b: 48 }, legend: { orientation: "h", y: -0.2 }, uirevision: String(newest) }), hbgear.CONFIG);
     drawn = [found, axes];
     div.removeAllListeners("plotly_click");
@@ -296,7 +309,7 @@ const explorer = (() => {
       $(id).addEventListener("change", (event) => {
         const value = Number(event.target.value);
         if (event.target.value === "" || !isFinite(value)) { fill(); return; }
-        remember(); now[key] = value; hbgear.state.frame = null; moved(); settle();
+        remember(); now[key] = key === "harmonics" ? value : value / filled; hbgear.state.frame = null; moved(); settle();
       });
     $("find").addEventListener("input", () => {
       const word = $("find").value.toLowerCase();

@@ -1,0 +1,180 @@
+"""Assumptions of the model of a gear pair: the effect of other values on jumps and on the largest dynamic factor.
+
+A table shows the curve as computed and with each alternative: other damping, pitch errors of an accuracy grade, tip
+relief, inertia, and other models of the mesh. The alternatives are computed in threads.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import hbgear as hb
+from hbgear.cli.commands.machine_report import ACCURACY_GRADE
+from hbgear.cli.support import print_table
+from hbgear.common.process.threads import begun
+from hbgear.common.text.digits import rounded
+
+if TYPE_CHECKING:
+    from hbgear.gears import DrawnPair
+
+FACTOR_CANDIDATES = 5
+"""Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
+
+LONG_STEPS = hb.StepControl(max_step=0.4)
+"""Steps of the curves for comparison. Jumps are located between the points, so that their speeds do not depend on the
+steps; factors changed by 0.5 % at most, and half of the points remain."""
+
+JUMPS = "jumps at r/min, speed increasing (+) or decreasing (-)"
+"""Header of the column of jumps."""
+
+NO_RELIEF = "no tip relief: 10 um"
+"""Name of the alternative with tip relief."""
+
+MEASURES = {NO_RELIEF: "tip relief of 10 um on both gears"}
+"""Changes of the design among the alternatives, by the name of the alternative."""
+
+
+def until(stop: Event) -> Callable[[hb.Progress], None]:
+    """Return a monitor of a trace that ends it when an event is set."""
+
+    def ends(_: hb.Progress) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+
+    return ends
+
+
+def alternative_results(
+    changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event,
+    speeds: tuple[float, float] | None = None,
+) -> tuple[str, str]:  # fmt: skip
+    """Return `factor_and_jumps` of a changed model, in a range of speeds [r/min] or in the usual range of Omega.
+
+    The curve is reused if the model differs in scales only, and no range is given.
+    """
+    assert changed.scales is not None
+    same = speeds is None and hasattr(changed, "reference") and changed.replace(
+        reference=getattr(model, "reference", ())) == model  # fmt: skip
+    if not same:
+        problem, unit = hb.HarmonicBalance(changed, count), float(changed.scales.pinion_speed(1.0))
+        span = changed.default_span if speeds is None else (speeds[0] / unit, speeds[1] / unit)
+        curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None,
+                         progress=until(stop))  # fmt: skip
+    return factor_and_jumps(changed, curve)
+
+
+def factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
+    """Return the largest dynamic factor and the jump speeds as texts."""
+    return largest_factor(model, curve), _jump_speeds(model, curve)
+
+
+def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[str, Callable[[], DrawnPair]]]:
+    """Yield each assumption with an alternative value, and a function that returns the model with that value.
+
+    Parameters
+    ----------
+    model : DrawnPair
+        Gear pair as computed.
+    by_default : bool, optional
+        Whether its damping ratio is a default value; default False.
+
+    Yields
+    ------
+    tuple of str and callable
+        Text of the assumption and its alternative, and the function.
+    """
+    from hbgear.gears.mesh.iso_dynamics import deviations
+    from hbgear.gears.mesh.mesh_models import MESHES
+
+    zeta, pair = model.damping, model.pair
+
+    def made(**changes: Any) -> Callable[[], DrawnPair]:
+        return partial(dataclasses.replace, model, units=(), **changes)
+
+    def paired(**changes: Any) -> Callable[[], DrawnPair]:
+        return made(pair=dataclasses.replace(pair, **changes))
+
+    origin = "assumed" if by_default else "given"
+    for factor in (0.5, 1.5):
+        if zeta and zeta * factor <= 1:
+            yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
+    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
+    if model.cycle is None and not pair.pitch_error:
+        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
+    if model.cycle is None and not pair.pinion.tip_relief:
+        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
+        yield NO_RELIEF, paired(**relieved)
+    lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
+               for name in ("pinion", "wheel")}  # fmt: skip
+    solid = pair.pinion.inertia is None and pair.wheel.inertia is None
+    yield f"{'solid gears without other inertia' if solid else 'inertia'}: inertia 20 % less", paired(**lighter)
+    used = model.mesh or MESHES[0]
+    for name in MESHES if model.cycle is None and not model.friction else ():  # the mean-mesh models have no friction
+        if name != used:
+            yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh=name)
+
+
+def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span: tuple[float, float]) -> None:
+    """Print the table of assumptions of a gear pair and of their effect in a range of Omega.
+
+    Parameters
+    ----------
+    model : DrawnPair
+        Gear pair.
+    curve : Branch
+        Its curve.
+    count : int or str
+        Harmonic truncation order of the other curves.
+    span : tuple of float
+        Range of Omega.
+    """
+    assert model.scales is not None
+    low, high = (float(model.scales.pinion_speed(end)) for end in span)
+
+    def row(one: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
+        name, changed = one
+        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, (low, high))]
+
+    with begun(row, [*alternatives(model)]) as found:
+        rows = [["as computed", *factor_and_jumps(model, curve)], *(one.result() for one in found)]
+    print_assumptions(rows)
+
+
+def print_assumptions(rows: Sequence[Sequence[str]]) -> None:
+    """Print the table of assumptions."""
+    headers = ["assumption: alternative", "largest dynamic factor", JUMPS]
+    print_table(headers, [[*row] for row in rows], "assumptions and their effect")
+
+
+_MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant", "tangent": "one stiffness, tangent"}
+"""Names of the models of the mesh in tables."""
+
+
+def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+    assert model.scales is not None
+    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
+    found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
+    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in found) or "none"
+
+
+def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+    """Return the largest dynamic factor of the stable points with the largest amplitudes."""
+    for one in (curve, *curve.others):
+        if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
+            return "unbounded"
+    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)), 3)
+
+
+def largest_motions(curve: hb.Branch) -> list[hb.Point]:
+    """Return the stable points with the largest amplitudes of a curve and of each of its others."""
+    points = []
+    for one in (curve, *curve.others):
+        size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
+        points += [one[int(i)] for i in np.argsort(size)[-FACTOR_CANDIDATES:]]
+    return points
