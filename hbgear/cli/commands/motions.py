@@ -115,7 +115,7 @@ def cycles(
     name, span = range_of(within, machine)
     points = hb.analysis.hopf_points(machine, name, span)
     if not points:
-        raise ValueError(f"--in {within}: no Hopf point; the equilibrium neither gains nor loses stability by flutter")
+        raise ValueError(f"--in {within}: no Hopf point: no pair of eigenvalues crosses the imaginary axis there")
     print_table([name, "Omega"], [[f"{one.value:.8g}", f"{one.Omega:.8g}"] for one in points], "Hopf points")
     found = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
     with outputs() as out:

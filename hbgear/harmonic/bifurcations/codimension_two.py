@@ -106,8 +106,10 @@ def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array
 
     Returns
     -------
-    D, D_s : ndarray, shape (k, k)
-        The matrices.
+    D : ndarray, shape (k, k)
+        The determinant's matrix.
+    D_s : ndarray, shape (k, k)
+        Its derivative.
     """
     hill = CondensedHillMatrix.of(balance.compiled(here), X, here["Omega"])
     m, H = balance.m, balance.H
