@@ -122,8 +122,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     -------
     LocatedEvent
         The special point. Its error is infinite if it does not exist at other numbers of unknowns, and nan if there is
-        no other number for a comparison. It is not located if its multipliers at the largest number of unknowns deviate
-        by more than 1e-3 from the values that the event requires.
+        no other number for a comparison, or the limit of the work allows none. It is not located if its multipliers at
+        the largest number of unknowns deviate by more than 1e-3 from the values that the event requires.
     """
     rough = (
         is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
@@ -136,6 +136,7 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     while True:
         moved: list[tuple[ContinuationProblem, MovedPoint]] = []
         if not _may_compare(problem, problem is segment.problem, work):
+            error = math.nan if problem is segment.problem else error
             break
         error = _estimate(segment, found, problem, goal, moved)
         finer = None if problem.refined_problem is None else problem.refined_problem
