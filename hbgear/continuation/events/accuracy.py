@@ -74,6 +74,13 @@ COMPARISON_COST = 3
 """Cost of a special point located with 3/2 n and 2 n unknowns, in solutions with 2 n unknowns."""
 
 
+FAILED_COMPARISON_COST = 150
+"""Additional cost of a special point that is not found with another number of unknowns, in the smallest solutions.
+
+All methods are tried then, with their largest numbers of iterations.
+"""
+
+
 LOCATION_COST = 4
 """Cost of a special point located to all digits, in solutions."""
 
@@ -139,6 +146,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
             error = math.nan if problem is segment.problem else error
             break
         error = _estimate(segment, found, problem, goal, moved)
+        if math.isinf(error) and found.located:
+            work.estimates(0, FAILED_COMPARISON_COST)
         finer = None if problem.refined_problem is None else problem.refined_problem
         if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break

@@ -119,7 +119,7 @@ class Work:
         Parameters
         ----------
         unknowns : int
-            Number of equations of the exact motion.
+            Number of states of the structure.
         solutions : int, optional
             Number of solutions. The default is 1.
 
@@ -144,7 +144,7 @@ class Work:
         (5.0, 2.0)
         """
         half = 0.5 * self.limit
-        return Work(self.limit, *(min(one, half) for one in (self.spent, self.estimated, self.verified)))
+        return Work(self.limit, min(self.spent, half), min(self.estimated, half), min(self.verified, half))
 
     def affords(self, unknowns: int, solutions: int = 1) -> bool:
         """Return whether a curve may be traced again at the cost of solutions. False counts as a refusal.

@@ -291,7 +291,7 @@ def _exact_stability(
 ) -> _Stability | None:
     """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
 
-    It counts as solutions of its equations in the contact instants, and as more of them if Newton's method fails.
+    It counts as one small solution for each contact instant, and as more of them if Newton's method fails.
 
     Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold. A
     motion whose parity differs from ``expected`` is not consistent. Next to the grazing of a hard stop the multipliers
@@ -300,13 +300,13 @@ def _exact_stability(
     compiled = problem.compiled(dict(here))
     try:
         compiled.contact_equations  # noqa: B018  raises NotPiecewiseLinear
-        unknowns = max(len(compiled.crossings(X).theta), 1) * (2 * compiled.structure.n + 1)
-        if not work.verifies(unknowns, EXACT_MOTION_COST):
+        states = 2 * compiled.structure.n + 1
+        if not work.verifies(states, max(EXACT_MOTION_COST, len(compiled.crossings(X).theta))):
             return None
         try:
             exact = refine_motion(problem, X, here)
         except NoConvergence:
-            work.verifies(unknowns, FAILED_MOTION_COST)
+            work.verifies(states, FAILED_MOTION_COST)
             if name != "Omega":
                 return None
             exact = refine_near_fold(problem, X, here)
@@ -360,7 +360,7 @@ def _exact_from_finer(
 
 
 EXACT_MOTION_COST = 5
-"""Cost of an exact motion, in solutions of its equations."""
+"""Least cost of an exact motion, in solutions with the states of the structure as unknowns."""
 
 
 FAILED_MOTION_COST = 60
