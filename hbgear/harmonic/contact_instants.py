@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -304,12 +304,24 @@ class ContactInstants(HarmonicBalance):
         )
         here = setup.parameters_at(value)
         if start is None:
-            X = self.balance.start(**here)
-        else:
-            X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
+            return self._state_from_balance(name, here), None
+        X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and start.away:
             return self._doubled_start(start, name, here)
         return self._exact_state(self.resized(X), name, here), None
+
+    def _state_from_balance(self, name: str, here: dict[str, float]) -> CurveState:
+        """Return an exact motion near a solution of the balance, with more harmonics if H is too low for contacts."""
+        failure: NoConvergence | None = None
+        problem = self
+        for _ in range(1 + MAX_START_DOUBLINGS):
+            try:
+                return problem._exact_state(problem.balance.start(**here), name, here)
+            except NoConvergence as error:
+                failure = failure or error
+            problem = cast(ContactInstants, problem.with_order(self.nu, 2 * problem.H))
+        assert failure is not None
+        raise failure
 
     def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
         """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.
@@ -334,6 +346,9 @@ class ContactInstants(HarmonicBalance):
         null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
         return state, (antisymmetric @ null) * scale
 
+
+MAX_START_DOUBLINGS = 3
+"""Number of times that the harmonics of the balance are doubled in search of the first exact motion."""
 
 _STORED_VALUES = 16
 """Values of the parameter whose equations are stored: a corrector, its differences and a grazing use a few in turn."""

@@ -2,6 +2,7 @@
 
     python -m studies.random.stops --count 20 --every 4    # stiffnesses from 10 to 1e5, two dampings, two gaps
     python -m studies.random.stops --zeta 0.02 --gap 0     # one part of them
+    python -m studies.random.stops --save stops.jsonl      # continues after an interruption
 
     q'' + c q' + q + k max(q - gap, 0) = F cos(Omega t)
 
@@ -17,9 +18,14 @@ hard stops are traced in contact instants. There shooting starts from the state 
 from __future__ import annotations
 
 import argparse
+import itertools
+import json
+import random
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -182,22 +188,40 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=4, help="rows with contact, of which one is compared")
     parser.add_argument("--zeta", type=float, nargs="+", default=[0.02, 0.1], help="damping ratios")
     parser.add_argument("--gap", type=float, nargs="+", default=[0.0, 0.5], help="gaps")
+    parser.add_argument("--save", type=Path, help="file of finished curves (JSON lines); the scan continues after them")
     given = parser.parse_args()
-    total: list[Shot] = []
-    for zeta in given.zeta:
-        for gap in given.gap:
-            for k in np.geomspace(10.0, 1e5, given.count).tolist():
-                stop, start = Stop(2 * zeta, k, gap, 0.1), time.process_time()
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (2.2, 0.4))
-                seconds = time.process_time() - start
-                shots = compared(stop, curve, given.every)
-                total += shots
-                print(
-                    f"zeta {zeta}, gap {gap}, k {k:.4g}: {summary(shots)}, {seconds:.1f} s, {curve.status}", flush=True
-                )
+    stiffnesses = np.geomspace(10.0, 1e5, given.count).tolist()
+    cases = list(itertools.product(given.zeta, given.gap, stiffnesses))
+    random.Random(0).shuffle(cases)  # an interrupted scan has curves of all kinds
+    done = {tuple(one["case"]): one for one in map(json.loads, read_lines(given.save))}
+    for case in cases:
+        if case not in done:
+            done[case] = scanned(*case, given.every)
+            if given.save:
+                with given.save.open("a") as file:
+                    print(json.dumps(done[case]), file=file)
+        one = done[case]
+        zeta, gap, k = case
+        shots, seconds = [Shot(*row) for row in one["shots"]], one["seconds"]
+        print(f"zeta {zeta}, gap {gap}, k {k:.4g}: {summary(shots)}, {seconds:.1f} s, {one['status']}", flush=True)
+    total = [Shot(*row) for case in cases for row in done[case]["shots"]]
     print(f"all: {summary(total)}")
+
+
+def read_lines(path: Path | None) -> list[str]:
+    """Lines of a file; none without a file."""
+    return path.read_text().splitlines() if path and path.exists() else []
+
+
+def scanned(zeta: float, gap: float, k: float, every: int) -> dict[str, Any]:
+    """One curve as plain data: case, points compared, seconds of the trace, and status."""
+    stop, start = Stop(2 * zeta, k, gap, 0.1), time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (2.2, 0.4))
+    seconds = time.process_time() - start
+    shots = [astuple(shot) for shot in compared(stop, curve, every)]
+    return {"case": (zeta, gap, k), "shots": shots, "seconds": seconds, "status": curve.status.value}
 
 
 def summary(shots: list[Shot]) -> str:

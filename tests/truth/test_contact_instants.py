@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import hbgear as hb
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
@@ -82,6 +83,25 @@ def test_harmonic_balance_covers_a_hard_stop() -> None:
     assert abs(found["LP1"].parameters["Omega"] - 1.76114206319) < 1e-9
     jump = found.jumps()[0]
     assert jump.after is not None and jump.after.amplitude("max") < 0.5  # back to the motion without contact
+
+
+def test_hard_stop_without_a_gap_starts_from_more_harmonics() -> None:
+    """A contact of a seventieth of the period, which 16 harmonics do not show: the motion closes by Runge-Kutta."""
+    k, c, F, Omega = 23357.0, 0.2, 0.1, 2.1
+    element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.0), name="stop")
+    system = hb.System([[1.0]], [[c]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (2.2, Omega))
+    assert curve.status is hb.Status.REACHED_END and "traced in contact instants" in curve.message
+    known = curve.problem.exact_motion(curve.X[-1], Omega=Omega)
+    start, t = known.states[0] * (1.0, np.sqrt(1 + k)), known.instants[0] / Omega
+    period = 2 * np.pi / Omega
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], F * np.cos(Omega * t) - c * y[1] - y[0] - k * max(y[0], 0.0)]
+
+    end = solve_ivp(rates, (t, t + period), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=2e-3).y[:, -1]
+    np.testing.assert_allclose(end, start, atol=1e-7)
+    assert np.prod(curve.multipliers[-1]) == pytest.approx(np.exp(-c * period), rel=1e-9)  # Liouville
 
 
 def test_soft_stops_are_traced_by_harmonics() -> None:

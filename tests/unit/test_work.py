@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.problem.work import Work
+from hbgear.continuation.problem.work import MIN_WEIGHT, Work
+from hbgear.harmonic.stability import verification
 
 
 def test_no_solution_takes_more_than_half_of_what_is_left():
@@ -25,9 +26,19 @@ def test_first_estimates_have_a_sum_of_their_own():
     assert work.spent == 2.5 and work.estimated == pytest.approx(2 + 4e-3) and work.refused == 2
 
 
-def test_a_curve_that_is_followed_again_has_the_whole_work():
-    work = Work(2.5, spent=2.4)
-    assert work.affords(700) and not work.affords(700, solutions=2) and work.refused == 1 and work.spent == 2.4
+def test_a_curve_is_traced_again_if_half_of_the_work_is_left():
+    work = Work(2.5, spent=1.2, estimated=2.4)
+    assert work.affords(700) and not work.affords(700, solutions=2) and work.refused == 1 and work.spent == 1.2
+    again = work.renewed()
+    assert (again.limit, again.spent, again.estimated, again.refused) == (2.5, 1.2, 1.25, 0)
+    assert not Work(2.5, spent=1.3).affords(70)
+    assert Work(math.inf, spent=1e9).affords(700, solutions=1000)
+
+
+def test_exact_motions_have_a_sum_of_their_own():
+    work = Work(0.01, spent=0.01, estimated=0.01)
+    assert [work.verifies(7, solutions=2) for _ in range(4)] == [True, True, True, False]
+    assert work.refused == 1 and work.verified == pytest.approx(0.012, rel=1e-3)
 
 
 def test_without_a_limit_everything_is_allowed():
@@ -78,3 +89,17 @@ def test_the_work_is_counted_not_timed(stop):
 def test_a_bound_is_no_negative_number(stop, work):
     with pytest.raises(ValueError, match="work"):
         hb.trace(hb.HarmonicBalance(stop, 4), "Omega", (0.9, 2.2), work=work)
+
+
+@pytest.mark.slow
+def test_a_rattle_with_endless_contacts_ends_within_its_bound(monkeypatch):
+    """At low Omega each period has more impacts, folds and flips; every exact motion counts, also one that fails."""
+    mesh = hb.Element([1.0], hb.Backlash(k=1.0, b=1.0), damping=0.1, name="mesh")
+    load = hb.Load(constant=[0.02], cosine={1: [0.05]})
+    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], load), 24)
+    calls, refine = [], verification.refine_motion
+    monkeypatch.setattr(verification, "refine_motion", lambda *given: calls.append(1) or refine(*given))
+    curve = hb.trace(problem, "Omega", (0.15, 0.1), work=0.1, cover=False)
+    assert 0 < len(calls) <= 0.1 / (verification.EXACT_MOTION_COST * MIN_WEIGHT) + 1
+    assert curve.status.complete and "the bound work = 0.1 was reached" in curve.message
+    assert curve.undecided.any() and curve.warnings

@@ -74,6 +74,13 @@ COMPARISON_COST = 3
 """Cost of a special point located with 3/2 n and 2 n unknowns, in solutions with 2 n unknowns."""
 
 
+FAILED_COMPARISON_COST = 150
+"""Additional cost of a special point that is not found with another number of unknowns, in the smallest solutions.
+
+All methods are tried then, with their largest numbers of iterations.
+"""
+
+
 LOCATION_COST = 4
 """Cost of a special point located to all digits, in solutions."""
 
@@ -122,8 +129,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     -------
     LocatedEvent
         The special point. Its error is infinite if it does not exist at other numbers of unknowns, and nan if there is
-        no other number for a comparison. It is not located if its multipliers at the largest number of unknowns deviate
-        by more than 1e-3 from the values that the event requires.
+        no other number for a comparison, or the limit of the work allows none. It is not located if its multipliers at
+        the largest number of unknowns deviate by more than 1e-3 from the values that the event requires.
     """
     rough = (
         is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
@@ -136,8 +143,11 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     while True:
         moved: list[tuple[ContinuationProblem, MovedPoint]] = []
         if not _may_compare(problem, problem is segment.problem, work):
+            error = math.nan if problem is segment.problem else error
             break
         error = _estimate(segment, found, problem, goal, moved)
+        if math.isinf(error) and found.located:
+            work.estimates(0, FAILED_COMPARISON_COST)
         finer = None if problem.refined_problem is None else problem.refined_problem
         if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break

@@ -6,8 +6,8 @@ n_i is the number of unknowns of a solution, or of a dense solution of the same 
 solutions. Dense factorisations take n^3 operations, so the sum is proportional to the time. It is counted and not
 measured: results do not depend on the processor or its load. No solution takes more than half of the remaining work,
 so that large solutions are refused first. The first error estimates of special points have a second sum with the same
-limit, because a special point without an estimate is of little use. Only problems with many unknowns reach that
-limit.
+limit, because a special point without an estimate is of little use, and exact motions that verify the stability of
+points a third one. Only problems with many unknowns, or curves with many contacts in a period, reach these limits.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MIN_WEIGHT = 2e-3
 MAX_FRACTION = 0.5
 """Fraction of the remaining work that one solution may take."""
 
-DEFAULT_LIMIT = 25.0
-"""Default limit. It corresponds to half a minute at most."""
+DEFAULT_LIMIT = 10.0
+"""Default limit. Each of the three sums corresponds to about five seconds."""
 
 
 @dataclass
@@ -39,6 +39,8 @@ class Work:
         Sum so far. The default is 0.
     estimated : float, optional
         Sum of the first error estimates so far. The default is 0.
+    verified : float, optional
+        Sum of the exact motions so far. The default is 0.
     refused : int, optional
         Number of solutions that were refused. The default is 0.
     """
@@ -46,6 +48,7 @@ class Work:
     limit: float
     spent: float = 0.0
     estimated: float = 0.0
+    verified: float = 0.0
     refused: int = 0
 
     @property
@@ -110,8 +113,43 @@ class Work:
         self.estimated += more
         return True
 
+    def verifies(self, unknowns: int, solutions: int = 1) -> bool:
+        """Count solutions for an exact motion if the third sum allows them.
+
+        Parameters
+        ----------
+        unknowns : int
+            Number of states of the structure.
+        solutions : int, optional
+            Number of solutions. The default is 1.
+
+        Returns
+        -------
+        bool
+            False if they are refused.
+        """
+        if self.verified >= self.limit:
+            self.refused += 1
+            return False
+        self.verified += _weight(unknowns, solutions)
+        return True
+
+    def renewed(self) -> Work:
+        """Return the bound for a curve that is traced again: at most half of each sum counts for it.
+
+        Examples
+        --------
+        >>> again = Work(10.0, spent=9.0, estimated=2.0).renewed()
+        >>> again.spent, again.estimated
+        (5.0, 2.0)
+        """
+        half = 0.5 * self.limit
+        return Work(self.limit, min(self.spent, half), min(self.estimated, half), min(self.verified, half))
+
     def affords(self, unknowns: int, solutions: int = 1) -> bool:
-        """Return whether `allows` would accept solutions if no work had been done. False counts as a refusal.
+        """Return whether a curve may be traced again at the cost of solutions. False counts as a refusal.
+
+        The solutions may take half of the limit, and at most half of it may be spent.
 
         Parameters
         ----------
@@ -125,7 +163,7 @@ class Work:
         bool
             True if the limit is large enough.
         """
-        afforded = _weight(unknowns, solutions) <= MAX_FRACTION * self.limit
+        afforded = max(_weight(unknowns, solutions), self.spent) <= MAX_FRACTION * self.limit
         self.refused += not afforded
         return afforded
 

@@ -127,8 +127,8 @@ def trace(
         Target relative error of special points. None switches all error estimates off. The default is 1e-5; see Notes.
     work : float or None, optional
         Limit of the work for error estimates, refined special points and the verification of stability. The unit is
-        one solution with 700 unknowns; a solution with n unknowns counts as (n / 700)^3. First error estimates have a
-        second limit of the same size. None removes the limit.
+        one solution with 700 unknowns; a solution with n unknowns counts as (n / 700)^3. First error estimates, and
+        exact motions that verify the stability, have further limits of the same size. None removes the limits.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def trace(
     2. Points of undecided stability are verified with more unknowns. All other points keep their number of unknowns.
     3. A curve that covers its span is traced again with twice the unknowns if the error of its solutions exceeds 5 %
        of their size, or if the error of a special point exceeds a thousandth of its parameter value, so that the
-       point may not exist. `Branch.message` reports it.
+       point may not exist. `Branch.message` reports it. This is done only while half of `work` is left.
 
     Once the limit `work` is reached, special points keep their errors, points of uncertain stability are undecided, and
     `Branch.message` reports it.
@@ -217,7 +217,7 @@ def _trace_refined(
             branch = tracer.run()
         except UnderResolvedError as finding:
             problem, refined = finding.finer, str(finding)
-            work = Work(work.limit)  # the work spent on the under-resolved curve does not limit the better one
+            work = work.renewed()
             continue
         if not refined and not reversed_span:
             return branch

@@ -222,7 +222,7 @@ def _refine_stability(
     """
     constant = _has_constant_stiffness(problem, here)
     if constant:
-        exact = _exact_stability(problem, X, name, here, stability, expected)
+        exact = _exact_stability(problem, X, name, here, stability, expected, work)
         if exact is not None:
             if exact.consistent:
                 return exact
@@ -233,7 +233,7 @@ def _refine_stability(
         )
     if constant or stability.determined or problem.compiled(dict(here)).structure.n > MAX_EXACT_COORDINATES:
         return stability
-    return _exact_stability(problem, X, name, here, stability, expected) or stability
+    return _exact_stability(problem, X, name, here, stability, expected, work) or stability
 
 
 MAX_EXACT_COORDINATES = 2
@@ -289,18 +289,26 @@ def _has_hard_short_intervals(
 
 
 def _exact_stability(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], stability: _Stability, expected: int
+    problem: Any, X: Array, name: str, here: Mapping[str, float], stability: _Stability, expected: int, work: Work
 ) -> _Stability | None:
     """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
+
+    It counts as one small solution for each contact instant, and as more of them if Newton's method fails.
 
     Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold. A
     motion whose parity differs from ``expected`` is not consistent. Next to the grazing of a hard stop the multipliers
     may be far from +1 on both sides of a fold.
     """
+    compiled = problem.compiled(dict(here))
     try:
+        compiled.contact_equations  # noqa: B018  raises NotPiecewiseLinear
+        states = 2 * compiled.structure.n + 1
+        if not work.verifies(states, max(EXACT_MOTION_COST, len(compiled.crossings(X).theta))):
+            return None
         try:
             exact = refine_motion(problem, X, here)
         except NoConvergence:
+            work.verifies(states, FAILED_MOTION_COST)
             if name != "Omega":
                 return None
             exact = refine_near_fold(problem, X, here)
@@ -347,10 +355,18 @@ def _exact_from_finer(
             X, problem = solve(finer, finer.resized(X), dict(here)).X, finer
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        exact = _exact_stability(problem, X, name, here, stability, expected)
+        exact = _exact_stability(problem, X, name, here, stability, expected, work)
         if exact is not None and exact.consistent:
             return exact
     return None
+
+
+EXACT_MOTION_COST = 5
+"""Least cost of an exact motion, in solutions with the states of the structure as unknowns."""
+
+
+FAILED_MOTION_COST = 60
+"""Additional cost where Newton's method does not converge, or only with Omega as an unknown."""
 
 
 MAX_EXACT_DISTANCE = 0.02
