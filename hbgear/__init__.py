@@ -21,7 +21,6 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear._version import __version__
     from hbgear.analysis.jump_maps import jump_map
     from hbgear.analysis.multistart import trace_all
-    from hbgear.common.process.progress import Progress, ProgressCallback
     from hbgear.common.process.progress_bar import ProgressBar
     from hbgear.continuation.events.event import Event
     from hbgear.continuation.extend import extend
@@ -38,7 +37,6 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.contact_instants import ContactInstants
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
     from hbgear.io.branches.npz import load, save
-    from hbgear.mechanics.laws.friction import Jenkins
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
     from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
@@ -55,15 +53,12 @@ __all__ = [
     "Event",
     "GearPair",
     "HarmonicBalance",
-    "Jenkins",
     "Jump",
     "Load",
     "NewtonSettings",
     "NoConvergence",
     "Point",
-    "Progress",
     "ProgressBar",
-    "ProgressCallback",
     "SpecialPoint",
     "SpurPair",
     "Status",
@@ -131,6 +126,8 @@ _DEPRECATED = {
     "PiecewiseLinear": "mechanics.PiecewiseLinear",
     "PlanetMode": "gears.PlanetMode",
     "PlanetarySet": "gears.PlanetarySet",
+    "Progress": "continuation.Progress",
+    "ProgressCallback": "continuation.ProgressCallback",
     "Range": "mechanics.Range",
     "Reaction": "mechanics.Reaction",
     "Receptances": "mechanics.Receptances",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.common.process.progress import Progress, ProgressCallback
     from hbgear.continuation.augmented.branch_point import BranchPointProblem
     from hbgear.continuation.augmented.fold import FoldProblem
     from hbgear.continuation.events.registry import register_event
@@ -17,6 +18,8 @@ __all__ = [
     "ContinuationProblem",
     "Evaluation",
     "FoldProblem",
+    "Progress",
+    "ProgressCallback",
     "as_problem",
     "register_event",
 ]

@@ -63,6 +63,8 @@ def test_bad_input():
         hb.time.steady_states(hb.Duffing(), -1.0)
     with pytest.raises(ValueError, match="extent"):
         hb.time.steady_states(hb.Duffing(), 1.0, extent=0.0)
-    slider = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Jenkins(1.0, 0.1))], hb.Load(cosine={1: [1.0]}))
+    slider = hb.System(
+        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1))], hb.Load(cosine={1: [1.0]})
+    )
     with pytest.raises(ValueError, match="does not integrate friction"):
         hb.time.steady_states(slider, 1.0)

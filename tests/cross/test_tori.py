@@ -167,7 +167,7 @@ def test_bad_input(curve, tori):
         tori.amplitude("H1")
     with pytest.raises(ValueError, match="has no tori"):
         hb.time.verify_torus(curve)
-    slider = hb.Element([1.0], hb.Jenkins(1.0, 0.1))
+    slider = hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1))
     few = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [1.0]})), 3)
     with pytest.raises(ValueError, match="laws without memory"):
         hb.harmonic.TorusProblem(few, TorusBasis(2, 2))

@@ -279,7 +279,7 @@ def targets() -> tuple[Target, ...]:
     out = [
         Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
         Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
-        Target("Jenkins", hb.Jenkins, {"k": _is(1.0), "limit": _is(0.1), "residual": _is(0.0)}),
+        Target("Jenkins", hb.mechanics.Jenkins, {"k": _is(1.0), "limit": _is(0.1), "residual": _is(0.0)}),
         Target("Cubic", hb.Cubic, {"k3": _is(0.1), "k1": _is(0.0)}),
         Target(
             "CompiledLaw",

@@ -9,7 +9,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
 
-ONE = hb.Jenkins(k=1.0, limit=0.1)
+ONE = hb.mechanics.Jenkins(k=1.0, limit=0.1)
 FOUR = hb.mechanics.Iwan((0.25,) * 4, (0.02, 0.05, 0.1, 0.2))
 
 
@@ -19,8 +19,8 @@ def oscillator(law, load):
 
 def two_masses():
     K = np.array([[2.0, -1.0], [-1.0, 2.0]])
-    link = hb.Element([1.0, -1.0], hb.Jenkins(0.8, 0.04), name="link")
-    ground = hb.Element([1.0, 0.0], hb.Jenkins(0.5, 0.05), name="ground")
+    link = hb.Element([1.0, -1.0], hb.mechanics.Jenkins(0.8, 0.04), name="link")
+    ground = hb.Element([1.0, 0.0], hb.mechanics.Jenkins(0.5, 0.05), name="ground")
     return hb.System(np.eye(2), 0.02 * K, K, [link, ground], hb.Load(cosine={1: [0.3, 0.0]}))
 
 
@@ -58,7 +58,7 @@ def loop(law, row, N):
 @pytest.mark.parametrize("size", [0.05, 0.12, 0.3, 2.0])
 def test_forces_are_those_of_a_sampled_loop(size):
     row = np.random.default_rng(3).standard_normal(15) * size / np.r_[1, np.repeat(np.arange(1, 8) ** 1.5, 2)]
-    for law in (ONE, FOUR, hb.Jenkins(2.0, 0.1, residual=0.07)):
+    for law in (ONE, FOUR, hb.mechanics.Jenkins(2.0, 0.1, residual=0.07)):
         exact = hb.HarmonicBalance(oscillator(law, 0.2), 7).compiled({}).forces(row, 1.0)[0]
         np.testing.assert_allclose(exact, loop(law, row, 65536), rtol=0, atol=1e-8 * max(1.0, size))
 
@@ -128,7 +128,7 @@ def test_shooting_is_event_exact():
 def test_residual_position_selects_the_motion():
     """Where no slider slips, each residual position has its motion: a linear oscillator about a shifted mean."""
     for residual in (0.0, 0.03, -0.02):
-        law = hb.Jenkins(1.0, 0.1, residual)
+        law = hb.mechanics.Jenkins(1.0, 0.1, residual)
         problem = hb.HarmonicBalance(oscillator(law, 0.02), 3)
         X = solve(problem, np.zeros(problem.size), {"Omega": 0.5}).X
         G = 0.02 / (2.0 - 0.25 + 0.01j)
@@ -169,8 +169,8 @@ def chain():
     """Three masses with friction to the ground and between two of them, cubic springs and a stop."""
     K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
     elements = [
-        hb.Element([1, 0, 0], hb.Jenkins(20.0, 1.0), name="ground"),
-        hb.Element([-1, 1, 0], hb.Jenkins(20.0, 1.0), name="link"),
+        hb.Element([1, 0, 0], hb.mechanics.Jenkins(20.0, 1.0), name="ground"),
+        hb.Element([-1, 1, 0], hb.mechanics.Jenkins(20.0, 1.0), name="link"),
         hb.Element([0, 1, 0], hb.Cubic(1.0), name="second"),
         hb.Element([0, -1, 1], hb.Cubic(1.0), name="third"),
         hb.Element([0, 0, 1], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
@@ -193,8 +193,8 @@ def test_chain_with_friction_cubic_springs_and_a_stop():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: hb.Jenkins(0.0, 0.1), "Jenkins: k = 0"),
-        (lambda: hb.Jenkins(1.0, -0.1), "Jenkins: limit = -0.1"),
+        (lambda: hb.mechanics.Jenkins(0.0, 0.1), "Jenkins: k = 0"),
+        (lambda: hb.mechanics.Jenkins(1.0, -0.1), "Jenkins: limit = -0.1"),
         (lambda: hb.mechanics.Coulomb(0.0, 1.0), "Coulomb: limit = 0"),
         (lambda: hb.mechanics.Iwan((1.0, 1.0), (0.1,)), "2 stiffnesses k and 1 limits"),
         (lambda: hb.mechanics.Iwan((1.0, 0.0), (0.1, 0.1)), "must be a sequence of positive numbers"),

@@ -148,7 +148,7 @@ def test_machine_file(tmp_path):
             ),
             "follow",
         ),
-        (lambda: hb.mechanics.Directed(hb.Jenkins(1.0, 0.1)), "acts where it measures"),
+        (lambda: hb.mechanics.Directed(hb.mechanics.Jenkins(1.0, 0.1)), "acts where it measures"),
         (lambda: hb.mechanics.Polynomial([[1, 2]], [[1.0]]), "shape"),
     ],
 )

@@ -654,7 +654,7 @@ class Slow(Explorer):
 
     def _traced(self, asked, job):
         for i in range(600 if asked.values["zeta"] != 0.05 else 0):
-            job(hb.Progress(i / 600, f"step {i}"))
+            job(hb.continuation.Progress(i / 600, f"step {i}"))
             time.sleep(0.05)
         return super()._traced(asked, job)
 

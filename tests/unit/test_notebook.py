@@ -83,6 +83,10 @@ def test_bar_in_a_terminal_and_elsewhere(monkeypatch):
         out.isatty = lambda terminal=terminal: terminal
         monkeypatch.setattr(sys, "stderr", out)
         bar = hb.ProgressBar("work")
-        for progress in (hb.Progress(0.5, "half"), hb.Progress(0.6, "too soon"), hb.Progress(1.0, "all")):
+        for progress in (
+            hb.continuation.Progress(0.5, "half"),
+            hb.continuation.Progress(0.6, "too soon"),
+            hb.continuation.Progress(1.0, "all"),
+        ):
             bar(progress)
         assert out.getvalue() == expected

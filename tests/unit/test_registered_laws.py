@@ -34,7 +34,7 @@ EXAMPLES = {
     ),
     "backlash": (hb.Backlash(0.1, 2.0), "b = 0.1\nk = 2.0"),
     "unilateral": (hb.Unilateral(2.0, 0.1), "k = 2.0\ngap = 0.1"),
-    "jenkins": (hb.Jenkins(1.0, 0.05, 0.01), "k = 1.0\nlimit = 0.05\nresidual = 0.01"),
+    "jenkins": (hb.mechanics.Jenkins(1.0, 0.05, 0.01), "k = 1.0\nlimit = 0.05\nresidual = 0.01"),
     "coulomb": (hb.mechanics.Coulomb(0.05, 10.0), "limit = 0.05\nk = 10.0"),
     "hunt-crossley": (
         hb.mechanics.HuntCrossley(2.0, 0.5, 0.1, sides=2),

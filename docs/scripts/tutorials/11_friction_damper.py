@@ -23,7 +23,7 @@ K = np.array([[3.0, -1.0], [-1.0, 1.0]])
 @hb.mechanics.model(default_span=(0.6, 1.4))
 def blade(limit: float = 0.05, excitation: float = 0.02) -> hb.System:
     """A blade that is excited at its tip, with a damper at its platform."""
-    damper = hb.Element([1, 0], hb.Jenkins(k=1.0, limit=limit), name="damper")
+    damper = hb.Element([1, 0], hb.mechanics.Jenkins(k=1.0, limit=limit), name="damper")
     load = hb.Load(cosine={1: [0.0, excitation]})
     return hb.System(M, 0.004 * K, K, elements=[damper], load=load)
 

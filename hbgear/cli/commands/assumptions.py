@@ -40,10 +40,10 @@ MEASURES = {NO_RELIEF: "tip relief of 10 um on both gears"}
 """Changes of the design among the alternatives, by the name of the alternative."""
 
 
-def until(stop: Event) -> Callable[[hb.Progress], None]:
+def until(stop: Event) -> Callable[[hb.continuation.Progress], None]:
     """Return a monitor of a trace that ends it when an event is set."""
 
-    def ends(_: hb.Progress) -> None:
+    def ends(_: hb.continuation.Progress) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 

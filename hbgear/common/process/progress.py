@@ -29,7 +29,7 @@ class Progress:
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.8), progress=received.append)
     >>> received[-1].done, received[-1].numbers["value"]
     (1.0, 0.8)
-    >>> print(hb.Progress(0.25, "Omega = 0.9"))
+    >>> print(hb.continuation.Progress(0.25, "Omega = 0.9"))
      25 %  Omega = 0.9
     """
 
@@ -48,7 +48,7 @@ ProgressCallback = Callable[[Progress], None]
 Examples
 --------
 >>> import hbgear as hb
->>> def show(progress: hb.Progress) -> None:
+>>> def show(progress: hb.continuation.Progress) -> None:
 ...     if progress.done == 1.0:
 ...         print(progress.text.split(",")[0])
 >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.6), progress=show)

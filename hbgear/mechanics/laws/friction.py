@@ -78,7 +78,7 @@ class Jenkins(_Sliders):  # numpydoc ignore=PR02
     Examples
     --------
     >>> import hbgear as hb
-    >>> damper = hb.Element([1.0], hb.Jenkins(k=1.0, limit=0.04), name="damper")
+    >>> damper = hb.Element([1.0], hb.mechanics.Jenkins(k=1.0, limit=0.04), name="damper")
     >>> blade = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.05]}))
     >>> curve = hb.trace(hb.HarmonicBalance(blade, 3), "Omega", (0.8, 1.6))
     >>> sorted(set(curve.regimes))

@@ -37,7 +37,7 @@ class Slider:  # numpydoc ignore=PR02
     Examples
     --------
     >>> import hbgear as hb
-    >>> hb.Jenkins(k=2.0, limit=1.0).sliders[0].reach
+    >>> hb.mechanics.Jenkins(k=2.0, limit=1.0).sliders[0].reach
     0.5
     """
 
