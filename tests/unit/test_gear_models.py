@@ -120,7 +120,7 @@ def test_lags_and_units_that_do_not_fit(cls, fields, said):
     [
         ({"form": "planar"}, "torsion, bearings, spatial"),
         ({"form": "bearings"}, "supports="),
-        ({"form": "spatial", "supports": (hb.gears.Support(1e8),) * 2}, "tilt stiffness"),
+        ({"form": "spatial", "supports": (hb.gears.Support(1e8),) * 2}, "needs the key tilt in both supports"),
         ({"form": "spatial", "supports": (hb.gears.Support(1e8, tilt=1e5, clearance=1e-5),) * 2}, "no clearance"),
         ({"supports": HELD}, "has no supports"),
         ({"damping": "4 mm"}, "damping"),

@@ -608,9 +608,13 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
         arm = Arm(grid, fold.tracked["Omega"], 1)
         return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
 
-    speed, mesh = drawn_map("torque").child_axes
-    assert (speed.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
-    assert not drawn_map("k_mean").child_axes
+    axes = drawn_map("torque")
+    (mesh,) = axes.child_axes
+    assert (axes.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
+    per_unit = float(hb.gears.DoubleHelicalPair().scales.pinion_speed(1.0))
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), per_unit * np.linspace(0.8, 0.9, 5), rtol=1e-12)
+    axes = drawn_map("k_mean")
+    assert not axes.child_axes and "Omega" in axes.get_ylabel()
 
 
 @pytest.mark.parametrize("share", [0.27, 0.75])

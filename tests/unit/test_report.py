@@ -263,8 +263,8 @@ def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
     data = hb.design.read_measurements(tmp_path / "run.csv")
     axes = hb.plot.measured(data, model, hb.plot.response(curve))
     drawn = {line.get_label(): line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("measured")}
-    np.testing.assert_allclose(drawn["measured, rising"], [[0.9, 0.5]], rtol=1e-9)
-    np.testing.assert_allclose(drawn["measured, falling"], [[1.1, 2.0]], rtol=1e-9)
+    np.testing.assert_allclose(drawn["measured, rising"], [[0.9 * n, 0.5 * 37.6]], rtol=1e-9)  # [r/min], [um]
+    np.testing.assert_allclose(drawn["measured, falling"], [[1.1 * n, 2 * 37.6]], rtol=1e-9)
 
 
 def test_measured_points_need_curves_in_omega(tmp_path):

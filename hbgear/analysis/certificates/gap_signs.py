@@ -19,7 +19,7 @@ import numpy as np
 from hbgear.analysis.certificates.ball_system import Balls, BallSystem, matrix
 from hbgear.analysis.certificates.flows import MOTION_ORDER, TaylorStep, taylor_steps
 
-MAX_HALVINGS = 45
+MAX_INTERVAL_HALVINGS = 45
 """Largest number of times that a step is halved."""
 
 SINGLE, DOUBLE = 1, 2
@@ -104,7 +104,7 @@ def _unproved(gap: Gap, width: Any, left: int, right: int) -> float | None:
             continue
         if zero_a == zero_b == SINGLE and bend < 0:
             continue
-        if depth == MAX_HALVINGS:
+        if depth == MAX_INTERVAL_HALVINGS:
             return middle
         stack += [(a, middle, zero_a, 0, depth + 1), (middle, b, 0, zero_b, depth + 1)]
     return None

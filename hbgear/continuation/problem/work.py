@@ -23,8 +23,8 @@ MIN_WEIGHT = 2e-3
 MAX_FRACTION = 0.5
 """Fraction of the remaining work that one solution may take."""
 
-DEFAULT_LIMIT = 10.0
-"""Default limit. Each of the three sums corresponds to about five seconds."""
+DEFAULT_LIMIT = 25.0
+"""Default limit. Each of the three sums corresponds to about twelve seconds."""
 
 
 @dataclass

@@ -40,8 +40,11 @@ class Status(StrEnum):
 
     @property
     def in_words(self) -> str:
-        """Status for readers, such as "complete" or "stopped early, max points"."""
-        return "complete" if self.complete else f"stopped early, {self.value.replace('_', ' ')}"
+        """Status for readers, such as "complete", "complete, unbounded" or "stopped early, max points"."""
+        words = self.value.replace("_", " ")
+        if self is Status.REACHED_END:
+            return "complete"
+        return f"complete, {words}" if self.complete else f"stopped early, {words}"
 
     @property
     def advice(self) -> str:

@@ -64,7 +64,7 @@ from hbgear.mechanics.series.periodic import Periodic, Phased
 PITCH_REGION = 0.05
 """Distance from the pitch point [base pitches] within which the coefficient of Benedict and Kelley is constant."""
 
-FIT_TOLERANCE = 1e-7
+FORCE_FIT_TOLERANCE = 1e-7
 """Largest fit error of the cubics of friction, relative to the largest stiffness."""
 
 SECTION_POINTS = 65
@@ -275,7 +275,7 @@ class _Path:
             grids.append(u)
             across.append(sign * force)
             slide.append(sign * (s - self.pitch) * (self.pair.base_pitch / self.pair.base_radii[0]) * force)
-        largest = FIT_TOLERANCE * float(np.abs(np.concatenate(across)).max() or 1.0)
+        largest = FORCE_FIT_TOLERANCE * float(np.abs(np.concatenate(across)).max() or 1.0)
         return PathFunction.fitted(grids, across, largest), PathFunction.fitted(grids, slide, largest)
 
     def static_means(self) -> tuple[float, float]:

@@ -105,9 +105,9 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         Alternating torque T(tau) on the pinion over r_p k_mean b_c, a function of the phase of Omega.
     fluctuation_scale : float, default 1.0
         Factor of the fluctuation, for use as a continuation parameter.
-    output : float, default 1.0
+    output : float or None, default None
         Power of the wheel over that of the pinion: the static efficiency of the mesh, or its reciprocal if the wheel
-        drives.
+        drives. None without losses. It belongs to the friction of ``contacts`` and is no continuation parameter.
 
     Raises
     ------
@@ -161,7 +161,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     mesh_order: int = 1
     fluctuation: Series | None = None
     fluctuation_scale: float = 1.0
-    output: float = 1.0
+    output: float | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -192,14 +192,12 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         "b": r"half backlash $b$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "fluctuation_scale": "factor of the fluctuation [-]",
-        "output": "power of the wheel over that of the pinion [-]",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (1.6, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {
         **dict.fromkeys(_POSITIVE, POSITIVE),
         **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
-        "output": POSITIVE,
         "alpha_deg": Range(above=0, below=90),
         "beta_deg": Range(above=-90, below=90),
     }
@@ -298,7 +296,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     def torques(self) -> Array:
         """Return the constant load (12,) in SI units: T on the pinion and the reaction on the wheel."""
         w, load = self.mesh_vector(), np.zeros(12)
-        load[5], load[11] = self.torque, self.output * self.torque * w[11] / w[5]
+        load[5], load[11] = self.torque, (self.output or 1.0) * self.torque * w[11] / w[5]
         return load
 
     def _without_rotation(self, vectors: Array) -> Array:

@@ -242,5 +242,5 @@ def _spatial(
     return HelicalPair(
         zeta=zeta, torque=torque, k_mean=mesh.k_mean, b_c=mesh.b_c, internal=pair.wheel.internal,
         alpha_deg=degrees(pair.working_pressure_angle), beta_deg=degrees(pair.pinion.base_helix_angle),
-        phi_deg=degrees(direction), output=mesh.output, **fields, **mesh.fields,
+        phi_deg=degrees(direction), output=None if mesh.output == 1 else mesh.output, **fields, **mesh.fields,
     )  # fmt: skip

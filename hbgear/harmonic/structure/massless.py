@@ -16,7 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.mechanics.models import System
 
-ROUNDING = 1e-10
+MATRIX_ROUNDING = 1e-10
 """Entry of a matrix, over its largest one, that is attributed to rounding."""
 
 
@@ -78,20 +78,20 @@ def _check_static(system: System, C: Array, K: Array, right: Array, left: Array)
         return
     own = left.T @ K @ right
     values, vectors = np.linalg.svd(own)[1:]
-    if values[-1] <= ROUNDING * np.abs(K).max():
+    if values[-1] <= MATRIX_ROUNDING * np.abs(K).max():
         raise ValueError(
             f"coordinate '{_name(system, right @ vectors[-1])}' has no mass, no damping and no stiffness, so that "
             "nothing determines its position; give it one of them, or remove it from M, C and K"
         )
     acts = np.abs(system.W.T @ right).max(axis=1, initial=0.0)
-    if acts.max(initial=0.0) > ROUNDING * np.abs(system.W).max():
+    if acts.max(initial=0.0) > MATRIX_ROUNDING * np.abs(system.W).max():
         j = int(np.argmax(acts))
         name = _name(system, right @ (right.T @ system.W[:, j]))
         raise ValueError(
             f"element '{system.elements[j].name}' acts on coordinate '{name}' without mass and damping: its "
             "displacement would follow the force of the law without delay; give the coordinate a mass or a damper"
         )
-    if max(np.abs(C @ right).max(), np.abs(left.T @ C).max()) > ROUNDING * np.abs(C).max():
+    if max(np.abs(C @ right).max(), np.abs(left.T @ C).max()) > MATRIX_ROUNDING * np.abs(C).max():
         raise ValueError(
             "C joins coordinates without mass and without damping of their own to others; it must be positive "
             "semidefinite there"

@@ -132,6 +132,8 @@ class ExponentialIntegrator:
                 "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
+        for system in self.systems:
+            system.check_matrices()
         massless = next((system.massless for system in self.systems if system.massless), "")
         if massless:
             raise ValueError(f"time integration needs a mass of every coordinate, and '{massless}' has none: give it a "
