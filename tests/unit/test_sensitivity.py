@@ -17,7 +17,6 @@ from hbgear.continuation.solvers.newton import refine, solve
 from hbgear.harmonic.bifurcations.extremum import EXTREMA
 
 CLOSE = 1e-6  # of a derivative, relative
-ROUNDING = 1e-14  # of Omega for a change by 1, where the unit of a parameter without effect has no bound
 LEAST = 1e-8  # of Omega for a change of the parameter by its own size: below it a derivative is rounding
 
 
@@ -57,7 +56,7 @@ def check(point, parameters=None):
     unit = np.array([at.problem.unit_of(name, at.here[name]) for name in names])
     p, size = expected[:, -1], max(abs(point.parameters[at.parameter]), 1e-3)
     error = np.abs(found.slopes[0] - p)
-    bad = error > CLOSE * np.abs(p) + LEAST * size / unit + ROUNDING * size
+    bad = error > CLOSE * np.abs(p) + LEAST * size / unit
     told = [(n, a, b) for n, a, b, wrong in zip(names, found.slopes[0], p, bad, strict=True) if wrong]
     assert not told, told
     # the amplitude: its gradient along the differences of the unknowns

@@ -282,8 +282,9 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
 
     def _tangent(self, angle: float) -> Array:
         """Return the unit vector at an angle from the normal of the driving flank, minus 90 degrees."""
-        turn = radians(self.phi_deg) + angle - radians(self.alpha_deg)
-        return np.array([cos(turn), sin(turn), 0.0])
+        phi, turn = radians(self.phi_deg), angle - radians(self.alpha_deg)
+        ahead, across = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
+        return cos(turn) * ahead + sin(turn) * across
 
     def _at_pitch_point(self, n: Array) -> Array:
         """Return the displacement of the pinion relative to the wheel at the pitch point along a vector (3,)."""
