@@ -281,10 +281,10 @@ def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
     "model, found",
     [(hb.SpurPair(), False), (hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)), True)],
 )
-def test_kernels_get_no_tables_that_a_model_has_no_use_for(model, found):
-    """They are compiled without the code for these."""
+def test_kernels_get_no_segments_of_a_model_without_breakpoints(model, found):
+    """They are compiled without the code for these; tables of compiled laws and sliders are empty."""
     packed = hb.HarmonicBalance(model, 8).compiled({}).packed
-    assert (packed.piecewise is not None) is found and packed.own is None
+    assert (packed.piecewise is not None) is found and not packed.own.element.size and not packed.sliders.element.size
 
 
 def test_products_and_sums_are_not_fused(tmp_path):
