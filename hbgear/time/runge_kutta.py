@@ -90,11 +90,7 @@ class Flow:
         if not (np.isfinite(Omega) and Omega > 0):
             raise ValueError(f"Omega = {Omega} must be positive and finite")
         system = system.at_speed(Omega)
-        if system.massless:
-            raise ValueError(
-                f"time integration needs a mass of every coordinate, and '{system.massless}' has none: give it a small "
-                "one, or use harmonic balance, whose multipliers need none"
-            )
+        system.check_masses()
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)

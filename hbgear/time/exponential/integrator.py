@@ -133,11 +133,7 @@ class ExponentialIntegrator:
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
         for system in self.systems:
-            system.check_matrices()
-        massless = next((system.massless for system in self.systems if system.massless), "")
-        if massless:
-            raise ValueError(f"time integration needs a mass of every coordinate, and '{massless}' has none: give it a "
-                             "small one, or use harmonic balance, whose multipliers need none")  # fmt: skip
+            system.check_masses()
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
         ]
