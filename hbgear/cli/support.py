@@ -156,6 +156,11 @@ Last = Annotated[
 ]
 
 
+def range_option(text: str) -> Any:
+    """Return the option --in of a command that needs a parameter and its range; ``text`` is its help."""
+    return typer.Option("--in", metavar="NAME=FROM:TO", help=text, autocompletion=cli_complete.fields)
+
+
 Within = Annotated[
     str | None,
     typer.Option(
@@ -449,6 +454,11 @@ def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None
     """Rebuild the problem of a saved curve, with the model class of --model, other harmonics or samples."""
     cls = None if name is None else model_registry.model_class(name)
     return model_registry.rebuild_problem(metadata_with(branch.meta, harmonics, samples), cls)
+
+
+def load_with_problem(file: Path, name: str | None) -> hb.Branch:
+    """Load a curve with its problem, which needs the metadata of the file and the model class of --model."""
+    return hb.load(file, problem=problem_in(hb.load(file), name))
 
 
 def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:

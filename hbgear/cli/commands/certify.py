@@ -10,7 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import check_writable, outputs
-from hbgear.cli.support import File, OwnModel, point_of, print_message, print_table, problem_in
+from hbgear.cli.support import File, OwnModel, load_with_problem, point_of, print_message, print_table
 
 NOT_PROVED = 1
 """Exit code of a point that is not certified."""
@@ -43,8 +43,7 @@ def certify(
     message states which condition fails), 2 bad input.
     """
     check_writable(output, (".json",))
-    branch = hb.load(file)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch = load_with_problem(file, model)
     names = points or [point.label for point in branch.special if point.kind in ("LP", "PD", "GR")]
     if output is not None and len(names) != 1:
         raise ValueError(f"--output {output}: {len(names)} points; give one POINT")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,14 +33,16 @@ from hbgear.cli.support import (
     element_of,
     exit_code,
     finish,
+    load_with_problem,
     print_table,
-    problem_in,
     problem_of,
     range_of,
+    range_option,
     show_branch,
     span_of,
 )
 from hbgear.common.text.digits import rounded
+from hbgear.common.text.symbols import unit_of
 from hbgear.io.map_file import read_map, save_map
 
 
@@ -55,15 +56,7 @@ def register(app: typer.Typer) -> None:
 
 def map_command(
     model: Model,
-    within: Annotated[
-        str,
-        typer.Option(
-            "--in",
-            metavar="NAME=FROM:TO",
-            help="Design parameter, a field of the model, and its range.",
-            autocompletion=cli_complete.fields,
-        ),
-    ],
+    within: Annotated[str, range_option("Design parameter, a field of the model, and its range.")],
     changes: Changes = None,
     harmonics: Harmonics = "16",
     seeds: Annotated[int, typer.Option(min=2, help="Response curves that are searched for jumps.")] = 3,
@@ -130,8 +123,8 @@ def _where(point: hb.SpecialPoint, across: OmegaAxis) -> str:
 
 def unit_after(model: Any, parameter: str) -> str:
     """Return the unit of a parameter of a drawing after its value, such as " um"; empty for other models."""
-    found = re.search(r"\[([^\[\]]+)\]$", str(model.labels.get(parameter, ""))) if model.scales is not None else None
-    return f" {found[1]}" if found and found[1] not in ("-", "1") else ""
+    unit = unit_of(str(model.labels.get(parameter, ""))) if model.scales is not None else ""
+    return f" {unit}" if unit not in ("", "-", "1") else ""
 
 
 def critical(
@@ -215,8 +208,7 @@ def switch(
     """Trace the branch that leaves a saved curve at a period doubling or branch point."""
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    branch, which = hb.load(file), element_of(element)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch, which = load_with_problem(file, model), element_of(element)
     new = hb.switch(branch, label)
     names = [str(file), f"from {label}"]
     with outputs() as out:

@@ -30,9 +30,9 @@ from hbgear.cli.support import (
     chosen_model,
     element_of,
     finish,
+    load_with_problem,
     point_of,
     print_table,
-    problem_in,
     problem_of,
     span_of,
 )
@@ -80,8 +80,7 @@ def sensitivity(
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     which = element_of(element)
-    branch = hb.load(file)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch = load_with_problem(file, model)
     chosen = _chosen(branch, point, measure, which)
     found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
     show_shares(found, quantity, max_rows, output, plot)
@@ -109,8 +108,7 @@ def scatter(
     To first order, and by Monte Carlo: the equations of each jump are solved for every draw.
     """
     check_writable(plot, FIGURES)
-    branch = hb.load(file)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch = load_with_problem(file, model)
     labels = branch.problem.model.labels
     pairs = assignments("NAME=DEVIATION", spread)
     deviations = {name: parameter_value(labels, "NAME=DEVIATION", name, text) for name, text in pairs}

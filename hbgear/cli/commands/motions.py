@@ -27,10 +27,11 @@ from hbgear.cli.support import (
     element_of,
     exit_code,
     harmonics_of,
+    load_with_problem,
     longer_span,
     print_table,
-    problem_in,
     range_of,
+    range_option,
     show_branch,
 )
 
@@ -86,15 +87,7 @@ def backbone(
 
 def cycles(
     model: Model,
-    within: Annotated[
-        str,
-        typer.Option(
-            "--in",
-            metavar="NAME=FROM:TO",
-            help="Parameter, and its range from the stable side.",
-            autocompletion=cli_complete.fields,
-        ),
-    ],
+    within: Annotated[str, range_option("Parameter, and its range from the stable side.")],
     changes: Changes = None,
     length: Annotated[
         float, typer.Option(min=1e-300, help="Displacement at which the nonlinearity matters, in model units.")
@@ -144,8 +137,7 @@ def torus(
     """
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    branch, which = hb.load(file), element_of(element)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch, which = load_with_problem(file, model), element_of(element)
     span = None if first is None and last is None else longer_span(branch, None, first, last)
     found = hb.analysis.torus(branch, label, span)
     with outputs() as out:
@@ -168,13 +160,7 @@ def follow(
         typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels),
     ],
     within: Annotated[
-        str,
-        typer.Option(
-            "--in",
-            metavar="NAME=FROM:TO",
-            help="Second parameter, and its range; the first value is usually that of the curve.",
-            autocompletion=cli_complete.fields,
-        ),
+        str, range_option("Second parameter, and its range; the first value is usually that of the curve.")
     ],
     model: OwnModel = None,
     output: Output = None,
@@ -186,8 +172,7 @@ def follow(
     """
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    branch = hb.load(file)
-    branch = hb.load(file, problem=problem_in(branch, model))
+    branch = load_with_problem(file, model)
     name, span = range_of(within)
     found = hb.follow(branch, label, name, span)
     with outputs() as out:
