@@ -14,7 +14,7 @@ from hbgear.analysis.quantities.axis_quantities import (
     Abscissa,
     OmegaAxis,
     Ordinate,
-    dimension_of,
+    factor_of,
     in_figure,
     in_micrometres,
 )
@@ -112,7 +112,7 @@ def sweeps(
     own, model = ax is None, model or (model_of(branch) if branch else None)
     across = _axis(found[0], model, dimensionless)
     length = None if dimensionless or model is None else length_scale(model, {})
-    factor = 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
+    factor = factor_of(measure, length)
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
         if branch is not None:

@@ -86,6 +86,29 @@ def dimension_of(measure: str) -> int:
     return 1 if entry is None else 0 if entry.unit else entry.dimension
 
 
+def factor_of(measure: str, length: float | None) -> float:
+    """Return the unit of a measure of amplitude [um] for a unit of length [m].
+
+    Parameters
+    ----------
+    measure : str
+        Name of a measure of amplitude.
+    length : float or None
+        Unit of length; None if amplitudes keep the unit of the model.
+
+    Returns
+    -------
+    float
+        Factor of amplitudes; 1 without a unit of length.
+
+    Examples
+    --------
+    >>> factor_of("rms", 5e-5), factor_of("rms", None)
+    (50.0, 1.0)
+    """
+    return 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
+
+
 def in_micrometres(symbol: str, name: str = "") -> str:
     """Return the label of a motion with the unit of physical lengths.
 

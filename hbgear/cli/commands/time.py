@@ -10,7 +10,14 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, OmegaAxis, Ordinate, dimension_of
+from hbgear.analysis.quantities.axis_quantities import (
+    SPEED_LABEL,
+    Abscissa,
+    OmegaAxis,
+    Ordinate,
+    dimension_of,
+    factor_of,
+)
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
@@ -238,7 +245,7 @@ def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, d
     across = OmegaAxis(scales(model, {}) if s.parameter == "Omega" else {}, dimensionless=dimensionless)
     name = across.name if across.is_speed else s.parameter
     length = None if dimensionless else length_scale(model, {})
-    factor = 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
+    factor = factor_of(measure, length)
     size, unit = factor * s.amplitude(measure, element), "" if length is None else " [um]" * dimension_of(measure)
     message = _OMEGA.sub(lambda found: across.text(float(found[1]), 5), s.message) if across.is_speed else s.message
     print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {message}")

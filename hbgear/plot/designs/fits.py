@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.parameter_sensitivity import units_of
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, dimension_of
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import unit_of
@@ -90,7 +90,7 @@ def _shown(data: Measurements, model: Model, dimensionless: bool) -> tuple[Array
     """Return abscissa, amplitude and deviation of measured points in the units of a figure, and its axis."""
     Omega, amplitude, deviation = data.in_units(units_of(model), unit_of(model.labels.get("amplitude", "")))
     across, own = OmegaAxis.of(model, dimensionless), None if dimensionless else length_scale(model, {})
-    factor = 1.0 if own is None else (1e6 * own) ** dimension_of(data.measure)
+    factor = factor_of(data.measure, own)
     return across.scale * Omega, factor * amplitude, factor * deviation, across
 
 
