@@ -17,9 +17,7 @@ Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), http
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from math import factorial
 from typing import Any
 
 import numpy as np
@@ -28,10 +26,9 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.fourier import Series, derive, to_complex
-from hbgear.mechanics.series.periodic import Phased
-from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit, stiffness_of
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit
 from hbgear.time.flows.contact_flow import ContactFlow
+from hbgear.time.flows.excitation import Excitation, Interval
 from hbgear.time.flows.slider_flow import SliderFlow
 
 METHODS = ("DOP853", "RK45", "Radau")
@@ -40,27 +37,6 @@ METHODS = ("DOP853", "RK45", "Radau")
 Lines = tuple[Array, Array, Integers, Integers]
 """Slope and offset (m,) of the linear segment of each element, the direction (Q,) in which each slider slips, and the
 state of each damped contact."""
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Interval of time between two breakpoints of the excitation.
-
-    Attributes
-    ----------
-    begin, end : float
-        Ends of the interval, in units of time.
-    at : float
-        Phase in the middle, in radians.
-    rows : ndarray, shape (3 m, 4)
-        Coefficients about this phase of e, e' and the stiffness of the linear segments, for piecewise polynomials; zero
-        for Fourier series.
-    """
-
-    begin: float
-    end: float
-    at: float
-    rows: Array
 
 
 class Flow:
@@ -102,10 +78,7 @@ class Flow:
         curved = [j for j in np.flatnonzero(~self.segments.line) if not isinstance(self.laws[j], Component)]
         self._curved = np.array([j for j in curved if not self.laws[j].damped], dtype=int)
         self._matrices(system)
-        self._series(system)
-        phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
-        self.breakpoints = np.unique(phases)
-        self._no_breakpoints = Interval(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
+        self.excitation = Excitation(system, Omega, self.invert)
 
     def _matrices(self, system: System) -> None:
         """Store A, B and the function that solves with the mass matrix."""
@@ -122,55 +95,9 @@ class Flow:
         self.B = np.vstack([np.zeros((n, self.m)), invert(self.W)])
         self.invert = invert
 
-    def _series(self, system: System) -> None:
-        """Store the complex harmonics of e, e', the stiffness of the linear segments and the loads.
-
-        Piecewise polynomials are left out.
-        """
-        n, m = self.n, self.m
-        self._excitation = [e.displacement for e in system.elements], [stiffness_of(law) for law in self.laws]
-        rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
-                           for each in self._excitation)  # fmt: skip
-        L = max([len(r) // 2 for r in (*rows, *stiffness)] + [load.order for load in system.loads])
-        c = np.zeros((3 * m + n, L + 1), dtype=complex)
-        for j in range(m):
-            for i, row in ((j, rows[j]), (2 * m + j, stiffness[j])):
-                c[i, : len(row) // 2 + 1] = to_complex(row)
-        c[m : 2 * m] = self.Omega * derive(c[:m])
-        for load in system.loads:
-            for order, vector in load.complex(n).items():
-                c[3 * m :, order] += self.Omega**load.power * vector
-        c[3 * m :] = self.invert(c[3 * m :].real) + 1j * self.invert(c[3 * m :].imag)
-        self.series, self.orders = c, np.arange(L + 1)
-
-    def between(self, t: float) -> Interval:
-        """Return the interval between breakpoints of the excitation that contains t or begins at t."""
-        if not self.breakpoints.size:
-            return self._no_breakpoints
-        tau = self.Omega * t
-        turns = np.floor((tau - self.breakpoints[0]) / (2 * np.pi))
-        around = np.append(self.breakpoints, self.breakpoints[0] + 2 * np.pi) + 2 * np.pi * (
-            turns + np.array([[-1], [0], [1]])
-        )
-        breakpoints = np.unique(around) / self.Omega
-        i = int(np.searchsorted(breakpoints, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
-        begin, end = float(breakpoints[i - 1]), float(breakpoints[i])
-        at, (e, k), m = 0.5 * self.Omega * (begin + end), self._excitation, self.m
-        rows = np.zeros((3 * m, 4))
-        rows[:m], rows[2 * m :] = _taylor_coefficients(e, at), _taylor_coefficients(k, at)
-        rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
-        return Interval(begin, end, at, rows)
-
-    def _at(self, t: float, between: Interval) -> tuple[Array, Array, Array, Array]:
-        """Return e, e', the stiffness of the linear segments and the loads at t."""
-        s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
-        if between is not self._no_breakpoints:
-            s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
-        return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
-
     def gaps(self, t: float, y: Array, between: Interval | None = None) -> tuple[Array, Array]:
         """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
-        e, de, *_ = self._at(t, between or self.between(t))
+        e, de, *_ = self.excitation.at(t, between or self.excitation.between(t))
         y = y.reshape(self.size, -1)[: 2 * self.n, 0]
         return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
 
@@ -180,22 +107,18 @@ class Flow:
 
     def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
         """Return d and v (m, T) of states (size, T) at instants t."""
-        m, y = self.m, self.columns_of(Y)[: 2 * self.n, 0]
-        s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
-        for j, e in enumerate(self._excitation[0]):
-            if e.corners:
-                s[j] += e(self.Omega * t)
-                s[m + j] += self.Omega * e(self.Omega * t, 1)
-        return self.W.T @ y[: self.n] - s[:m], self.W.T @ y[self.n :] - s[m:]
+        y = self.columns_of(Y)[: 2 * self.n, 0]
+        e, de = self.excitation.over(t)
+        return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
 
     def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
         n, on = self.n, self.sliders.element
-        e, de, k, f = self._at(t, between)
+        e, de, k, f = self.excitation.at(t, between)
         Y = Y.reshape(self.size, -1)
         Y, z = Y[: 2 * n], Y[2 * n :]
         d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
-        p, kd, kv = self._forces(line, d, v, self._phase(t, between), k)
+        p, kd, kv = self._forces(line, d, v, self.excitation.phase(t, between), k)
         friction, stuck = self.sliders.forces(line[2], d, z[:, 0])
         np.add.at(p, on, friction)
         np.add.at(kd, on, stuck)
@@ -208,27 +131,20 @@ class Flow:
         if Y.shape[1] > 1:
             u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
             out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
-            for rows, kd, kv in self._coupling(d, v, self._phase(t, between)):
+            for rows, kd, kv in self._coupling(d, v, self.excitation.phase(t, between)):
                 out[: 2 * n, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
             out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
             out[2 * n + slips, 1:] = rate[on[slips]]
         return out.ravel()
 
-    def _phase(self, t: float, between: Interval) -> float:
-        """Return tau for the evaluation of laws; at the ends of the interval it is moved inside by rounding."""
-        if between is self._no_breakpoints:
-            return self.Omega * t
-        inside = 1e-14 * (abs(t) + 1 / self.Omega)
-        return self.Omega * min(max(t, between.begin + inside), between.end - inside)
-
     def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
         """Return df/dy (2n, 2n) for implicit methods."""
         d, v = self.gaps(t, y, between)
-        _, kd, kv = self._forces(line, d, v, self._phase(t, between), self._at(t, between)[2])
+        _, kd, kv = self._forces(line, d, v, self.excitation.phase(t, between), self.excitation.at(t, between)[2])
         J = self.A.copy()
         J[:, : self.n] -= (self.B * kd) @ self.W.T
         J[:, self.n :] -= (self.B * kv) @ self.W.T
-        for rows, kd, kv in self._coupling(d, v, self._phase(t, between)):
+        for rows, kd, kv in self._coupling(d, v, self.excitation.phase(t, between)):
             J[:, : self.n] -= self.B[:, rows] @ kd @ self.W[:, rows].T
             J[:, self.n :] -= self.B[:, rows] @ kv @ self.W[:, rows].T
         return J
@@ -296,7 +212,7 @@ class Flow:
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
         atol, nearly = tolerance * self._sizes(t, Y), 1e-14 * abs(end)
         while end - t > nearly:
-            between = self.between(t)
+            between = self.excitation.between(t)
             stop = between.end if end - between.end > nearly else end
             Y, more, steps = self._integrate_between(between, t, Y, stop, method, tolerance, atol, visit)
             t, count = stop, count + steps
@@ -356,9 +272,7 @@ class Flow:
         """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
         y = Y.reshape(self.size, -1)[: 2 * self.n, 0]
         breakpoints = [abs(x) for law in self.laws for x in law.breakpoints]
-        moved = [e.bound for e in self._excitation[0] if e.corners]
-        moved.append(float(np.abs(self.series[: self.m]).max()))
-        length = max([float(np.abs(y[: self.n]).max()), *breakpoints, *moved]) or 1.0
+        length = max([float(np.abs(y[: self.n]).max()), *breakpoints, self.excitation.size()]) or 1.0
         rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
         size = np.ones((self.size, self.columns))
         size[: self.n, 0], size[self.n : 2 * self.n, 0], size[2 * self.n :, 0] = length, rate, length
@@ -393,12 +307,3 @@ def _repeat_step(
         solver.step()
     y: Array = solver.y
     return y
-
-
-def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:
-    """Return the coefficients (m, 4) about tau of functions that have breakpoints; zero for the others."""
-    out = np.zeros((len(functions), 4))
-    for own, function in zip(out, functions, strict=True):
-        if function.corners:
-            own[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
-    return out

@@ -26,6 +26,7 @@ from hbgear.common.process.compiling import kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
 from hbgear.continuation.stepping.kernels import predict
 from hbgear.harmonic.equations.assembly_kernels import assemble, workspace_for
+from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers.floquet import monodromies
 from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
 from studies import study
@@ -100,14 +101,14 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     last = np.arange(history - 1, P)[:, None] - np.arange(history)
     u, t, one, out = U[last], np.gradient(U, axis=0)[last], np.ones(n + 1), np.empty(n + 1)
     parts, mobility = compiled.parts().split, compiled.parts().mobility
-    more = compiled.with_driven_harmonics(X, Omega)
+    more = with_driven_harmonics(compiled, X, Omega)
     found = [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts]
     return {
         "linear part": lambda: linear_parts(compiled.packed, Omega),
         "laws, assembly": lambda: assemblies(compiled.packed, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
-        "reach, truncation": lambda: (compiled.extrema_and_regime(X), compiled.with_driven_harmonics(X, Omega)),
+        "reach, truncation": lambda: (compiled.extrema_and_regime(X), with_driven_harmonics(compiled, X, Omega)),
         "monodromy": lambda: [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts],
         "eigenvalues": lambda: [np.linalg.eigvals(matrices) for matrices in found],
         "start": lambda: problem.start(float(Omega[0])),

@@ -11,6 +11,7 @@ from cross.shooting import integrate, state
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
 from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
 from hbgear.mechanics import Law, Parallel, Series
 from hbgear.mechanics.series.fourier import evaluate
@@ -237,7 +238,7 @@ def test_many_at_once_are_those_one_by_one(name):
     if name == "all regimes":
         assert {0, 2, 4} <= count
     compiled = problem.compiled({})
-    together = floquet_multipliers(compiled, compiled.with_driven_harmonics(X, Omega), Omega)
+    together = floquet_multipliers(compiled, with_driven_harmonics(compiled, X, Omega), Omega)
     single = np.array([problem.multipliers(x, Omega=w) for x, w in zip(X, Omega, strict=True)])
     assert together.shape == (len(X), single.shape[1]) and together.dtype == complex
     assert np.all(np.diff(np.abs(together)) <= 1e-12)

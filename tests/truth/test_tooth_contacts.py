@@ -15,6 +15,7 @@ import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
 from hbgear.gears.mesh.tooth_forces import pair_forces, static_displacement
+from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
@@ -80,7 +81,7 @@ def test_motion(name, motion):
     X[0], X[1 : 2 * known : 2], X[2 : 2 * known + 1 : 2] = motion["mean"], motion["cosine"], motion["sine"]
     found = solve(problem, X, {"Omega": motion["Omega"] / base}).X
     compiled, Omega = problem.compiled({}), np.array([motion["Omega"] / base])
-    whole = compiled.with_driven_harmonics(found[None], Omega)
+    whole = with_driven_harmonics(compiled, found[None], Omega)
     x = evaluate(whole[0], TURN * np.arange(64 * H) / (64 * H))
     assert abs(found[0] - motion["mean"]) < 1e-6
     assert abs(np.sqrt(np.mean((x - x.mean()) ** 2)) - motion["rms"]) < 1e-6

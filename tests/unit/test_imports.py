@@ -25,15 +25,23 @@ LIBRARIES = {
 """Libraries that few modules may import: slow imports, and interfaces of which one module takes care."""
 
 
-def modules():
-    for path in sorted(ROOT.rglob("*.py")):
-        yield ".".join(path.relative_to(ROOT).with_suffix("").parts), ast.parse(path.read_text(encoding="utf-8"))
-
-
 def imported(node: ast.AST) -> list[str]:
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     return [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
+
+
+def module_imports() -> dict[str, list[ast.Import | ast.ImportFrom]]:
+    """The import statements of each module of hbgear, by its name without hbgear."""
+    found = {}
+    for path in sorted(ROOT.rglob("*.py")):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        found[name] = [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+    return found
+
+
+MODULE_IMPORTS = module_imports()
 
 
 def run(code: str) -> str:
@@ -41,24 +49,22 @@ def run(code: str) -> str:
     return out.stdout.strip()
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
-def test_a_library_is_imported_where_it_is_taken_care_of(library):
-    users = {
-        name
-        for name, tree in modules()
-        for node in ast.walk(tree)
-        if any(module.split(".")[0] == library for module in imported(node))
-    }
-    assert users
-    allowed = LIBRARIES[library]
-    assert not [name for name in users if not {name, name.split(".")[0]} & allowed]
-    assert all(any(place in (name, name.split(".")[0]) for name in users) for place in allowed)
+def test_libraries_are_imported_where_they_are_taken_care_of():
+    users: dict[str, set[str]] = {library: set() for library in LIBRARIES}
+    for name, nodes in MODULE_IMPORTS.items():
+        for node in nodes:
+            for library in {module.split(".")[0] for module in imported(node)} & users.keys():
+                users[library].add(name)
+    for library, allowed in LIBRARIES.items():
+        places = [{name, name.split(".")[0]} for name in users[library]]
+        assert places and all(place & allowed for place in places), (library, users[library])
+        assert allowed <= set().union(*places), (library, allowed)
 
 
 def test_no_private_name_is_imported():
     """A name that two modules share is public."""
-    for name, tree in modules():
-        for node in ast.walk(tree):
+    for name, nodes in MODULE_IMPORTS.items():
+        for node in nodes:
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "hbgear":
                 private = [a.name for a in node.names if a.name.startswith("_") and not a.name.endswith("__")]
                 assert private in ([], ["_version"]), f"{name} imports {', '.join(private)} from {node.module}"
@@ -95,14 +101,18 @@ PACKAGES = ["hbgear", *(
 )]  # fmt: skip
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_no_exported_name_is_that_of_a_submodule(package):
-    """The import of the submodule would replace the name: "module is not callable"."""
-    names = getattr(importlib.import_module(package), "__all__", ())
+def submodules(package: str) -> set[str]:
+    """Modules and packages in a package; of hbgear itself the modules, since its packages are names of it."""
     folder = ROOT.joinpath(*package.split(".")[1:])
-    modules = {path.stem for path in folder.glob("*.py")} | {path.parent.name for path in folder.glob("*/__init__.py")}
-    whole = {path.parent.name for path in ROOT.glob("*/__init__.py")} if package == "hbgear" else set()
-    assert not set(names) & modules - whole
+    found = {path.stem for path in folder.glob("*.py")}
+    return found if package == "hbgear" else found | {path.parent.name for path in folder.glob("*/__init__.py")}
+
+
+def test_no_exported_name_is_that_of_a_submodule():
+    """The import of the submodule would replace the name: "module is not callable"."""
+    exported = {package: set(getattr(importlib.import_module(package), "__all__", ())) for package in PACKAGES}
+    assert sum(map(len, exported.values())) > 200
+    assert {package: both for package, names in exported.items() if (both := names & submodules(package))} == {}
 
 
 def test_a_missing_name_raises_attribute_error():

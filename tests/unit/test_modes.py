@@ -5,6 +5,7 @@ import pytest
 
 from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers import floquet
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.harmonic.structure.modes import _lumped
@@ -177,7 +178,7 @@ def test_few_modes_tell_what_all_do(law, leading, others):
     some = slice(None, None, max(1, len(curve) // 12))
     X, Omega = curve.X[some], curve.values[some]
     few, all_ = (HarmonicBalance(system, 7, reduce=reduce).compiled({}) for reduce in (True, False))
-    motions = all_.with_driven_harmonics(X, Omega)
+    motions = with_driven_harmonics(all_, X, Omega)
     found, expected = floquet_multipliers(few, motions, Omega), floquet_multipliers(all_, motions, Omega)
     apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
     assert apart[:, 0].max() < leading and apart.max() < others

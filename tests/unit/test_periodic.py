@@ -10,7 +10,8 @@ import hbgear as hb
 from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.series.fourier import Series, evaluate, to_real
-from hbgear.mechanics.series.periodic import TURN, Pieced, described, undescribed
+from hbgear.mechanics.series.periodic import described, undescribed
+from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced
 
 RNG = np.random.default_rng(7)
 PHASE = np.sort(RNG.uniform(0, 1, 9))

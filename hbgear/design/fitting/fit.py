@@ -34,7 +34,8 @@ from hbgear.continuation.results.termination import Termination
 from hbgear.design.bounds import bounds_of
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
-from hbgear.design.fitting.sweep_prediction import NotTraced, Prediction
+from hbgear.design.fitting.sweep_motions import NotTraced
+from hbgear.design.fitting.sweep_prediction import Prediction
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.mechanics.models import Model

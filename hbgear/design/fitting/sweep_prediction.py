@@ -1,80 +1,39 @@
-"""Predicted amplitudes of measured sweeps and their derivatives: the periodic motion of the sweep at each frequency.
+"""Predicted amplitudes of measured sweeps and their derivatives: residuals of a fit and distances from the curve.
 
     d_i = A(X(Omega_i, a)),   dd_i/da = A_X (X_a + X_Omega dOmega_i/da),   Omega_i = f_i / s(a)
 
-The jumps of a sweep determine its motion where several stable motions exist. Another stable motion, or the end of the
-stable segment from which the sweep came, replaces it if the measured amplitude is far from the motion of the sweep and
-close to the other one. The reason is that a sweep that jumped slightly earlier or later than the sweep of the model
-contains no information about the motion that it left or did not reach. A point beyond the end of its segment is
-compared with this end, and the distance in frequency is a residual as well, so that the point attracts the jump.
+The motion X of each point is chosen by `hbgear.design.fitting.sweep_motions`. For a point beyond the end of its segment
+the distance in frequency is a residual as well, so that the point attracts the jump.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import LENGTH, measured_along, sensitivity, units_at
+from hbgear.analysis.parameter_sensitivity import measured_along, sensitivity
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import tangent
-from hbgear.continuation.numerics.linear import Factors, norm
-from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.numerics.linear import Factors
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.results.stability import is_stable
-from hbgear.continuation.solvers.newton import NoConvergence, solve
-from hbgear.continuation.tracing.trace import trace
-from hbgear.design.fitting.measurements import Measurements
-from hbgear.design.studies.sweep_statistics import stable_segments, sweep_response
-from hbgear.harmonic.harmonic_balance import HarmonicBalance
-
-SWEPT, OTHER, END, UNREACHED = "swept", "other", "end", "unreached"
-"""Kinds of the motion with which a measured point is compared.
-
-They are the motion of the sweep, another stable motion, the end of the stable segment of the sweep, or none."""
-
-SWITCH_DEVIATIONS = 5.0
-"""Distance of an amplitude from the motion of the sweep, in deviations, above which another motion is considered."""
-
-SWITCH_RATIO = 0.8
-"""Largest ratio of the distances to another motion and to the motion of the sweep for which the former is used."""
-
-MAX_END_DISTANCE = 0.15
-"""Largest relative distance in frequency between the end of a segment and a point that is compared with it."""
-
-FREQUENCY_DEVIATION = 1e-3
-"""Relative deviation of the frequencies of points beyond the end of their segment."""
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.design.fitting.sweep_motions import (
+    COARSE_DEVIATION,
+    END,
+    FREQUENCY_DEVIATION,
+    SweepMotions,
+    soft_residual,
+)
 
 MISSING_JUMP_DISTANCE = 0.1
 """Relative distance in frequency that is assumed for a jump that the model does not have."""
 
-POSITION_DECIMALS = 6
-"""Decimals of positions on the curve, so that the motions that both sweeps pass are computed once."""
 
-COARSE_DEVIATION = 0.03
-"""Relative deviation of frequencies and amplitudes in the distances between points and curve."""
-
-
-class NotTraced(ValueError):
-    """The response of the model cannot be traced with these values."""
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Motion with which a measured point is compared.
-
-    ``position`` is the index of the point on the curve with its fraction; ``jump`` is the jump at the end of a segment.
-    """
-
-    kind: str
-    position: float = math.nan
-    jump: Jump | None = None
-
-
-class Prediction:
+class Prediction(SweepMotions):
     """Response of a model with given values of some parameters, compared with measurements.
 
     Parameters
@@ -94,182 +53,7 @@ class Prediction:
         If no complete curve over the span can be traced.
     """
 
-    def __init__(
-        self, problem: HarmonicBalance, data: Measurements, values: Mapping[str, float], span: tuple[float, float]
-    ) -> None:
-        self.problem, self.data, self.names = problem.with_cache_size(2 * len(values) + 10), data, tuple(values)
-        model = problem.model
-        self.here = {**model.parameters, **values}
-        try:
-            self.units = units_at(self.problem, {**model.entries, **self.here}, self.names)
-            self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None, cover=False)
-        except (NoConvergence, ValueError) as error:
-            raise NotTraced(f"no response at {_values_text(values)}: {error}") from error
-        if not len(self.curve) or self.curve.multipliers is None or not self.curve.status.complete:
-            raise NotTraced(f"no response at {_values_text(values)}: {self.curve.message}")
-
-    # ---- frequencies and positions
-
-    @cached_property
-    def Omega(self) -> Array:
-        """Values of Omega (N,) of the measured points."""
-        return np.asarray(self.data.frequency / self._unit(self.data.unit)[0])
-
-    def _unit(self, name: str) -> tuple[float, Array]:
-        """Return a unit of frequency, or `LENGTH`, in the unit of the model, and its derivatives."""
-        own, moved = self.units
-        if name not in own and name == "Omega":
-            return 1.0, np.zeros(len(self.names))
-        return own[name], moved[name]
-
-    @cached_property
-    def length(self) -> tuple[float, Array]:
-        """Unit of length of the model in the unit of the data, and its derivatives."""
-        return self._unit(LENGTH) if self.data.length else (1.0, np.zeros(len(self.names)))
-
-    @cached_property
-    def jumps(self) -> tuple[Jump, ...]:
-        """Jumps of slow sweeps of the curve."""
-        return tuple(jump for jump in self.curve.jumps() if jump.parameter == "Omega")
-
-    @cached_property
-    def references(self) -> list[Reference]:
-        """Motion with which each measured point is compared."""
-        curve, data = self.curve, self.data
-        assert curve.multipliers is not None
-        sampled = np.array([curve.values, np.arange(len(curve)), is_stable(curve.multipliers)], dtype=float)
-        amplitude = self.curve_amplitudes
-        segments = list(stable_segments(sampled))
-        positions = np.full(len(data), math.nan)
-        for direction in (1, -1):
-            mine = np.flatnonzero(data.directions == direction)
-            order = mine[np.argsort(self.Omega[mine])]
-            if order.size and segments:
-                ends = [self._jump_positions(jump) for jump in self.jumps if jump.direction == direction]
-                jumps = np.array(ends).reshape(-1, 3)
-                positions[order] = sweep_response(sampled, jumps, self.Omega[order], direction)[0]
-        positions = np.round(positions, POSITION_DECIMALS)
-        return [self._reference(i, float(positions[i]), segments, amplitude) for i in range(len(data))]
-
-    @cached_property
-    def curve_amplitudes(self) -> Array:
-        """Amplitudes (P,) of the points of the curve, in the unit of the data."""
-        return self.length[0] * self.curve.amplitude(self.data.measure, self.data.element)
-
-    def _jump_positions(self, jump: Jump) -> tuple[float, float, float]:
-        """Return Omega and the positions on the curve before and after a jump; nan without a known landing."""
-        after = jump.after
-        if after is None:
-            return jump.value, math.nan, math.nan
-        near = crossings_at(self.curve, jump.value)
-        to = min(near, key=lambda crossing: norm(crossing.interpolate(self.curve.X) - self.problem.from_point(after)))
-        return jump.value, math.nan, to.index + to.fraction
-
-    def _reference(
-        self, i: int, position: float, segments: Sequence[tuple[Array, Array]], amplitude: Array
-    ) -> Reference:
-        Omega, measured = float(self.Omega[i]), float(self.data.amplitude[i])
-        deviation, direction = float(self.data.deviation[i]), int(self.data.directions[i])
-
-        def distance(at: float) -> float:
-            return abs(float(np.interp(at, np.arange(len(amplitude)), amplitude)) - measured) / deviation
-
-        options: list[tuple[float, Reference]] = []
-        for x, y in segments:
-            if x[0] <= Omega <= x[-1]:
-                at = round(float(np.interp(Omega, x, y)), POSITION_DECIMALS)
-                options.append((distance(at), Reference(OTHER, at)))
-        for jump in self.jumps:
-            beyond = (Omega - jump.value) * direction
-            if jump.direction == direction and 0 < beyond <= MAX_END_DISTANCE * Omega:
-                size = self.length[0] * jump.before.amplitude(self.data.measure, self.data.element)
-                residual = soft_residual(beyond / (FREQUENCY_DEVIATION * Omega))[0]
-                options.append((math.hypot((size - measured) / deviation, residual), Reference(END, jump=jump)))
-        own = distance(position) if math.isfinite(position) else math.inf
-        best, reference = min(options, key=lambda option: option[0], default=(math.inf, Reference(UNREACHED)))
-        if own <= SWITCH_DEVIATIONS or best > SWITCH_RATIO * own or reference.position == position:
-            reference = Reference(SWEPT, position) if math.isfinite(position) else reference
-        if reference.kind != UNREACHED or not (near := crossings_at(self.curve, Omega)):
-            return reference
-        return Reference(UNREACHED, min((p.index + p.fraction for p in near), key=distance))
-
-    # ---- residuals and derivatives
-
-    @cached_property
-    def motions(self) -> list[tuple[Array, dict[str, float]] | None]:
-        """Unknowns and parameters of the motion with which each point is compared; None without one."""
-        found: list[tuple[Array, dict[str, float]] | None] = []
-        known: dict[tuple[float, float], tuple[Array, dict[str, float]] | None] = {}
-        for Omega, reference in zip(self.Omega.tolist(), self.references, strict=True):
-            key = (Omega, reference.position)
-            if key not in known:
-                known[key] = None if math.isnan(reference.position) else self._solved(reference.position, Omega)
-            found.append(known[key])
-        return found
-
-    def _solved(self, position: float, Omega: float) -> tuple[Array, dict[str, float]] | None:
-        i = min(int(position), len(self.curve) - 2)
-        here = {**self.here, "Omega": Omega}
-        guess = (1 - (position - i)) * self.curve.X[i] + (position - i) * self.curve.X[i + 1]
-        try:
-            return solve(self.problem, guess, here, "Omega").X, here
-        except NoConvergence:
-            return None
-
-    @cached_property
-    def amplitudes(self) -> Array:
-        """Amplitudes (N,) in the unit of the data; nan without a motion."""
-        out = np.full(len(self.data), math.nan)
-        layout, data = self.problem.layout, self.data
-        some = [i for i, motion in enumerate(self.motions) if motion is not None]
-        if some:
-            X = np.array([self.motions[i][0] for i in some])  # type: ignore[index]
-            out[some] = self.length[0] * layout.measure(data.measure, X, data.element)
-        for i, reference in enumerate(self.references):
-            if reference.jump is not None:
-                out[i] = self.length[0] * reference.jump.before.amplitude(data.measure, data.element)
-        return out
-
-    @property
-    def reached(self) -> Array:
-        """Boolean array, shape (N,): True where the curve has a stable motion at a measured point."""
-        kinds = [reference.kind in (SWEPT, OTHER) for reference in self.references]
-        return np.array(kinds, dtype=bool) & np.isfinite(self.amplitudes)
-
-    def nearest_jump(self, direction: int, frequency: float) -> Jump | None:
-        """Return the jump in a direction that is nearest to a measured one."""
-        Omega = frequency / self._unit(self.data.unit)[0]
-        mine = [jump for jump in self.jumps if jump.direction == direction]
-        return min(mine, key=lambda jump: abs(jump.value - Omega), default=None)
-
-    @cached_property
-    def jump_frequencies(self) -> Array:
-        """Jump frequencies (J,) in the unit of the data; nan for jumps that the model does not have."""
-        unit = self._unit(self.data.unit)[0]
-        found = [self.nearest_jump(direction, frequency) for frequency, direction, _ in self.data.jumps]
-        return np.array([math.nan if jump is None else unit * jump.value for jump in found])
-
-    @cached_property
-    def deviation(self) -> Array:
-        """Deviations (N,) of the amplitudes, including the effect of a frequency error where the curve is steep.
-
-            s^2 = s_A^2 + (dA/dOmega s_Omega)^2
-
-        Close to a fold an amplitude determines the frequency of the fold and barely its height.
-        """
-        curve, data, sizes = self.curve, self.data, self.curve_amplitudes
-        out = np.array(data.deviation, dtype=float)
-        for i, reference in enumerate(self.references):
-            if math.isfinite(reference.position):
-                k = min(int(reference.position), len(curve) - 2)
-                step = float(curve.values[k + 1] - curve.values[k])
-                slope = float(sizes[k + 1] - sizes[k]) / step if step else math.inf
-                out[i] = math.hypot(
-                    out[i], min(abs(slope) * FREQUENCY_DEVIATION * float(self.Omega[i]), float(data.amplitude[i]))
-                )
-            elif reference.jump is not None:
-                out[i] = math.hypot(out[i], COARSE_DEVIATION * float(data.amplitude[i]))
-        return out
+    # ---- residuals
 
     def residuals(self, deviation: Array) -> Array:
         """Return residuals (2N + J,) in deviations: amplitudes, frequencies of points beyond an end, and jumps."""
@@ -308,7 +92,7 @@ class Prediction:
         data, count = self.data, len(self.data)
         J = np.zeros((2 * count + len(data.jumps), len(self.names)))
         length, moved_length = self.length
-        scale, moved_scale = self._unit(data.unit)
+        scale, moved_scale = self.unit_of(data.unit)
         slopes = self._slopes()
         for i, reference in enumerate(self.references):
             if reference.jump is not None:
@@ -358,7 +142,7 @@ class Prediction:
         resonance at another frequency is moved to the measured points.
         """
         _, ahead, above = self._nearest
-        unit = self._unit(self.data.unit)[0]
+        unit = self.unit_of(self.data.unit)[0]
         jumps = []
         for frequency, direction, _ in self.data.jumps:
             jump = self.nearest_jump(direction, frequency)
@@ -373,7 +157,7 @@ class Prediction:
     def distance_jacobian(self) -> Array:
         """Derivatives (N + J, A) of `distances`."""
         curve, data = self.curve, self.data
-        (length, moved_length), (scale, moved_scale) = self.length, self._unit(data.unit)
+        (length, moved_length), (scale, moved_scale) = self.length, self.unit_of(data.unit)
         rows, ahead, above = self._nearest
         slopes = self._slopes_at(sorted(set(rows)))
         J = np.zeros((len(self.distances), len(self.names)))
@@ -433,7 +217,7 @@ class Prediction:
 
     def _slopes(self) -> dict[int, Array]:
         """Return derivatives of the amplitudes in the unit of the model, by index of the measured point."""
-        scale, moved_scale = self._unit(self.data.unit)
+        scale, moved_scale = self.unit_of(self.data.unit)
         first_index: dict[tuple[float, float], int] = {}
         for i, (motion, reference) in enumerate(zip(self.motions, self.references, strict=True)):
             if motion is not None and reference.kind != END:
@@ -458,14 +242,3 @@ class Prediction:
     def _measured_along(self, X: Array, along: Array) -> Array:
         """Return derivatives (P, A) of the measure of motions X (P, n) in the directions (P, A, n)."""
         return measured_along(self.problem.layout, self.data.measure, self.data.element, X, along)
-
-
-def soft_residual(t: float) -> tuple[float, float]:
-    """Return a residual that is t near zero and the square root of 2 t for large t, and its derivative."""
-    root = math.sqrt(1.0 + t * t)
-    r = math.copysign(math.sqrt(2.0) * abs(t) / math.sqrt(root + 1.0), t)
-    return r, (t / (root * r) if r else 1.0)
-
-
-def _values_text(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())

@@ -22,7 +22,8 @@ from hbgear.common.arrays import Array
 from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.series.fourier import Series
-from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 ROUNDING = 1e-9
 """Length [mesh periods] that is attributed to rounding."""

@@ -184,7 +184,7 @@ class PeriodicMotions(HarmonicEquations):
         restricted = self.restricted_to("Omega", parameters["Omega"], parameters["Omega"], {})
         Omega = np.array([parameters.pop("Omega")])
         evaluator = restricted.compiled(parameters)
-        extended = evaluator.with_driven_harmonics(X[None], Omega)
+        extended = motion.with_driven_harmonics(evaluator, X[None], Omega)
         mu: ComplexArray = floquet_multipliers(evaluator, extended, Omega, points=points, width=width)[0]
         return mu
 

@@ -244,9 +244,9 @@ class Evaluator:
         """Return `linearise` without constraints between elements."""
         from hbgear.harmonic.equations.assembly_kernels import assemble_allocating
 
-        n = self._length(X)
+        n = self.length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-        size = assemble_allocating(self.packed, _writable(X), Omega / self.nu, *linear, R, J, dR)
+        size = assemble_allocating(self.packed, writable(X), Omega / self.nu, *linear, R, J, dR)
         for forces in self.python_forces:
             size += self._add_python(forces, X, Omega, R, J, dR)
         return R, J, dR, size
@@ -268,11 +268,11 @@ class Evaluator:
         """Return motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); unchanged if they have 0..H or 0..2H."""
         full = self.m * (2 * self.H + 1)
         if X.shape[-1] == full or X.shape[-1] == self.m * (4 * self.H + 1):
-            return _writable(X)
-        self._length(X)
+            return writable(X)
+        self.length(X)
         return spread(X, self.m, self.orders, self.H).reshape(*X.shape[:-1], full)
 
-    def _length(self, X: Array) -> int:
+    def length(self, X: Array) -> int:
         """Return the number of unknowns of motions X (..., n); raise an error for another size."""
         n = self.m * (2 * len(self.orders) - 1)
         if X.shape[-1] != n:
@@ -293,9 +293,9 @@ class Evaluator:
         """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
         from hbgear.harmonic.equations.assembly_kernels import curvature
 
-        n = self._length(X)
+        n = self.length(X)
         along, across = np.empty((2, n, n))
-        curvature(self.packed, _writable(X), _writable(v), h, self.linear(Omega).matrices[1], along, across)
+        curvature(self.packed, writable(X), writable(v), h, self.linear(Omega).matrices[1], along, across)
         return (self._joined(along), self._joined(across)) if self.structure.constrained else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
@@ -307,7 +307,7 @@ class Evaluator:
         """Return the switching times of a motion."""
         from hbgear.harmonic.forces.projection_kernels import instants
 
-        self._length(X)
+        self.length(X)
         theta, sign, count, _ = instants(self.packed, self.spread(X).reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[: len(self.breakpoints), None]
         theta, sign = theta[: len(self.breakpoints)], sign[: len(self.breakpoints)]
@@ -323,7 +323,7 @@ class Evaluator:
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
-        sampled_gap(self.packed, _writable(row), j, c, samples)
+        sampled_gap(self.packed, writable(row), j, c, samples)
         value, theta = highest_gap(self.packed.piecewise, j, side, c, samples)
         return float(value), float(theta)
 
@@ -347,77 +347,8 @@ class Evaluator:
         shortest_intervals(self.packed_of(X), self.m, X, out)
         return out
 
-    def with_driven_harmonics(self, X: Array, Omega: Array) -> Array:
-        """Return motions X (P, n) with the truncated harmonics up to 2H that their forces drive, (P, m (4H + 1))."""
-        from hbgear.harmonic.equations.diagnostic_kernels import driven_response, truncated_force_harmonics
 
-        self._length(X)
-        X, Omega = self.spread(X), _writable(Omega)
-        left = self.packed.linear.left
-        f = np.zeros((len(X), self.m, len(left)), dtype=complex)
-        truncated_force_harmonics(self.packed, X, Omega, f)
-        for forces in self.python_forces:
-            forces.add_truncated(X, Omega, left, f)
-        rows = np.zeros((len(X), self.m, 4 * self.H + 1))
-        rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
-        out = rows.reshape(len(X), -1)
-        if self.unstated.size:
-            rows[..., places(left)] = _response_to_forces(self, Omega, f, _stiffness_beyond_reference(self, X))
-        elif self.structure.modal:
-            driven_response(self.packed.linear, Omega, f, out)
-        else:
-            rows[..., places(left)] = _response_to_forces(self, Omega, f)
-        return out
-
-    @cached_property
-    def unstated(self) -> np.ndarray:
-        """Numbers of the elements whose laws state no reference stiffness."""
-        return np.flatnonzero([law.reference == 0 for law in self.laws])
-
-    def truncation_error(self, extended: Array) -> Array:
-        """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
-        beyond = extended.reshape(len(extended), self.m, -1)[..., places(self.packed.linear.left)]
-        rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
-        return rms
-
-
-def _stiffness_beyond_reference(evaluator: Evaluator, X: Array) -> Array:
-    """Return the mean stiffness (P, m) along motions X (P, n) minus the reference springs."""
-    basis, out = evaluator.packed.basis, np.zeros((len(X), evaluator.m))
-    N = basis.shape[1]
-    tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
-    still = np.zeros(len(tau))
-    d = X.reshape(len(X), evaluator.m, -1) @ basis
-    grid = evaluator.piecewise.grid
-    d[..., : grid.shape[2]] += grid[0]
-    for j in evaluator.unstated.tolist():
-        slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
-        out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - evaluator.structure.kr[j]
-    return out
-
-
-def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
-    """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
-
-    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
-    """
-    ratio = evaluator.packed.linear.left / evaluator.nu
-    G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
-    modes = evaluator.structure.modes if evaluator.structure.modal else None
-    for i, w in enumerate(Omega.tolist()):
-        if modes is not None:
-            G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
-            continue
-        known = w * ratio <= evaluator.structure.highest
-        G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
-    delta = G @ f.transpose(0, 2, 1)[..., None]
-    if beyond is not None:
-        delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
-    delta = delta[..., 0].transpose(0, 2, 1)
-    return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
-
-
-def _writable(X: Array) -> Array:
+def writable(X: Array) -> Array:
     """Return a writable contiguous array; kernels would be compiled again for the type of read-only arrays."""
     if X.flags.carray and X.dtype == float:  # faster than the same check in `require`
         return X

@@ -25,7 +25,8 @@ from hbgear.common.ranges import counted
 from hbgear.mechanics.laws.mesh_contacts import contacts_of, moving_springs_of
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import real_numbers
-from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 _SEPARATE_ORDER_RATIO = 8
 """Multiple of an excited order from which another order counts as separate, e.g. 40 teeth and their shaft."""

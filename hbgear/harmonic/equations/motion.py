@@ -25,15 +25,15 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
-from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.evaluator import Evaluator, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
 from hbgear.mechanics.reduction import Reduction
-from hbgear.mechanics.series.fourier import to_complex, to_real
+from hbgear.mechanics.series.fourier import places, to_complex, to_real
 from hbgear.mechanics.series.real_basis import derivative
 
 # ---- forces and coordinates
@@ -135,12 +135,45 @@ def clearance_elements(evaluator: Evaluator) -> tuple[int, ...]:
 # ---- truncation
 
 
+def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array:
+    """Return motions X (P, n) with the truncated harmonics up to 2H that their forces drive, (P, m (4H + 1))."""
+    from hbgear.harmonic.equations.diagnostic_kernels import driven_response, truncated_force_harmonics
+
+    evaluator.length(X)
+    X, Omega = evaluator.spread(X), writable(Omega)
+    left = evaluator.packed.linear.left
+    f = np.zeros((len(X), evaluator.m, len(left)), dtype=complex)
+    truncated_force_harmonics(evaluator.packed, X, Omega, f)
+    for forces in evaluator.python_forces:
+        forces.add_truncated(X, Omega, left, f)
+    rows = np.zeros((len(X), evaluator.m, 4 * evaluator.H + 1))
+    rows[..., : 2 * evaluator.H + 1] = X.reshape(len(X), evaluator.m, -1)
+    out = rows.reshape(len(X), -1)
+    unstated = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
+    if unstated.size:
+        rows[..., places(left)] = _response_to_forces(
+            evaluator, Omega, f, _stiffness_beyond_reference(evaluator, X, unstated)
+        )
+    elif evaluator.structure.modal:
+        driven_response(evaluator.packed.linear, Omega, f, out)
+    else:
+        rows[..., places(left)] = _response_to_forces(evaluator, Omega, f)
+    return out
+
+
+def truncation_errors(evaluator: Evaluator, extended: Array) -> Array:
+    """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
+    beyond = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.left)]
+    rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
+    return rms
+
+
 def truncation_error(evaluator: Evaluator, X: Array, Omega: float) -> float:
     """Return the estimated error (rms of the elements) that truncated force harmonics cause.
 
     These are the harmonics H < k <= 2H, and lower orders that are not unknowns.
     """
-    return float(evaluator.truncation_error(evaluator.with_driven_harmonics(X[None], np.array([Omega])))[0])
+    return float(truncation_errors(evaluator, with_driven_harmonics(evaluator, X[None], np.array([Omega])))[0])
 
 
 def largest_amplitudes(problem: Any, curve: Branch) -> Array:
@@ -153,11 +186,47 @@ def largest_amplitudes(problem: Any, curve: Branch) -> Array:
     for i, x in enumerate(curve.X):
         here = curve.parameters_at(i)
         X = problem.from_layout(x, curve.layout)
-        motions.append(problem.compiled(here).with_driven_harmonics(X[None], np.array([here["Omega"]]))[0])
+        motions.append(with_driven_harmonics(problem.compiled(here), X[None], np.array([here["Omega"]]))[0])
     rows = np.array(motions).reshape(len(motions), problem.m, -1)
     cosine, sine = (rows[..., 2 * problem.nu - offset :: 2 * problem.nu] for offset in (1, 0))
     sizes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
     return sizes
+
+
+def _stiffness_beyond_reference(evaluator: Evaluator, X: Array, elements: np.ndarray) -> Array:
+    """Return the mean stiffness (P, m) of some elements along motions X (P, n) minus the reference springs."""
+    basis, out = evaluator.packed.basis, np.zeros((len(X), evaluator.m))
+    N = basis.shape[1]
+    tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
+    still = np.zeros(len(tau))
+    d = X.reshape(len(X), evaluator.m, -1) @ basis
+    grid = evaluator.piecewise.grid
+    d[..., : grid.shape[2]] += grid[0]
+    for j in elements.tolist():
+        slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
+        out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - evaluator.structure.kr[j]
+    return out
+
+
+def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
+    """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
+
+    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
+    """
+    ratio = evaluator.packed.linear.left / evaluator.nu
+    G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
+    modes = evaluator.structure.modes if evaluator.structure.modal else None
+    for i, w in enumerate(Omega.tolist()):
+        if modes is not None:
+            G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
+            continue
+        known = w * ratio <= evaluator.structure.highest
+        G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
+    delta = G @ f.transpose(0, 2, 1)[..., None]
+    if beyond is not None:
+        delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
+    delta = delta[..., 0].transpose(0, 2, 1)
+    return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
 
 # ---- monitored quantities
@@ -169,8 +238,8 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
     The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
     """
     clearances, regimes = evaluator.extrema_and_regime(X)
-    extended = evaluator.with_driven_harmonics(X, Omega)
-    each = zip(clearances, regimes, evaluator.truncation_error(extended).tolist(), strict=True)
+    extended = with_driven_harmonics(evaluator, X, Omega)
+    each = zip(clearances, regimes, truncation_errors(evaluator, extended).tolist(), strict=True)
     observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in each]
     if evaluator.sliders:
         margins = slip_margins(evaluator, X)

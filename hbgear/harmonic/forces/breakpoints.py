@@ -22,7 +22,8 @@ from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
-from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
 
 
 class PiecewiseExcitation(NamedTuple):

@@ -18,7 +18,8 @@ from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of, first_level, flanks_of, moving_springs_of
 from hbgear.mechanics.series.fourier import Series, stretch, to_complex
-from hbgear.mechanics.series.periodic import Phased, Pieced
+from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.series.piecewise_polynomial import Pieced
 
 
 class PackedLaws(NamedTuple):

@@ -6,8 +6,8 @@
 Each segment is divided into cells no longer than the sampling step of the model. x is smooth in each cell, so that its
 crossings and extrema are computed as in `hbgear.harmonic.forces.switching_times`. The arrays of segments are described
 in `hbgear.harmonic.forces.breakpoints.PiecewiseExcitation`, the integrals in
-`hbgear.mechanics.series.periodic.moments`. For a model without breakpoints in the phase, ``piecewise`` is None, and
-the code for segments is not compiled.
+`hbgear.mechanics.series.piecewise_polynomial.moments`. For a model without breakpoints in the phase, ``piecewise`` is
+None, and the code for segments is not compiled.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings
 from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, value_of
-from hbgear.mechanics.series.periodic import MIN_PHASE_BY_PARTS, rule
+from hbgear.mechanics.series.piecewise_polynomial import MIN_PHASE_BY_PARTS, rule
 
 _NODES, _WEIGHTS = rule()
 

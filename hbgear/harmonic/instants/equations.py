@@ -29,7 +29,8 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.laws import PiecewiseLinear
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real
-from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 UNOBSERVED_SINGULAR_VALUE = 1e-11
 """Singular value, relative to the largest, up to which a direction has no effect."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from hbgear.harmonic.instants.equations import Contacts, Equations
-from hbgear.mechanics.series.periodic import TURN
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 
 class Switch(NamedTuple):

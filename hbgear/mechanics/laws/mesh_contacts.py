@@ -27,7 +27,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear, springs_of
 from hbgear.mechanics.series.fourier import Series, is_listed
-from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
 
 
 @dataclass(frozen=True)

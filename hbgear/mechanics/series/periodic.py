@@ -2,12 +2,8 @@
 
     f(tau) = sum_q coefficients[i][q] (tau - phases[i])^q,     phases[i] <= tau < phases[i + 1],     period 2 pi
 
-Their harmonics are sums of moments, integrals of polynomials times exponentials,
-
-    int_0^w p(x) exp(-i n x) dx = sum_q [p^(q)(0) - exp(-i n w) p^(q)(w)] / (i n)^(q + 1)
-
-by parts where n w is large. Where n w is small, the terms would cancel; a Gauss rule that is exact to rounding is used
-instead. Nothing is truncated: any number of harmonics can be computed.
+Their harmonics are sums of moments of the polynomials, see `hbgear.mechanics.series.piecewise_polynomial`. Nothing is
+truncated: any number of harmonics can be computed.
 """
 
 from __future__ import annotations
@@ -24,13 +20,11 @@ import scipy
 from numpy.typing import ArrayLike
 
 from hbgear.common.argument_checks import checked_arguments
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.series.fourier import Series, real_numbers, to_real
-
-TURN = 2 * math.pi
-"""Period of the phase [rad]."""
+from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, derivatives, extremes, moments, shift_origin
 
 MOST_PIECES = 2_000
 """Largest number of segments of a function: a measured mesh cycle has a few hundred samples."""
@@ -44,15 +38,6 @@ _EQUAL_VALUES_TOLERANCE = 1e-9
 _MIN_DERIVATIVE_JUMP = 1e-13
 """Jump of a derivative, relative to its size [-], below which there is no breakpoint."""
 
-MIN_PHASE_BY_PARTS = 6.0
-"""Value of n w [rad] from which moments are computed by parts: each term is then at most a few times the sum."""
-
-
-def rule() -> tuple[Array, Array]:
-    """Return nodes and weights (16,) on (0, 1) for moments with n w below `MIN_PHASE_BY_PARTS`."""
-    x, w = np.polynomial.legendre.leggauss(16)
-    return 0.5 + 0.5 * x, 0.5 * w
-
 
 @dataclass(frozen=True)
 class Periodic:  # numpydoc ignore=PR02
@@ -61,10 +46,8 @@ class Periodic:  # numpydoc ignore=PR02
         f(tau) = sum_q coefficients[i][q] (tau - phases[i])^q     from phases[i] to phases[i + 1]
 
     It is accepted in place of a `Series`, as stiffness and as prescribed displacement, and is not approximated:
-    harmonic
-    balance, stability and time integration treat breakpoints exactly. `rectangular`, `trapezoidal` and `table` create
-    the
-    usual functions. At a jump it has the value that follows.
+    harmonic balance, stability and time integration treat breakpoints exactly. `rectangular`, `trapezoidal` and `table`
+    create the usual functions. At a jump it has the value that follows.
 
     Parameters
     ----------
@@ -100,17 +83,10 @@ class Periodic:  # numpydoc ignore=PR02
         if not listed or phases.ndim != 1 or len(rows) != len(phases):
             raise ValueError(f"Periodic: coefficients = {quoted(rows)} must be a row of numbers for each of the phases")
         counted("Periodic: number of pieces", len(phases), MOST_PIECES)
-        table = []
-        for row in rows:
-            numbers = real_numbers("Periodic: coefficients", row, "rows of numbers")
-            if numbers.ndim != 1 or not 1 <= numbers.size <= _MAX_DEGREE + 1 or not np.isfinite(numbers).all():
-                raise ValueError(
-                    f"Periodic: coefficients {quoted(row)} of a piece must be 1 to {_MAX_DEGREE + 1} finite numbers"
-                )
-            table.append(tuple(numbers.tolist()))
+        table = tuple(_checked_coefficients(row) for row in rows)
         _check_phases("Periodic", phases, TURN)
         object.__setattr__(self, "phases", tuple(phases.tolist()))
-        object.__setattr__(self, "coefficients", tuple(table))
+        object.__setattr__(self, "coefficients", table)
         if not self.corners:
             raise ValueError(
                 "Periodic: this function is constant, without a breakpoint; give a number, or Series(mean=...)"
@@ -131,8 +107,7 @@ class Periodic:  # numpydoc ignore=PR02
             Values.
         share : float
             Fraction of the period with the value ``high``, between 0 and 1. In a spur pair with a contact ratio eps
-            between 1
-            and 2, two pairs of teeth are in contact for the fraction eps - 1.
+            between 1 and 2, two pairs of teeth are in contact for the fraction eps - 1.
         start : float, optional
             Phase at which it begins [rad]. Default 0.
 
@@ -233,8 +208,7 @@ class Periodic:  # numpydoc ignore=PR02
         ------
         ValueError
             If phases do not ascend or exceed a period, the table is not periodic, has fewer than 2 values (3 for a
-            spline) or
-            more than 2000, or all values are equal.
+            spline) or more than 2000, or all values are equal.
 
         Examples
         --------
@@ -243,36 +217,7 @@ class Periodic:  # numpydoc ignore=PR02
         >>> round(float(e(3.141592653589793 / 4)), 12), round(e.mean, 12)
         (1.5, 0.5)
         """
-        checked("table", "period", period, POSITIVE)
-        if kind not in ("linear", "cubic"):
-            raise ValueError(f"table: kind = {quoted(kind)} must be 'linear' or 'cubic'")
-        x = real_numbers("table: phase", phase, "a sequence of numbers")
-        y = real_numbers("table: values", values, "a sequence of numbers")
-        if x.ndim != 1 or x.shape != y.shape or not np.isfinite(y).all():
-            raise ValueError(f"table: {x.size} phases and {y.size} values; need as many finite values as phases")
-        closed = x.size > 1 and bool(abs(x[-1] - x[0] - period) <= _EQUAL_VALUES_TOLERANCE * period)
-        if closed:
-            size = np.abs(y).max() or 1.0
-            if abs(y[-1] - y[0]) > _EQUAL_VALUES_TOLERANCE * size:
-                raise ValueError(
-                    f"table: it is not periodic: the value one period after the first, {y[0]:g}, is {y[-1]:g}; give "
-                    "equal values, or leave the last one out"
-                )
-            x, y = x[:-1], y[:-1]
-        _check_phases("table", x, float(period))
-        least = 2 if kind == "linear" else 3
-        if x.size < least:
-            raise ValueError(f"table: {x.size} values in a period; {kind} interpolation needs at least {least}")
-        counted("table: number of values", x.size, MOST_PIECES)
-        if not np.ptp(y):
-            raise ValueError(f"table: all values are {y[0]:g}, a constant; give a number, or Series(mean=...)")
-        x, x_end, y_end = x * (TURN / period), (x[0] + period) * (TURN / period), y[0]
-        ends, values_ = np.append(x, x_end), np.append(y, y_end)
-        if kind == "cubic":
-            c = scipy.interpolate.CubicSpline(ends, values_, bc_type="periodic").c[::-1].T
-        else:
-            c = np.column_stack([y, np.diff(values_) / np.diff(ends)])
-        return _from_start(0.0, x, c.tolist())
+        return _from_start(0.0, *_interpolated(phase, values, period, kind))
 
     # ---- properties and values
 
@@ -287,16 +232,16 @@ class Periodic:  # numpydoc ignore=PR02
     @cached_property
     def corners(self) -> tuple[float, ...]:
         """Breakpoints: phases in [0, 2 pi), ascending, at which it or one of its derivatives jumps."""
-        jumps, rows = np.abs(self.jumps), np.abs(_derivatives(self._rows, self._widths))
-        size = np.maximum(rows.max(axis=0), np.abs(_derivatives(self._rows, 0 * self._widths)).max(axis=0))
+        jumps, rows = np.abs(self.jumps), np.abs(derivatives(self._rows, self._widths))
+        size = np.maximum(rows.max(axis=0), np.abs(derivatives(self._rows, 0 * self._widths)).max(axis=0))
         is_breakpoint = (jumps > _MIN_DERIVATIVE_JUMP * size).any(axis=1)
         return tuple(sorted(x % TURN for x, found in zip(self.phases, is_breakpoint.tolist(), strict=True) if found))
 
     @cached_property
     def jumps(self) -> Array:
         """Jumps (P, D + 1) of the derivatives at the phases."""
-        ends = np.roll(_derivatives(self._rows, self._widths), 1, axis=0)
-        out: Array = _derivatives(self._rows, 0 * self._widths) - ends
+        ends = np.roll(derivatives(self._rows, self._widths), 1, axis=0)
+        out: Array = derivatives(self._rows, 0 * self._widths) - ends
         return out
 
     @property
@@ -321,15 +266,7 @@ class Periodic:  # numpydoc ignore=PR02
 
     def extremes(self) -> tuple[float, float]:
         """Return the smallest and the largest value."""
-        rows, w = np.pad(self._rows, ((0, 0), (0, _MAX_DEGREE + 1 - self._rows.shape[1]))), self._widths
-        candidates = [0 * w, w]
-        with np.errstate(all="ignore"):
-            a, b, c = 3 * rows[:, 3], rows[:, 2], rows[:, 1]  # a x^2 + 2 b x + c = 0
-            q = -(b + np.where(b < 0, -1.0, 1.0) * np.sqrt(b * b - a * c))
-            for x in (q / a, c / q):
-                candidates.append(np.where((x > 0) & (x < w), x, 0.0))
-        values = np.array([_derivatives(rows, x)[:, 0] for x in candidates])
-        return float(values.min()), float(values.max())
+        return extremes(self._rows, self._widths)
 
     def __call__(self, tau: ArrayLike, derivative: int = 0) -> Array:
         """Return the value, or a derivative in tau, at any phases; at a breakpoint that of the following segment."""
@@ -343,7 +280,7 @@ class Periodic:  # numpydoc ignore=PR02
         if derivative >= self._rows.shape[1]:
             return np.zeros(tau.shape)
         rows = self._rows[piece.ravel()]
-        out: Array = _derivatives(rows, (x - np.array(self.phases)[piece]).ravel())[:, derivative].reshape(tau.shape)
+        out: Array = derivatives(rows, (x - np.array(self.phases)[piece]).ravel())[:, derivative].reshape(tau.shape)
         return out if tau.ndim else out[()]
 
     @checked_arguments()
@@ -366,7 +303,7 @@ class Periodic:  # numpydoc ignore=PR02
     def reversed(self) -> Periodic:
         """Return the function of the negative phase: ``f(-tau)``."""
         ends = np.array(self.phases) + self._widths
-        rows = _shifted(self._rows, self._widths) * (-1.0) ** np.arange(self._rows.shape[1])
+        rows = shift_origin(self._rows, self._widths) * (-1.0) ** np.arange(self._rows.shape[1])
         return _from_start(0.0, -ends, rows.tolist())
 
     @checked_arguments()
@@ -387,17 +324,7 @@ class Periodic:  # numpydoc ignore=PR02
 
     def pieces(self, nu: int = 1) -> Pieced:
         """Return the function over nu of its periods as piecewise polynomials of the phase theta = tau / nu."""
-        n, first = len(self.phases), self.phases[0]
-        at, rows = np.array(self.phases), self._rows
-        whole = math.floor(first / TURN)
-        at = np.concatenate([at - (whole + 1) * TURN, at - whole * TURN])  # phases from at or below 0
-        start = int(np.searchsorted(at, 0.0, side="right")) - 1
-        at, rows = at[start : start + n + 1], np.concatenate([rows, rows])[start : start + n + 1]
-        at[0], rows[0] = 0.0, _shifted(rows[:1], -at[:1])[0]
-        inside = at < TURN
-        at, rows = at[inside], rows[inside]
-        theta = (at[None, :] + TURN * np.arange(nu)[:, None]) / nu
-        return Pieced(theta.ravel(), np.tile(rows * float(nu) ** np.arange(rows.shape[1]), (nu, 1)))
+        return Pieced.over_periods(np.array(self.phases), self._rows, nu)
 
     @cached_property
     def _rows(self) -> Array:
@@ -450,131 +377,56 @@ def undescribed(data: Any) -> Any:
     return cls(**given)
 
 
-_PHASE_ROUNDING = 1e-13
-"""Difference of phases that count as equal [rad]."""
-
-
-@dataclass(frozen=True)
-class Pieced:
-    """Piecewise polynomials over one period [0, 2 pi) of a phase.
-
-    Attributes
-    ----------
-    at : ndarray, shape (T,)
-        Beginnings of the segments; the first is 0.
-    rows : ndarray, shape (T, D + 1)
-        Coefficients of the polynomials.
-    """
-
-    at: Array
-    rows: Array
-
-    @property
-    def widths(self) -> Array:
-        """Widths (T,) of the segments."""
-        return np.diff(np.append(self.at, TURN))
-
-    def times(self, other: Pieced) -> Pieced:
-        """Return the product with another function, on the segments of both."""
-        both = np.unique(np.concatenate([self.at, other.at]))
-        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(at), other.rows_at(at)
-        rows = np.zeros((len(at), a.shape[1] + b.shape[1] - 1))
-        for q in range(a.shape[1]):
-            rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
-        return Pieced(at, rows)
-
-    def rows_at(self, at: Array) -> Array:
-        """Return the polynomials from given phases on.
-
-        Each is the polynomial at the middle up to the next phase, because beginnings are equal only to rounding.
-        """
-        middle = at + 0.5 * np.diff(np.append(at, TURN))
-        piece = np.searchsorted(self.at, middle, side="right") - 1
-        rows: Array = _shifted(self.rows[piece], at - self.at[piece])
-        return rows
-
-    def plus(self, other: Pieced) -> Pieced:
-        """Return the sum with another function, on the segments of both."""
-        both = np.unique(np.concatenate([self.at, other.at]))
-        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(at), other.rows_at(at)
-        rows = np.zeros((len(at), max(a.shape[1], b.shape[1])))
-        rows[:, : a.shape[1]] += a
-        rows[:, : b.shape[1]] += b
-        return Pieced(at, rows)
-
-    def repeated(self, nu: int) -> Pieced:
-        """Return the function over nu of its periods, of the phase theta = tau / nu."""
-        theta = (self.at[None, :] + TURN * np.arange(nu)[:, None]) / nu
-        return Pieced(theta.ravel(), np.tile(self.rows * float(nu) ** np.arange(self.rows.shape[1]), (nu, 1)))
-
-    def scaled(self, factor: float) -> Pieced:
-        """Return the function times a factor."""
-        return Pieced(self.at, factor * self.rows)
-
-    def on(self, at: Array) -> Pieced:
-        """Return the same function with additional beginnings of segments.
-
-        Beginnings that equal others to rounding are merged.
-        """
-        new = at[np.abs(at[:, None] - self.at).min(axis=1) > _PHASE_ROUNDING]
-        both = np.sort(np.concatenate([self.at, new]))
-        piece = np.searchsorted(self.at, both, side="right") - 1
-        return Pieced(both, _shifted(self.rows[piece], both - self.at[piece]))
-
-    def integrals(self, count: int) -> ComplexArray:
-        """Return int_0^theta f exp(-i n x) dx (T + 1, count) at the beginnings and at 2 pi, n = 0 .. count - 1."""
-        turned = np.exp(-1j * np.outer(self.at, np.arange(count)))
-        out = np.zeros((len(self.at) + 1, count), dtype=complex)
-        np.cumsum(moments(self.rows, self.widths, count) * turned, axis=0, out=out[1:])
-        return out
-
-
-ONE = Pieced(np.zeros(1), np.ones((1, 1)))
-"""The constant function 1."""
-
-
-def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
-    """Return int_0^w p(x) exp(-i n x) dx (P, count), n = 0 .. count - 1, of polynomials (P, D + 1) of widths w (P,)."""
-    n, (x, weight) = np.arange(count), rule()
-    out = np.empty((len(rows), count), dtype=complex)
-    for row, w, own in zip(rows, widths, out, strict=True):
-        few = min(count, int(MIN_PHASE_BY_PARTS / w) + 1) if w * (count - 1) > MIN_PHASE_BY_PARTS else count
-        p = np.polynomial.polynomial.polyval(w * x, row) * (w * weight)
-        own[:few] = np.exp(-1j * np.outer(n[:few], w * x)) @ p
-        if few < count:
-            start, end = _derivatives(np.array([row, row]), np.array([0.0, w]))
-            total, power, many = np.zeros(count - few, dtype=complex), 1.0 / (1j * n[few:]), n[few:]
-            factor = power.copy()
-            turned = np.exp(-1j * w * many)
-            for q in range(len(row)):
-                total += factor * (start[q] - turned * end[q])
-                factor = factor * power
-            own[few:] = total
-    return out
-
-
-def _derivatives(rows: Array, x: Array) -> Array:
-    """Return values and all derivatives (P, D + 1) of polynomials (P, D + 1) at x (P,)."""
-    return _shifted(rows, x) * [math.factorial(q) for q in range(rows.shape[1])]
-
-
-def _shifted(rows: Array, x: Array) -> Array:
-    """Return the coefficients (P, D + 1) of the polynomials p(x + y) in y."""
-    out = rows.copy()
-    for first in range(rows.shape[1] - 1):
-        for q in range(rows.shape[1] - 2, first - 1, -1):
-            out[:, q] += x * out[:, q + 1]
-    return out
-
-
 def _from_start(start: float, at: Array, rows: Sequence[Sequence[float]]) -> Periodic:
     """Return the function with segments that begin at ``start + at``, ordered from the first in [0, 2 pi)."""
     begin = (start + at) % TURN
     begin[begin >= TURN] = 0.0
     order = np.argsort(begin, kind="stable")
     return Periodic(tuple(begin[order].tolist()), tuple(tuple(rows[i]) for i in order))
+
+
+def _interpolated(phase: Any, values: Any, period: float, kind: str) -> tuple[Array, list[list[float]]]:
+    """Return beginnings [rad] and coefficients of the segments through the values of a table, see `Periodic.table`."""
+    checked("table", "period", period, POSITIVE)
+    if kind not in ("linear", "cubic"):
+        raise ValueError(f"table: kind = {quoted(kind)} must be 'linear' or 'cubic'")
+    x = real_numbers("table: phase", phase, "a sequence of numbers")
+    y = real_numbers("table: values", values, "a sequence of numbers")
+    if x.ndim != 1 or x.shape != y.shape or not np.isfinite(y).all():
+        raise ValueError(f"table: {x.size} phases and {y.size} values; need as many finite values as phases")
+    closed = x.size > 1 and bool(abs(x[-1] - x[0] - period) <= _EQUAL_VALUES_TOLERANCE * period)
+    if closed:
+        size = np.abs(y).max() or 1.0
+        if abs(y[-1] - y[0]) > _EQUAL_VALUES_TOLERANCE * size:
+            raise ValueError(
+                f"table: it is not periodic: the value one period after the first, {y[0]:g}, is {y[-1]:g}; give "
+                "equal values, or leave the last one out"
+            )
+        x, y = x[:-1], y[:-1]
+    _check_phases("table", x, float(period))
+    least = 2 if kind == "linear" else 3
+    if x.size < least:
+        raise ValueError(f"table: {x.size} values in a period; {kind} interpolation needs at least {least}")
+    counted("table: number of values", x.size, MOST_PIECES)
+    if not np.ptp(y):
+        raise ValueError(f"table: all values are {y[0]:g}, a constant; give a number, or Series(mean=...)")
+    x, x_end, y_end = x * (TURN / period), (x[0] + period) * (TURN / period), y[0]
+    ends, values_ = np.append(x, x_end), np.append(y, y_end)
+    if kind == "cubic":
+        c = scipy.interpolate.CubicSpline(ends, values_, bc_type="periodic").c[::-1].T
+    else:
+        c = np.column_stack([y, np.diff(values_) / np.diff(ends)])
+    return x, c.tolist()
+
+
+def _checked_coefficients(row: Sequence[float]) -> tuple[float, ...]:
+    """Return the coefficients of one segment; raise ValueError for another number, or one that is not finite."""
+    numbers = real_numbers("Periodic: coefficients", row, "rows of numbers")
+    if numbers.ndim != 1 or not 1 <= numbers.size <= _MAX_DEGREE + 1 or not np.isfinite(numbers).all():
+        raise ValueError(
+            f"Periodic: coefficients {quoted(row)} of a piece must be 1 to {_MAX_DEGREE + 1} finite numbers"
+        )
+    return tuple(numbers.tolist())
 
 
 def _check_phases(owner: str, phases: Array, period: float) -> None:

@@ -17,7 +17,8 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.laws import springs_of
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 from hbgear.time.exponential.segments import Integers
 
 _MAX_COMMON_CELLS = 600

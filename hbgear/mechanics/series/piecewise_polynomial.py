@@ -1,0 +1,176 @@
+"""Piecewise polynomials over a period and their moments.
+
+    f(theta) = sum_q rows[i][q] (theta - at[i])^q,     at[i] <= theta < at[i + 1]
+
+The harmonics are sums of moments, integrals of polynomials times exponentials,
+
+    int_0^w p(x) exp(-i n x) dx = sum_q [p^(q)(0) - exp(-i n w) p^(q)(w)] / (i n)^(q + 1)
+
+by parts where n w is large. Where n w is small, the terms would cancel; a Gauss rule that is exact to rounding is used
+instead. Nothing is truncated: any number of harmonics can be computed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+
+TURN = 2 * math.pi
+"""Period of the phase [rad]."""
+
+MIN_PHASE_BY_PARTS = 6.0
+"""Value of n w [rad] from which moments are computed by parts: each term is then at most a few times the sum."""
+
+
+_PHASE_ROUNDING = 1e-13
+"""Difference of phases that count as equal [rad]."""
+
+
+def rule() -> tuple[Array, Array]:
+    """Return nodes and weights (16,) on (0, 1) for moments with n w below `MIN_PHASE_BY_PARTS`."""
+    x, w = np.polynomial.legendre.leggauss(16)
+    return 0.5 + 0.5 * x, 0.5 * w
+
+
+@dataclass(frozen=True)
+class Pieced:
+    """Piecewise polynomials over one period [0, 2 pi) of a phase.
+
+    Attributes
+    ----------
+    at : ndarray, shape (T,)
+        Beginnings of the segments; the first is 0.
+    rows : ndarray, shape (T, D + 1)
+        Coefficients of the polynomials.
+    """
+
+    at: Array
+    rows: Array
+
+    @property
+    def widths(self) -> Array:
+        """Widths (T,) of the segments."""
+        return np.diff(np.append(self.at, TURN))
+
+    @classmethod
+    def over_periods(cls, phases: Array, rows: Array, nu: int) -> Pieced:
+        """Return a function with segments (P,) of its phase tau over nu periods of it, of the phase tau / nu."""
+        n, first = len(phases), float(phases[0])
+        whole = math.floor(first / TURN)
+        at = np.concatenate([phases - (whole + 1) * TURN, phases - whole * TURN])  # phases from at or below 0
+        start = int(np.searchsorted(at, 0.0, side="right")) - 1
+        at, rows = at[start : start + n + 1], np.concatenate([rows, rows])[start : start + n + 1]
+        at[0], rows[0] = 0.0, shift_origin(rows[:1], -at[:1])[0]
+        inside = at < TURN
+        return cls(at[inside], rows[inside]).repeated(nu)
+
+    def times(self, other: Pieced) -> Pieced:
+        """Return the product with another function, on the segments of both."""
+        both = np.unique(np.concatenate([self.at, other.at]))
+        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
+        a, b = self.rows_at(at), other.rows_at(at)
+        rows = np.zeros((len(at), a.shape[1] + b.shape[1] - 1))
+        for q in range(a.shape[1]):
+            rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
+        return Pieced(at, rows)
+
+    def rows_at(self, at: Array) -> Array:
+        """Return the polynomials from given phases on.
+
+        Each is the polynomial at the middle up to the next phase, because beginnings are equal only to rounding.
+        """
+        middle = at + 0.5 * np.diff(np.append(at, TURN))
+        piece = np.searchsorted(self.at, middle, side="right") - 1
+        rows: Array = shift_origin(self.rows[piece], at - self.at[piece])
+        return rows
+
+    def plus(self, other: Pieced) -> Pieced:
+        """Return the sum with another function, on the segments of both."""
+        both = np.unique(np.concatenate([self.at, other.at]))
+        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
+        a, b = self.rows_at(at), other.rows_at(at)
+        rows = np.zeros((len(at), max(a.shape[1], b.shape[1])))
+        rows[:, : a.shape[1]] += a
+        rows[:, : b.shape[1]] += b
+        return Pieced(at, rows)
+
+    def repeated(self, nu: int) -> Pieced:
+        """Return the function over nu of its periods, of the phase theta = tau / nu."""
+        theta = (self.at[None, :] + TURN * np.arange(nu)[:, None]) / nu
+        return Pieced(theta.ravel(), np.tile(self.rows * float(nu) ** np.arange(self.rows.shape[1]), (nu, 1)))
+
+    def scaled(self, factor: float) -> Pieced:
+        """Return the function times a factor."""
+        return Pieced(self.at, factor * self.rows)
+
+    def on(self, at: Array) -> Pieced:
+        """Return the same function with additional beginnings of segments.
+
+        Beginnings that equal others to rounding are merged.
+        """
+        new = at[np.abs(at[:, None] - self.at).min(axis=1) > _PHASE_ROUNDING]
+        both = np.sort(np.concatenate([self.at, new]))
+        piece = np.searchsorted(self.at, both, side="right") - 1
+        return Pieced(both, shift_origin(self.rows[piece], both - self.at[piece]))
+
+    def integrals(self, count: int) -> ComplexArray:
+        """Return int_0^theta f exp(-i n x) dx (T + 1, count) at the beginnings and at 2 pi, n = 0 .. count - 1."""
+        turned = np.exp(-1j * np.outer(self.at, np.arange(count)))
+        out = np.zeros((len(self.at) + 1, count), dtype=complex)
+        np.cumsum(moments(self.rows, self.widths, count) * turned, axis=0, out=out[1:])
+        return out
+
+
+ONE = Pieced(np.zeros(1), np.ones((1, 1)))
+"""The constant function 1."""
+
+
+def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
+    """Return int_0^w p(x) exp(-i n x) dx (P, count), n = 0 .. count - 1, of polynomials (P, D + 1) of widths w (P,)."""
+    n, (x, weight) = np.arange(count), rule()
+    out = np.empty((len(rows), count), dtype=complex)
+    for row, w, own in zip(rows, widths, out, strict=True):
+        few = min(count, int(MIN_PHASE_BY_PARTS / w) + 1) if w * (count - 1) > MIN_PHASE_BY_PARTS else count
+        p = np.polynomial.polynomial.polyval(w * x, row) * (w * weight)
+        own[:few] = np.exp(-1j * np.outer(n[:few], w * x)) @ p
+        if few < count:
+            start, end = derivatives(np.array([row, row]), np.array([0.0, w]))
+            total, power, many = np.zeros(count - few, dtype=complex), 1.0 / (1j * n[few:]), n[few:]
+            factor = power.copy()
+            turned = np.exp(-1j * w * many)
+            for q in range(len(row)):
+                total += factor * (start[q] - turned * end[q])
+                factor = factor * power
+            own[few:] = total
+    return out
+
+
+def derivatives(rows: Array, x: Array) -> Array:
+    """Return values and all derivatives (P, D + 1) of polynomials (P, D + 1) at x (P,)."""
+    return shift_origin(rows, x) * [math.factorial(q) for q in range(rows.shape[1])]
+
+
+def shift_origin(rows: Array, x: Array) -> Array:
+    """Return the coefficients (P, D + 1) of the polynomials p(x + y) in y."""
+    out = rows.copy()
+    for first in range(rows.shape[1] - 1):
+        for q in range(rows.shape[1] - 2, first - 1, -1):
+            out[:, q] += x * out[:, q + 1]
+    return out
+
+
+def extremes(rows: Array, widths: Array) -> tuple[float, float]:
+    """Return the smallest and the largest value of cubic polynomials (P, 4 or fewer) of widths (P,)."""
+    rows = np.pad(rows, ((0, 0), (0, 4 - rows.shape[1])))
+    candidates = [0 * widths, widths]
+    with np.errstate(all="ignore"):
+        a, b, c = 3 * rows[:, 3], rows[:, 2], rows[:, 1]  # a x^2 + 2 b x + c = 0
+        q = -(b + np.where(b < 0, -1.0, 1.0) * np.sqrt(b * b - a * c))
+        for x in (q / a, c / q):
+            candidates.append(np.where((x > 0) & (x < widths), x, 0.0))
+    values = np.array([derivatives(rows, x)[:, 0] for x in candidates])
+    return float(values.min()), float(values.max())

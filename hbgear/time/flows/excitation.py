@@ -1,0 +1,148 @@
+"""Excitation of a flow: prescribed displacements, stiffness of the linear segments and loads as functions of time.
+
+e(t) = Re sum_k e_k exp(i k Omega t),   or polynomials of the phase between two breakpoints
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.models import System
+from hbgear.mechanics.series.fourier import Series, derive, to_complex
+from hbgear.mechanics.series.periodic import Phased
+from hbgear.time.exponential.segments import stiffness_of
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Interval of time between two breakpoints of the excitation.
+
+    Attributes
+    ----------
+    begin, end : float
+        Ends of the interval, in units of time.
+    at : float
+        Phase in the middle, in radians.
+    rows : ndarray, shape (3 m, 4)
+        Coefficients about this phase of e, e' and the stiffness of the linear segments, for piecewise polynomials; zero
+        for Fourier series.
+    """
+
+    begin: float
+    end: float
+    at: float
+    rows: Array
+
+
+class Excitation:
+    """Displacements e, their rates e', stiffness of the linear segments and loads of a system at one Omega.
+
+    Parameters
+    ----------
+    system : System
+        System of equations of a model.
+    Omega : float
+        Excitation frequency.
+    invert : callable
+        Function that solves with the mass matrix.
+
+    Attributes
+    ----------
+    breakpoints : ndarray
+        Phases in [0, 2 pi) at which the excitation or a law has a breakpoint, ascending.
+    series : ndarray, shape (3 m + n, L + 1)
+        Complex harmonics of e, e', the stiffness and the accelerations by loads; zero for piecewise polynomials.
+    orders : ndarray, shape (L + 1,)
+        Their orders.
+    """
+
+    def __init__(self, system: System, Omega: float, invert: Callable[[Array], Array]) -> None:
+        self.Omega, self.n, self.m = Omega, system.n, len(system.elements)
+        phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
+        self.breakpoints = np.unique(phases)
+        self._no_breakpoints = Interval(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
+        self.displacements = [e.displacement for e in system.elements]
+        self._stiffness = [stiffness_of(e.law) for e in system.elements]
+        self.series = self._harmonics(system, invert)
+        self.orders = np.arange(self.series.shape[1])
+
+    def _harmonics(self, system: System, invert: Callable[[Array], Array]) -> ComplexArray:
+        """Return `series`."""
+        n, m = self.n, self.m
+        rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
+                           for each in (self.displacements, self._stiffness))  # fmt: skip
+        L = max([len(r) // 2 for r in (*rows, *stiffness)] + [load.order for load in system.loads])
+        c = np.zeros((3 * m + n, L + 1), dtype=complex)
+        for j in range(m):
+            for i, row in ((j, rows[j]), (2 * m + j, stiffness[j])):
+                c[i, : len(row) // 2 + 1] = to_complex(row)
+        c[m : 2 * m] = self.Omega * derive(c[:m])
+        for load in system.loads:
+            for order, vector in load.complex(n).items():
+                c[3 * m :, order] += self.Omega**load.power * vector
+        c[3 * m :] = invert(c[3 * m :].real) + 1j * invert(c[3 * m :].imag)
+        return c
+
+    def between(self, t: float) -> Interval:
+        """Return the interval between breakpoints of the excitation that contains t or begins at t."""
+        if not self.breakpoints.size:
+            return self._no_breakpoints
+        tau = self.Omega * t
+        turns = np.floor((tau - self.breakpoints[0]) / (2 * np.pi))
+        around = np.append(self.breakpoints, self.breakpoints[0] + 2 * np.pi) + 2 * np.pi * (
+            turns + np.array([[-1], [0], [1]])
+        )
+        breakpoints = np.unique(around) / self.Omega
+        i = int(np.searchsorted(breakpoints, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
+        begin, end = float(breakpoints[i - 1]), float(breakpoints[i])
+        at, m = 0.5 * self.Omega * (begin + end), self.m
+        rows = np.zeros((3 * m, 4))
+        rows[:m], rows[2 * m :] = (
+            _taylor_coefficients(self.displacements, at),
+            _taylor_coefficients(self._stiffness, at),
+        )
+        rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
+        return Interval(begin, end, at, rows)
+
+    def at(self, t: float, between: Interval) -> tuple[Array, Array, Array, Array]:
+        """Return e, e', the stiffness of the linear segments and the loads at t."""
+        s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
+        if between is not self._no_breakpoints:
+            s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
+        return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
+
+    def over(self, t: Array) -> tuple[Array, Array]:
+        """Return e and e' (m, T) at instants t."""
+        m = self.m
+        s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
+        for j, e in enumerate(self.displacements):
+            if e.corners:
+                s[j] += e(self.Omega * t)
+                s[m + j] += self.Omega * e(self.Omega * t, 1)
+        return s[:m], s[m:]
+
+    def phase(self, t: float, between: Interval) -> float:
+        """Return tau for the evaluation of laws; at the ends of the interval it is moved inside by rounding."""
+        if between is self._no_breakpoints:
+            return self.Omega * t
+        inside = 1e-14 * (abs(t) + 1 / self.Omega)
+        return self.Omega * min(max(t, between.begin + inside), between.end - inside)
+
+    def size(self) -> float:
+        """Return the largest displacement of the piecewise polynomials, and the largest harmonic of the series."""
+        bounds = [e.bound for e in self.displacements if e.corners]
+        return max([*bounds, float(np.abs(self.series[: self.m]).max())])
+
+
+def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:
+    """Return the coefficients (m, 4) about tau of functions that have breakpoints; zero for the others."""
+    out = np.zeros((len(functions), 4))
+    for own, function in zip(out, functions, strict=True):
+        if function.corners:
+            own[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
+    return out
