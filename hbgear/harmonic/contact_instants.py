@@ -35,7 +35,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
-from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.checking import sample_gaps
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian

@@ -14,7 +14,7 @@ from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import observe_all
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 
 STATED = 3.0  # times the stated error within which the true one lies
 CRITICAL = 1e-3  # distance of a multiplier from that of its event at a located point

@@ -18,7 +18,8 @@ from hbgear.continuation.events.event import RESERVED, is_marker, locate_root
 from hbgear.continuation.events.fold import CuspEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.bifurcations.events import KINDS, PeriodDoublingMergeEvent
+from hbgear.harmonic.bifurcations.events import KINDS
+from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingMergeEvent
 
 LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3", marker="*")
 

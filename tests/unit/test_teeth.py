@@ -15,7 +15,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings, solve
 from hbgear.continuation.tracing.jumps import find_jumps, nearest
 from hbgear.continuation.tracing.state import TraceSettings
 from hbgear.continuation.tracing.trace import Tracer, trace
-from hbgear.harmonic.bifurcations.events import NeimarkSackerEvent, PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
 from hbgear.harmonic.structure.receptance import LinearStructure, UnbalancedLoadError
 from hbgear.mechanics import PiecewiseLinear
 from hbgear.mechanics.series.fourier import resize

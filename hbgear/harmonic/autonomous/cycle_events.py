@@ -18,7 +18,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.harmonic.bifurcations.events import NeimarkSackerEvent, PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
 
 _COMPLEX = 1e-8
 """Imaginary part of a multiplier, relative to its modulus, above which it belongs to a pair."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,14 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root, singular
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem, Locating
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.bifurcations.monitored import monitored_values
 from hbgear.mechanics.series.fourier import waves
 
 
@@ -116,3 +121,87 @@ class GrazingProblem(MinimallyAugmentedProblem):
 
 SIMULTANEOUS_GRAZING_CLEARANCE = 1e-7
 """Clearance, relative to the motion, up to which another element grazes at the same point."""
+
+
+MAX_CONTACT_EXTRAPOLATION = 4.0
+"""Lengths of the last segment within which a contact beyond it is searched."""
+
+
+class GrazingEvent(Event):
+    """Grazing contact: an extremum of an element passes a breakpoint of its law.
+
+    Elements that graze at the same value of the parameter are one point.
+    """
+
+    kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return the clearances at points where they are known."""
+        clearance = monitored_values(points, "clearance")
+        return np.zeros((len(points), 0)) if clearance is None else clearance
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        clearances = monitored_values((segment.a, segment.b), "clearance")
+        if clearances is None:
+            return []
+        before, after = clearances
+        located: list[LocatedEvent] = []
+        for i in np.flatnonzero(before * after < 0):
+            event = self._locate(segment, int(i), float(before[i]), float(after[i]))
+            simultaneous = next((j for j, other in enumerate(located) if abs(other.s - event.s) < 1e-6), None)
+            if simultaneous is None:
+                located.append(event)
+            else:
+                located[simultaneous] = replace(
+                    located[simultaneous], note=f"{located[simultaneous].note}, {event.note}"
+                )
+        return located
+
+    def _locate(self, segment: Segment, which: int, before: float, after: float) -> LocatedEvent:
+        """Locate the point by Newton's method on {R, extremum at the breakpoint}, or as a bracketed root."""
+        problem: Any = segment.problem
+        note = problem.clearance_names[which]
+
+        def test(point: CurvePoint) -> float:
+            known = point.observed.get("clearance")
+            if known is None:
+                known = problem.clearance(point.X, **{**segment.parameters, segment.name: point.value})
+            return float(known[which])
+
+        try:
+            extended = GrazingProblem(problem, segment.name, which)
+            return locate_by_newton(segment, self, extended, before / (before - after), note)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return locate_root(segment, self, test, note)
+
+    def ahead(self, segment: Segment) -> LocatedEvent | None:
+        """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
+        clearances = monitored_values((segment.a, segment.b), "clearance")
+        if clearances is None:
+            return None
+        before, after = clearances
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distances = np.where(before * after > 0, after / (before - after), np.inf)
+        distances[~(distances > 0)] = np.inf
+        which = int(np.argmin(distances)) if distances.size else 0
+        if not distances.size or distances[which] > MAX_CONTACT_EXTRAPOLATION:
+            return None
+        problem: Any = segment.problem
+        extended = GrazingProblem(problem, segment.name, which)
+        try:
+            u = extended.located(segment.b.u, {**segment.parameters, segment.name: segment.b.value}).X
+        except (NoConvergence, np.linalg.LinAlgError):
+            return None
+        s = segment.fraction_of(u)
+        is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_CONTACT_EXTRAPOLATION * segment.length
+        point = replace(singular(segment, u, segment.b), parameter_direction=segment.b.parameter_direction)
+        return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        names = list(problem.clearance_names)
+        return GrazingProblem(problem, parameter, names.index(point.note.split(", ")[0]))

@@ -18,7 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.bifurcations.events import GrazingEvent
+from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 
 
 class Pins(NamedTuple):

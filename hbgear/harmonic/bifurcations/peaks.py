@@ -17,7 +17,7 @@ from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
-from hbgear.harmonic.bifurcations.events import AmplitudePeakEvent
+from hbgear.harmonic.bifurcations.peak_events import AmplitudePeakEvent
 from hbgear.harmonic.equations.layout import check_peaks, layout_of
 
 

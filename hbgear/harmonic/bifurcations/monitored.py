@@ -1,0 +1,106 @@
+"""Monitored quantities of points, and test functions of their Floquet multipliers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.event import column
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+
+
+def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
+    """Return multipliers (points, r), if any are known."""
+    mu: ComplexArray | None = monitored_values(points, "multipliers")
+    return mu
+
+
+def monitored_values(points: Sequence[CurvePoint], name: str) -> Any:
+    """Return a monitored quantity of all points, nan where it is unknown.
+
+    The result is None if the quantity is unknown at all points, or its length differs between points.
+    """
+    return column(points, name, lambda: _stacked_values(points, name))
+
+
+def _stacked_values(points: Sequence[CurvePoint], name: str) -> Any:
+    """Return a monitored quantity of all points as an array; see `monitored_values`."""
+    values = [point.observed.get(name) for point in points]
+    example = next((value for value in values if value is not None), None)
+    if example is None:
+        return None
+    try:
+        return np.array([np.full_like(example, np.nan) if value is None else value for value in values])
+    except ValueError:  # a closed gap has no breakpoints
+        return None
+
+
+def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
+    """Return the multipliers of a point, computed if they are unknown."""
+    known: ComplexArray | None = point.observed.get("multipliers")
+    if known is not None:
+        return known
+    values = {**segment.parameters, segment.name: point.value}
+    problem: Any = segment.problem  # a HarmonicBalance, whose events these are
+    computed: ComplexArray = problem.multipliers(point.X, points=8, width=1.0, **values)
+    return computed
+
+
+def count_unstable(mu: ComplexArray) -> np.ndarray:
+    """Return the number of unstable multipliers of sets (P, r)."""
+    number: np.ndarray = (np.abs(mu) > 1 + STABILITY_TOLERANCE).sum(axis=1)
+    return number
+
+
+def doubling_determinant(mu: ComplexArray) -> Array:
+    """Return det(Phi + 1), which changes sign at period doublings, of sets (P, r)."""
+    scale = 1.0 / np.maximum(
+        np.abs(mu) / MAX_DETERMINANT_MODULUS, 1.0
+    )  # a factor, because the division of a complex nan (unknown) warns
+    determinant: Array = ((mu + 1) * scale).prod(axis=1).real
+    return determinant
+
+
+MAX_DETERMINANT_MODULUS = 1e6
+"""Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
+
+
+def complex_multipliers(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers that are not real."""
+    complex_pairs: ComplexArray = mu[is_complex(mu)]
+    return complex_pairs
+
+
+def is_complex(mu: ComplexArray) -> np.ndarray:
+    """Return which multipliers are not real."""
+    paired: np.ndarray = np.abs(mu.imag) > 1e-8 * np.abs(mu)
+    return paired
+
+
+def negative_real(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers on the negative real axis, and zero in the place of others."""
+    rest: ComplexArray = np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
+    return rest
+
+
+def without_negative_real(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers with zero in the place of those on the negative real axis."""
+    rest: ComplexArray = np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
+    return rest
+
+
+def unstable_complex_counts(ends: ComplexArray) -> tuple[int, int]:
+    """Return the smaller and the larger number of unstable complex multipliers at two ends."""
+    few, many = sorted(count_unstable(np.where(is_complex(ends), ends, 0.0)).tolist())
+    return few, many
+
+
+def ranked_modulus(mu: ComplexArray, k: int) -> float:
+    """Return the modulus of a rank k from the largest; nan if there are fewer multipliers."""
+    sizes = np.sort(np.abs(mu))[::-1]
+    return float(sizes[k]) if k < len(sizes) else math.nan

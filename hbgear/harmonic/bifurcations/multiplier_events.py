@@ -1,0 +1,408 @@
+"""Events of Floquet multipliers: period doublings, Neimark-Sacker points and ends of subharmonic branches.
+
+PD  a multiplier passes -1 (period doubling).
+    Located by Newton's method on {R = 0, g = 0} of the half-integer block, or as a bracketed root of det(Phi + 1).
+NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker).
+    Located by Newton's method on {R = 0, g = 0}, with g the real part of its exponent from Hill's determinant. The
+    initial guess is a bracketed root of the modulus.
+    In a symmetric system with multipliers in equal pairs, two pass +1 (BP) or -1 (PD) at once, and no determinant
+    changes sign: bracketed root of their modulus.
+EP  a subharmonic branch ends on the branch of shorter period.
+
+References
+----------
+Friedmann, Hammond & Woo (1977), Int. J. Numer. Meth. Eng. 11, https://doi.org/10.1002/nme.1620110708, for multipliers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
+from hbgear.continuation.events.event import (
+    Event,
+    LocatedEvent,
+    lengths,
+    locate_by_newton,
+    locate_root,
+    singular,
+)
+from hbgear.continuation.events.near_tangency import near_zeros
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
+from hbgear.harmonic.bifurcations.monitored import (
+    complex_multipliers,
+    count_unstable,
+    doubling_determinant,
+    is_complex,
+    multipliers_at,
+    multipliers_of,
+    negative_real,
+    ranked_modulus,
+    unstable_complex_counts,
+    without_negative_real,
+)
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
+from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+from hbgear.harmonic.multipliers.multiplier_collisions import (
+    collisions,
+    exchanges,
+    extrapolated_crossings,
+    leaps,
+    passes_minus_one_cleanly,
+)
+from hbgear.harmonic.multipliers.multiplier_error import count_beyond
+from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
+
+PAIR_LOCATION_TOLERANCE = 1e-10
+"""Fraction of the segment to which a pair is located; its modulus is not known more accurately because of rounding."""
+
+
+MAX_TRUNCATION_SHIFT = 5e-3
+"""Scaled arc length by which the multipliers of a truncated motion may pass -1 before or after the true doubling."""
+
+
+DOUBLE_MULTIPLIER_DISTANCE = 1e-6
+"""Distance up to which two multipliers on the unit circle are equal."""
+
+
+class PeriodDoublingEvent(Event):
+    """Period doubling: a multiplier passes -1, and motions of twice the period branch off."""
+
+    kind, meaning, marker = "PD", "period doubling", "D"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return det(Phi + 1) at points with known multipliers."""
+        mu = multipliers_of(points)
+        return np.zeros((len(points), 0)) if mu is None else doubling_determinant(mu)[:, None]
+
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return where det(Phi + 1) comes close to zero, except where pairs clearly pass -1 without collision."""
+        mu, candidates = multipliers_of(points), super().near_zeros(points, values, scale)
+        if mu is None or not candidates:
+            return candidates
+        clean = passes_minus_one_cleanly(mu, lengths(points, scale), np.array([segment for segment, _ in candidates]))
+        return [candidate for candidate, passed in zip(candidates, clean, strict=True) if not passed]
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        mu = multipliers_of((segment.a, segment.b))
+        if mu is None:
+            return []
+        before, after = doubling_determinant(mu).tolist()
+        return [self.locate(segment, before, after)] if before * after < 0 else []
+
+    def locate(self, segment: Segment, before: float, after: float) -> LocatedEvent:
+        """Locate the point by Newton's method on the half-integer block, or as a bracketed root of det(Phi + 1).
+
+        The root is used if forces are sampled. If Newton's method does not converge from the secant estimate, it starts
+        from the root: the block is superconvergent, while the multipliers of the truncated motion pass -1 at a slightly
+        different value.
+        """
+        smooth = segment.problem.smooth
+        extended = PeriodDoublingProblem(segment.problem, segment.name) if smooth else None
+        if extended is not None:
+            try:
+                return locate_by_newton(segment, self, extended, before / (before - after))
+            except (NoConvergence, np.linalg.LinAlgError):
+                pass
+        rough = locate_root(
+            segment, self, lambda point: float(doubling_determinant(multipliers_at(segment, point)[None])[0])
+        )
+        return rough if extended is None else _refine_root(segment, rough, extended)
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Return the distance of the nearest multiplier from -1."""
+        return float(np.abs(multipliers + 1).min(initial=math.inf))
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return PeriodDoublingProblem(problem, parameter)
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
+        """Return the start of the motion of twice the period, along the null vector of the half-integer block."""
+        doubling, traced = PeriodDoublingProblem(branch.problem, branch.parameter), as_traced(branch, point)
+        direction = np.append(side * doubling.null_vector(traced.X, **traced.parameters), 0.0)
+        return doubling.doubled, BranchStart(doubling.embed(traced.X), dict(traced.parameters), direction)
+
+
+def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
+    """Refine a root of a function of the multipliers by Newton's method on more accurate equations.
+
+    The rough root is returned if the refined one is not near.
+    """
+    if not rough.located:
+        return rough
+    try:
+        refined = locate_by_newton(
+            segment, rough.event, extended, rough.s, beyond=MAX_TRUNCATION_SHIFT / segment.length
+        )
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return rough
+    return refined if norm((refined.point.u - rough.point.u) / segment.scale) <= MAX_TRUNCATION_SHIFT else rough
+
+
+class NeimarkSackerEvent(Event):
+    """Neimark-Sacker point: a complex pair of multipliers leaves the unit circle, and a second frequency appears.
+
+    near : exponent of the pair, if it has been located already.
+    """
+
+    kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
+    needs_two_sides = True
+
+    def __init__(self, near: complex | None = None) -> None:
+        self.near = near
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return log |mu| of the complex pairs nearest to the unit circle, one inside and one outside; else nan."""
+        mu = multipliers_of(points)
+        if mu is None:
+            return np.zeros((len(points), 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where(is_complex(mu), np.log(np.abs(mu)), np.nan)
+        inside = np.where(size < -STABILITY_TOLERANCE, size, -np.inf).max(axis=1, initial=-np.inf)
+        outside = np.where(size > STABILITY_TOLERANCE, size, np.inf).min(axis=1, initial=np.inf)
+        both = np.column_stack([inside, outside])
+        return np.where(np.isfinite(both), both, np.nan)
+
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return where a pair comes close to the circle, alone, by a collision, or as another one returns.
+
+        Segments across which multipliers cannot be followed are returned as well, because any event may occur on them.
+        """
+        mu, length = multipliers_of(points), lengths(points, scale)
+        if mu is None:
+            return []
+        return [
+            *near_zeros(values, length),
+            *collisions(mu, length),
+            *exchanges(mu),
+            *extrapolated_crossings(mu, length),
+            *leaps(mu),
+        ]
+
+    def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        mu = multipliers_of(points)
+        if mu is None:
+            return np.zeros(len(points) - 1, dtype=bool)
+        unstable = count_unstable(mu)
+        pairs: np.ndarray = (np.abs(unstable[1:] - unstable[:-1]) + 1) // 2
+        return pairs
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate pairs where more multipliers pass than folds, branch points and period doublings explain."""
+        ends = multipliers_of((segment.a, segment.b))
+        if ends is None:
+            return []
+        (ua, ub), (da, db) = count_unstable(ends).tolist(), doubling_determinant(ends).tolist()
+        passes_real = (
+            segment.a.parameter_direction * segment.b.parameter_direction < 0
+            or segment.a.orientation != segment.b.orientation
+        )
+        explained = int(passes_real) + int(da * db < 0)
+        if abs(ua - ub) - explained >= 2:
+            return self._locate_simultaneous(segment, ends)
+        return self._locate_compensated(segment, ends) if explained or ua != ub else []  # ends may be special points
+
+    def _locate_compensated(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+        """Locate a pair on the same segment as a fold, branch point or doubling that compensates it in number."""
+        few, many = unstable_complex_counts(ends)
+        located = []
+        for rank in range(few, many, 2):
+            found = self._locate_crossing(segment, rank)
+            size = ranked_modulus(
+                complex_multipliers(multipliers_at(segment, found.point)), rank
+            )  # else the pair became real outside the circle
+            if found.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(self._refine(segment, found))
+        return located or self._locate_pair_becoming_real(segment, ends)
+
+    def _locate_pair_becoming_real(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+        """Locate a pair that passes the circle and becomes a positive real pair, on the same segment as a doubling."""
+        few, many = sorted(count_unstable(without_negative_real(ends)).tolist())
+        if many - few < 2 or segment.a.parameter_direction * segment.b.parameter_direction < 0:
+            return []
+        found = locate_root(
+            segment,
+            self,
+            lambda point: ranked_modulus(without_negative_real(multipliers_at(segment, point)), few) - 1.0,
+            fine=PAIR_LOCATION_TOLERANCE,
+        )
+        passing = ranked_modulus(complex_multipliers(multipliers_at(segment, found.point)), few)
+        return (
+            [self._refine(segment, found)] if found.located and abs(passing - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
+        )
+
+    def _locate_crossing(self, segment: Segment, rank: int) -> LocatedEvent:
+        """Locate where the complex multiplier of this rank, from the largest, passes the unit circle."""
+        return locate_root(
+            segment,
+            self,
+            lambda point: ranked_modulus(complex_multipliers(multipliers_at(segment, point)), rank) - 1.0,
+            fine=PAIR_LOCATION_TOLERANCE,
+        )
+
+    def _refine(self, segment: Segment, found: LocatedEvent) -> LocatedEvent:
+        """Refine the point by the equations of the pair that was located, not of another one near the unit circle."""
+        problem: Any = segment.problem
+        if not problem.smooth:
+            return found
+        Omega = {**segment.parameters, segment.name: found.point.value}["Omega"]
+        mu = multipliers_at(segment, found.point)
+        near = exponent_of_pair(mu, problem.nu, Omega)
+        if near is None:
+            return found
+        event = NeimarkSackerEvent(near)
+        equations = event.equations(problem, segment.name, found)
+        if equations is None:
+            return found
+        rough = replace(found, event=event)
+        refined = _refine_root(segment, rough, equations)
+        return rough if _left_segment(segment, mu, refined) else refined
+
+    def _locate_simultaneous(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+        """Locate two multipliers that pass the unit circle together: a complex pair, or a double real one by symmetry.
+
+        The event is NS, or with real multipliers BP at +1 and PD at -1, whose determinants do not change sign there.
+        Nothing is returned where two different real multipliers pass +1 one after the other: they belong to folds or
+        branch points that truncation has displaced.
+        """
+        outside, most = unstable_complex_counts(ends)
+        found = [self._locate_crossing(segment, rank) for rank in range(outside, max(most, outside + 1), 2)]
+        if any(one.located for one in found):
+            return [self._refine(segment, one) for one in found if one.located]
+        few = int(count_unstable(ends).min())
+        sizes = sorted(ranked_modulus(mu, few) for mu in ends)
+        level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + STABILITY_TOLERANCE
+        real = locate_root(
+            segment,
+            self,
+            lambda point: ranked_modulus(multipliers_at(segment, point), few) - level,
+            "two multipliers at once",
+        )
+        mu = multipliers_at(segment, real.point)
+        first, second = mu[np.argsort(np.abs(np.abs(mu) - level))[:2]]
+        if not real.located or (
+            abs(first.imag) > DOUBLE_MULTIPLIER_DISTANCE and abs(first - second.conj()) < DOUBLE_MULTIPLIER_DISTANCE
+        ):
+            return [replace(real, note="")]
+        if abs(first - second) >= DOUBLE_MULTIPLIER_DISTANCE:
+            return self._locate_several_doublings(segment, ends)
+        return [replace(real, event=BranchPointEvent() if first.real > 0 else PeriodDoublingEvent(), finder=self)]
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Return the distance of the nearest multiplier from the unit circle."""
+        return float(np.abs(np.abs(multipliers) - 1).min(initial=math.inf))
+
+    def _locate_several_doublings(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+        """Locate the period doublings of several different real multipliers that pass -1 on one segment.
+
+        An even number of them does not change the sign of det(Phi + 1). Each is the root of the modulus of its rank
+        among the multipliers on the negative real axis.
+        """
+        few, many = sorted(count_beyond(ends, STABILITY_TOLERANCE)[:, 1].tolist())
+        located = []
+
+        def size(point: CurvePoint, rank: int) -> float:
+            return ranked_modulus(negative_real(multipliers_at(segment, point)), rank) - 1.0
+
+        for rank in range(few, many):
+            note = f"multiplier {rank - few + 1} of {many - few} that pass -1 here"
+            found = locate_root(segment, self, partial(size, rank=rank), note)
+            if found.located and abs(size(found.point, rank)) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(replace(found, event=PeriodDoublingEvent(), finder=self))
+        return located
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        """Return the equations; None where slopes of laws are unknown, and for structures too large for their modes."""
+        if not problem.smooth:
+            return None
+        compiled = problem.compiled({})
+        known = has_sampled_slopes(compiled) and not compiled.structure.large
+        return NeimarkSackerProblem(problem, parameter, self.near) if known else None
+
+
+def _left_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -> bool:
+    """Return whether Newton's method went beyond an end, where the pair is nearer to the circle than at that end.
+
+    mu : multipliers at the initial point; the pair is the one nearest to the circle.
+    """
+    if 0 <= refined.s <= 1:
+        return False
+    pair = mu[np.abs(np.abs(mu) - 1).argmin()]
+
+    def circle_distance(point: CurvePoint) -> float:
+        multipliers = multipliers_at(segment, point)
+        return abs(float(np.abs(multipliers[np.abs(multipliers - pair).argmin()])) - 1)
+
+    return circle_distance(refined.point) < circle_distance(segment.a if refined.s < 0 else segment.b)
+
+
+class PeriodDoublingMergeEvent(Event):
+    """End of a subharmonic branch: its subharmonic part passes zero, and it joins the branch of shorter period."""
+
+    kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
+
+    def __init__(self) -> None:
+        pass
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        part = segment.problem.subharmonic_part  # type: ignore[attr-defined]
+        first, second = part(segment.a.X), part(segment.b.X)
+        threshold = 1e-7 * float(np.linalg.norm(segment.a.X))  # smaller parts are rounding of motions of shorter period
+        if min(np.linalg.norm(first), np.linalg.norm(second)) <= threshold or float(first @ second) >= 0:
+            return []
+        root = locate_root(segment, self, lambda point: float(first @ part(point.X)))
+        try:
+            return [replace(root, point=_at_doubling(segment, root.point))]
+        except (NoConvergence, np.linalg.LinAlgError):
+            return [root]
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return None
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        return Status.MERGED, f"the branch joined the one it came from at {name} = {value:.6g}"
+
+
+def _at_doubling(segment: Segment, point: CurvePoint) -> CurvePoint:
+    """Return the point moved to the period doubling of the shorter motion where the branch ends.
+
+    With a subharmonic part of size a the equations determine the parameter to the tolerance over a only, which does not
+    determine it at all as a vanishes.
+    """
+    problem: Any = segment.problem
+    if problem.nu % 2 or not problem.smooth:
+        return point
+    extended = PeriodDoublingProblem(problem.with_order(problem.nu // 2), segment.name)
+    shorter = extended.doubled.resized(point.X)[extended.even]
+    values = {**segment.parameters, segment.name: point.value}
+    extended = extended.with_borders_at(np.append(shorter, point.value), values)
+    solution = refine(extended, solve(extended, np.append(shorter, point.value), values), values)
+    value = float(solution.X[-1])
+    if abs(value - point.value) > 0.1 * segment.length * segment.scale[-1]:  # both ends may lie at the same value
+        return point
+    X = problem.resized(extended.embed(solution.X[:-1]))
+    return singular(segment, np.append(X, value), point)
