@@ -9,8 +9,9 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.design.fitting.measurement_table import read_measurements
     from hbgear.design.fitting.measurements import Measurements
     from hbgear.design.least_change import Goal, Redesign, no_jumps, peak_below, redesign
+    from hbgear.design.studies.case_results import Cases
     from hbgear.design.studies.samples import grid, latin_hypercube, monte_carlo, saltelli
-    from hbgear.design.studies.study import Cases, cases
+    from hbgear.design.studies.study import cases
     from hbgear.design.studies.sweep_statistics import SweepStatistics, sweep_statistics
     from hbgear.design.uncertainty.sobol import SobolIndices, sobol_indices
     from hbgear.design.uncertainty.tolerance import JumpTolerance, jump_tolerance

@@ -14,8 +14,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.branch import Branch
+from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.results import read_results
-from hbgear.design.studies.study import Cases
 from hbgear.time.validation import Report as Validation
 from hbgear.web.overlay import dots_of
 from hbgear.web.page import page, plotly_script

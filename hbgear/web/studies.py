@@ -8,8 +8,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import rounded
+from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.results import Results
-from hbgear.design.studies.study import Cases
 from hbgear.web.view import plain
 
 Study: TypeAlias = Cases | Results

@@ -21,6 +21,7 @@ from scipy import stats
 
 import hbgear as hb
 from hbgear.cli import app as cli
+from hbgear.design.studies import case_work
 from hbgear.design.studies.samples import distribution, grid, latin_hypercube, monte_carlo
 from hbgear.design.studies.store import Result, Store
 from hbgear.design.studies.study import cases
@@ -119,7 +120,7 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
     monkeypatch.setattr(
-        "hbgear.design.studies.study.run_case", lambda cls, fields, work: calls.append(fields) or found_result()
+        "hbgear.design.studies.case_work.run_case", lambda cls, fields, work: calls.append(fields) or found_result()
     )
     run(grid(zeta=[0.05, -0.05]))
     assert calls == []
@@ -144,7 +145,7 @@ def test_quick_cases_are_handed_over_in_groups(monkeypatch):
     def quick(cls, fields, work):
         return Result({"peak": fields["zeta"]}, seconds=0.01, reason="odd" if fields["zeta"] == 899 else "")
 
-    monkeypatch.setattr("hbgear.design.studies.study.run_case", quick)
+    monkeypatch.setattr("hbgear.design.studies.case_work.run_case", quick)
     told = []
     with Counting(1) as here:
         found = cases(DUFFING, grid(zeta=range(900)), ("peak",), executor=here,
@@ -344,10 +345,8 @@ def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
 def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
     """Whatever the cases before took: Ctrl-C waits for one case, and no process is left without work."""
     calls, groups, clock = [], [], iter(range(0, 10_000, 2))
-    monkeypatch.setattr(
-        "hbgear.design.studies.study.run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result()
-    )
-    monkeypatch.setattr("hbgear.design.studies.study.time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
+    monkeypatch.setattr(case_work, "run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result())
+    monkeypatch.setattr(case_work, "time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
 
     class Counting(ThreadPoolExecutor):
         def submit(self, function, cls, group, work):
@@ -381,7 +380,7 @@ def interrupt():
         os.kill(os.getpid(), signal.SIGINT)
 
 if __name__ == "__main__":
-    study._run_cases = endless
+    study.run_cases = endless
     threading.Thread(target=interrupt, daemon=True).start()
     found = hb.design.cases(hb.Duffing(), hb.design.grid(zeta=[0.1, 0.2]), processes=2)
     print(found.outcome, len(found))
@@ -557,7 +556,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_pat
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr("hbgear.design.studies.store.TemporaryFile", full)
-    monkeypatch.setattr("hbgear.design.studies.study.run_case", None)
+    monkeypatch.setattr("hbgear.design.studies.case_work.run_case", None)
     assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
     with pytest.raises(OSError, match="Read-only"):
         run(grid(zeta=[0.5, 0.6]))

@@ -19,7 +19,7 @@ from hbgear.common.optional import needed
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from hbgear.design.studies.study import Cases
+    from hbgear.design.studies.case_results import Cases
 
 
 SCHEDULER_TIMEOUT = 5
@@ -61,7 +61,8 @@ def study(
     its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
-    from hbgear.design.studies.study import MANY, Outcome, cases
+    from hbgear.design.studies.case_results import Outcome
+    from hbgear.design.studies.study import MANY, cases
     from hbgear.design.studies.study_file import StudyFileError, read_study
 
     try:

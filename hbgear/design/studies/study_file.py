@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal
 
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import quoted, shortened
+from hbgear.design.studies.case_results import KINDS, Work
+from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
-from hbgear.design.studies.study import KINDS, Work, check_work
 from hbgear.harmonic.models.model_registry import model_class
 from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, location_and_text, parsed
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
-from hbgear.design.studies.study import Cases
+from hbgear.design.studies.case_results import Cases
 
 JUMP_TOLERANCE = 0.02
 """Largest distance between a jump and the end of its stable segment, as a fraction of the range of Omega."""

@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.optional import needed
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
-from hbgear.design.studies.study import Cases
+from hbgear.design.studies.case_results import Cases
 
 _INTERVAL_SIGMAS = 1.959964
 """Half width of a 95 % confidence interval in standard deviations."""

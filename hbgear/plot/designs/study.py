@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.design.studies.study import Cases
+from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import same_scales, scales

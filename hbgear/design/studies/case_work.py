@@ -1,0 +1,189 @@
+"""Computation of one case of a study, in any process: peak, jumps, curve and critical values of a model."""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
+from hbgear.common.arrays import Array
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import raise_if_interrupted
+from hbgear.continuation.tracing.trace import trace
+from hbgear.design.studies.case_results import Work
+from hbgear.design.studies.store import Result
+from hbgear.harmonic.bifurcations.peaks import locate_peaks
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.model_registry import fields_from_plain
+from hbgear.io.branches.npz import packed
+from hbgear.mechanics.fields import made
+from hbgear.mechanics.model_lookup import find_model_class
+from hbgear.mechanics.models import Model
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
+
+_MAX_GROUP_SECONDS = 1.0
+"""Computing time [s] after which a group returns its finished cases; the others are submitted again."""
+
+
+def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Result:
+    """Compute one case, in any process; return its numbers, or the reason of the failure.
+
+    Parameters
+    ----------
+    cls : type or str
+        Class of the model, or its reference from `reference_of`.
+    fields : mapping of str to Any
+        Values of the fields of the model.
+    work : Work
+        Results to compute.
+
+    Returns
+    -------
+    Result
+        Result with computing time.
+    """
+    started = time.perf_counter()
+    try:
+        found = find_model_class(cls) if isinstance(cls, str) else cls
+        result = _result_of(made(found, fields_from_plain(fields)), work)
+        return replace(result, seconds=time.perf_counter() - started)
+    except Exception as error:  # an error in one case must not end the others
+        text = error.args[0] if error.args else type(error).__name__
+        known = isinstance(error, ValueError | KeyError)
+        reason = str(text) if known else f"{type(error).__name__}: {text}"
+        return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
+
+
+def run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
+    """Compute the cases of a group with one thread; return the finished ones if the others would take too long."""
+    started, results = time.perf_counter(), list[Result]()
+    with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ImplausibleInputWarning)  # was given before the first case
+        for fields in group:
+            results.append(run_case(cls, fields, work))
+            if time.perf_counter() - started > _MAX_GROUP_SECONDS:
+                break
+    return results
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the controller of the loaded threaded libraries; the number of modules changes if others are loaded."""
+    return ThreadpoolController()
+
+
+def _result_of(model: Model, work: Work) -> Result:
+    numbers: dict[str, float] = {}
+    arrays: dict[str, Array] = {}
+    packed_branch = b""
+    problem = HarmonicBalance(model, work.harmonics)
+    if work.compute:
+        stability = set(work.compute) != {"peak"}
+        branch = raise_if_interrupted(
+            trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
+        )
+        if branch.status != Status.REACHED_END:
+            raise ValueError(f"the curve ended early: {branch.message}")
+        for kind, take in _CURVE_RESULTS.items():
+            if kind in work.compute:
+                take(branch, work, numbers, arrays)
+        if "branch" in work.compute:
+            packed_branch = packed(branch)
+    for name in work.critical:
+        try:
+            found = critical_parameter(problem, name, frequencies=work.span)
+            if found.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
+            numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
+        except NoFoldError:
+            numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}
+    return Result(numbers, arrays, packed_branch)
+
+
+def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """Store the largest amplitude and its frequency: a located peak, or an end of the curve."""
+    rows = [found.point for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
+    A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
+    largest = int(np.argmax(A))
+    Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
+    numbers |= {"peak": A[largest], "peak_Omega": Omega[largest]}
+
+
+def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
+    """Return the amplitudes of motions of a branch, computed together."""
+    layout = layout_of(branch)
+    assert layout is not None  # a branch of a harmonic balance has a layout
+    A: list[float] = layout.measure(work.measure, np.array(X), work.element).tolist()
+    return A
+
+
+def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """Store all jumps, and the frequency of the largest jump in each direction."""
+    jumps = branch.jumps()
+    ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
+    known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
+    rows = [[jump.value, jump.direction, next(known), np.nan if jump.after is None else next(known)] for jump in jumps]
+    arrays["jumps"] = np.array(rows, dtype=float).reshape(-1, 4)
+    numbers["jumps"] = float(len(rows))
+    for name, direction in (("jump_rising", 1), ("jump_falling", -1)):
+        mine = [row for row in rows if row[1] == direction]
+        top = max(mine, key=lambda row: np.nan_to_num(abs(row[3] - row[2])), default=None)
+        numbers[name] = np.nan if top is None else float(top[0])
+
+
+def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    assert branch.stable is not None
+    arrays["curve"] = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
+
+
+_CURVE_RESULTS = {"peak": _peak, "jumps": _jumps, "curve": _curve}
+
+
+def check_result(result: Result, work: Work) -> None:
+    """Raise an error for a result that does not contain the required numbers and arrays."""
+    if result.reason:
+        return
+    made_of = {"jumps": (-1, 4), "curve": (3, -1)}
+    for kind, (rows, columns) in made_of.items():
+        if kind in work.compute:
+            array = result.arrays.get(kind, np.empty(0))
+            if array.ndim != 2 or rows not in (-1, array.shape[0]) or columns not in (-1, array.shape[1]):
+                raise ValueError(f"it has no {kind}")
+    if "branch" in work.compute and not result.has_branch:
+        raise ValueError("it has no branch")
+    needed = [kind for kind in ("peak", "jumps") if kind in work.compute]
+    for name in (*needed, *(f"critical_{name}" for name in work.critical)):
+        if name not in result.numbers:
+            raise ValueError(f"it has no number '{name}'")
+
+
+def check_work(model: Model, work: Work) -> None:
+    """Raise an error if the span, measure, element or critical parameters are not valid for a model.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the study.
+    work : Work
+        Results to compute.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If a setting is not valid.
+    """
+    problem = HarmonicBalance(model, work.harmonics)
+    problem.check_trace("Omega", min(work.span), max(work.span), {})
+    problem.layout.check_measure(work.measure, work.element)
+    for name in work.critical:
+        problem.check_parameter(name)
