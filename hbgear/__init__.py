@@ -40,7 +40,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
     from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
-    from hbgear.time.validation import validate
+    from hbgear.time.validation.validate import validate
     from hbgear.web import report
 
 __all__ = [

@@ -27,7 +27,7 @@ from hbgear.plot.curves import response
 from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.time.basins_of_attraction import Basins
 from hbgear.time.frequency_sweep import Sweep
-from hbgear.time.validation import Report
+from hbgear.time.validation.report import Report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,7 @@ from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.results import read_results
-from hbgear.time.validation import Report as Validation
+from hbgear.time.validation.report import Report as Validation
 from hbgear.web.overlay import dots_of
 from hbgear.web.page import page, plotly_script
 from hbgear.web.studies import lines_of, study_section

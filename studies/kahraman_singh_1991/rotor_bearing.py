@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.time.validation import Report
+from hbgear.time.validation.report import Report
 from studies import study
 
 MODEL = hb.gears.GearRotorBearing(mu_2=0.15, F_1=0.02, F_2=0.02, b_1=0.1, b_2=0.1)

@@ -8,7 +8,8 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.time.validation import LEAST, choose, problem_for, validate
+from hbgear.time.validation.point_selection import choose, problem_for
+from hbgear.time.validation.validate import LEAST, validate
 
 
 @pytest.fixture(scope="module")

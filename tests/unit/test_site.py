@@ -99,7 +99,7 @@ def test_every_public_name_has_an_entry(site, tmp_path, monkeypatch):
         assert {f".. auto{kind}:: hbgear.plot.{name}" for kind in ("class", "function")} & lines or (
             f".. py:data:: {name}" in lines
         ), name
-    assert ".. autoclass:: hbgear.time.validation.Report" in lines, "a class that a public function returns"
+    assert ".. autoclass:: hbgear.time.validation.report.Report" in lines, "a class that a public function returns"
     for page in (tmp_path / "api").glob("*.rst"):
         entries = [line for line in page.read_text().splitlines() if line.startswith(".. auto")]
         assert len(entries) <= 1, "one page for each object"

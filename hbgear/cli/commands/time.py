@@ -80,8 +80,8 @@ def validate(
     Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (results so far are shown and
     saved).
     """
-    from hbgear.time.validation import Units
-    from hbgear.time.validation import validate as validate_by_integration
+    from hbgear.time.validation.report import Units
+    from hbgear.time.validation.validate import validate as validate_by_integration
 
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
@@ -145,7 +145,7 @@ def sweep(
     from hbgear.time.frequency_sweep import export
     from hbgear.time.frequency_sweep import sweep as run
     from hbgear.time.steady_state import SteadyStateSettings
-    from hbgear.time.validation import same_model
+    from hbgear.time.validation.point_selection import same_model
 
     plot = plot or (curve_file.with_name(f"{curve_file.stem}_sweep.png") if curve_file else None)
     check_writable(output, (".csv",))

@@ -13,8 +13,8 @@ A point that disagrees is solved again with 2, 4 and 8 times the harmonics. If o
 correct except for its harmonic truncation, and the truncation error is stated. This applies only to a motion that
 solves its own equations and has its own multipliers.
 
-At each jump the motion is integrated from just beyond it until it settles, see `jump_integration`. It must settle on
-the motion that the curve states, or on a motion on none of the curves if the curve states none.
+At each jump the motion is integrated from just beyond it until it settles, see `hbgear.time.jump_integration`. It must
+settle on the motion that the curve states, or on a motion on none of the curves if the curve states none.
 
 Points are integrated by DOP853 with steps that end at the breakpoints of the laws, in the coordinates of the model.
 Only the matrices and the laws are shared with harmonic balance.
@@ -22,25 +22,17 @@ Only the matrices and the laws are shared with harmonic balance.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import os
-import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from hbgear._version import __version__
 from hbgear.analysis.jump_landings import landings, same_motion
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.atomic_write import atomic_write
-from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.process.progress import Progress, ProgressCallback
-from hbgear.common.ranges import counted
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
@@ -49,23 +41,17 @@ from hbgear.continuation.results.point import LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
-from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
 from hbgear.harmonic.structure.receptance import LinearStructure
-from hbgear.mechanics.models import describe, differing_fields
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.integration import state_of
 from hbgear.time.jump_integration import JumpOutcome, arrivals, landed
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
+from hbgear.time.validation.point_selection import choose, problem_for
+from hbgear.time.validation.report import AGREES, Check, JumpCheck, Report
 
 LEAST = 1e-9
 """Smallest tolerance [-] that time integration can verify."""
-
-AGREES = "agrees"
-"""Status of a point or a jump that agrees with time integration."""
-
-_MAX_POINTS = 1_000_000
-"""Largest number of points [-]; it detects mistaken input."""
 
 _INTEGRATION_TOLERANCE = 1e-11
 """Relative error per step of the integration [-]."""
@@ -84,257 +70,6 @@ _MAX_DOUBLINGS = 3
 
 _CONSISTENCY_TOLERANCE = 1e-7
 """Largest residual, and largest distance of multipliers [-], of a motion that solves its equations."""
-
-_MIN_DISTANCE_FROM_FOLD = 0.02
-"""Smallest |mu - 1| [-] of the points selected near a fold; below it the motion at a given frequency is
-ill-conditioned."""
-
-_BRANCH_POINT_TOLERANCE = 1e-3
-"""|mu - 1| [-] of a located branch point, see `trace`; motions at its frequency are not isolated."""
-
-
-@renamed_attributes(verdict="status")
-@dataclass(frozen=True)
-class Check:
-    """Comparison of one point of the curve with time integration; differences are relative, see the module.
-
-    Attributes
-    ----------
-    index : int
-        Index of the point.
-    reason : str
-        Reason for which the point was selected.
-    value : float
-        Value of the parameter of the branch.
-    Omega : float
-        Excitation frequency.
-    element : str
-        Name of the element with the largest difference of rms.
-    rms, rms_true : float
-        Root mean square of this element by harmonic balance and by integration.
-    closure : float
-        Closure, the largest of the elements; inf if the motion diverges within its period.
-    rms_error, pp2_error, harmonic_error : float
-        Largest differences of the elements; nan if shooting finds no periodic motion.
-    multiplier_error : float
-        Largest difference of the multipliers; nan if shooting finds no periodic motion.
-    sensitivity : float
-        1 / min |mu - 1|, the factor by which an error is amplified at a given frequency.
-    mu, mu_true : complex
-        Largest multiplier of the branch and of the integrated variational equation.
-    growth : float
-        Measured growth of a disturbance per period, to be compared with |mu|; inf if the motion diverges.
-    stable : bool or None
-        Stability by the branch; None if it has no multipliers.
-    status : str
-        "agrees", "agrees with H = 32" if more harmonics than those of the curve are required, or the quantities that
-        disagree.
-    harmonics : int
-        Harmonic truncation order H of the motion that agrees; the order of the curve if none agrees.
-    refined_error : float
-        Largest difference of rms and harmonics of the motion with more harmonics; nan without such a motion.
-    """
-
-    index: int
-    reason: str
-    value: float
-    Omega: float
-    element: str
-    rms: float
-    rms_true: float
-    closure: float
-    rms_error: float
-    pp2_error: float
-    harmonic_error: float
-    multiplier_error: float
-    sensitivity: float
-    mu: complex
-    mu_true: complex
-    growth: float
-    stable: bool | None
-    status: str
-    harmonics: int
-    refined_error: float
-
-    @property
-    def ok(self) -> bool:
-        """True if the point agrees, if necessary with more harmonics."""
-        return self.status.startswith(AGREES)
-
-    @property
-    def refined(self) -> bool:
-        """True if the point agrees only with more harmonics than those of the curve."""
-        return self.ok and self.status != AGREES
-
-
-class Units(NamedTuple):
-    """Units of a table of a `Report`.
-
-    Attributes
-    ----------
-    name : str
-        Header of the parameter, such as "pinion r/min".
-    scale : float
-        Value for a parameter of one; default 1.
-    size : str
-        Unit of amplitudes in the header, such as " [um]"; default none.
-    length : float
-        Value for an amplitude of one; default 1.
-    """
-
-    name: str
-    scale: float = 1.0
-    size: str = ""
-    length: float = 1.0
-
-
-@renamed_attributes(verdict="status")
-@dataclass(frozen=True)
-class JumpCheck:
-    """Comparison of a jump of the curve with time integration.
-
-    Attributes
-    ----------
-    label : str
-        Label of the special point at which the jump begins.
-    value : float
-        Value of the parameter.
-    direction : int
-        +1 for an increasing, -1 for a decreasing parameter.
-    element : str
-        Name of the element with the largest change of rms.
-    before, after : float
-        Root mean square of this element before the jump, and after it by the curve; nan if the curve has no motion.
-    rms : float
-        Root mean square of this element in the motion on which integration settles.
-    period : int
-        Period of that motion in excitation periods; 0 if it is not periodic.
-    integrated_periods : int
-        Number of integrated excitation periods.
-    jump : Jump
-        Jump by integration. ``jump.after`` is a start for `trace` if ``jump.note`` states that it is on no given curve.
-    status : str
-        "agrees", or a description of the landing.
-    """
-
-    label: str
-    value: float
-    direction: int
-    element: str
-    before: float
-    after: float
-    rms: float
-    period: int
-    integrated_periods: int
-    jump: Jump
-    status: str
-
-    @property
-    def ok(self) -> bool:
-        """True if the jump lands on the motion that the curve states."""
-        return self.status.startswith(AGREES)
-
-
-@dataclass(frozen=True)
-class Report:
-    """Comparison of a branch with time integration.
-
-    Attributes
-    ----------
-    parameter : str
-        Parameter of the branch.
-    tolerance : float
-        Largest relative difference of rms and harmonics that agrees.
-    multiplier_tolerance : float
-        Largest difference of multipliers that agrees.
-    rows : tuple of Check
-        Compared points in the order of the branch.
-    complete : bool
-        True unless the comparison was interrupted.
-    jumps : tuple of JumpCheck
-        Compared jumps.
-    """
-
-    parameter: str
-    tolerance: float
-    multiplier_tolerance: float
-    rows: tuple[Check, ...]
-    complete: bool = True
-    jumps: tuple[JumpCheck, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        """True if all points, if necessary with more harmonics, and all jumps agree, and none is missing."""
-        return self.complete and bool(self.rows) and all(row.ok for row in self.rows) and all(j.ok for j in self.jumps)
-
-    def __repr__(self) -> str:
-        return f"<Report: {self.summary}>"
-
-    @property
-    def summary(self) -> str:
-        """Number of points that agree, and the truncation error where more harmonics are required."""
-        good, finer = sum(row.ok for row in self.rows), [row for row in self.rows if row.refined]
-        text = f"{good} of {len(self.rows)} points agree within {self.tolerance:g} with time integration"
-        if finer:
-            truncation_error = max(max(row.rms_error, row.harmonic_error) for row in finer)
-            H, rest = max(row.harmonics for row in finer), max(row.refined_error for row in finer)
-            text += f", {len(finer)} of them with more harmonics: difference {truncation_error:.1e}"
-            text += f", with H = {H} {rest:.1e}"
-        if self.jumps:
-            text += f"; {sum(jump.ok for jump in self.jumps)} of {len(self.jumps)} jumps agree"
-        return text + ("" if self.complete else "; interrupted")
-
-    def table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the points, in units of the model or in other ones."""
-        name, scale, size, length = units or Units(self.parameter)
-        headers = ["point", name, f"rms{size}", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
-                   "growth", "status"]  # fmt: skip
-        return headers, [_texts(row, scale, length) for row in self.rows]
-
-    def jump_table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the jumps, in units of the model or in other ones."""
-        name, scale, size, length = units or Units(self.parameter)
-        headers = ["jump", name, "while", f"rms{size} before", "rms after", "integrated", "period", "after periods",
-                   "status"]  # fmt: skip
-        return headers, [
-            [j.label, f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
-             f"{length * j.before:.5g}", f"{length * j.after:.5g}" if np.isfinite(j.after) else "-",
-             f"{length * j.rms:.5g}", str(j.period or "-"), str(j.integrated_periods), j.status] for j in self.jumps
-        ]  # fmt: skip
-
-    def export(self, path: str | os.PathLike[str]) -> None:
-        """Write all numbers (.csv) by an atomic replacement of the file.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Name of the file, which ends in .csv.
-
-        Raises
-        ------
-        ValueError
-            If the name does not end in .csv.
-        """
-        if not str(path).lower().endswith(".csv"):
-            raise ValueError(f"'{path}' must end in .csv")
-        names = [f.name for f in fields(Check)]
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
-            writer.writerow(names)
-            writer.writerows([getattr(row, name) for name in names] for row in self.rows)
-
-
-def _texts(row: Check, scale: float, length: float) -> list[str]:
-    """Return the cells of one row of the table; the parameter is multiplied by a scale, the amplitude by a length."""
-
-    def text(x: float, form: str = ".1e") -> str:
-        return f"{x:{form}}" if np.isfinite(x) else "-"
-
-    sizes = [text(x, ".5f" if x < 1e4 else ".4g") for x in (abs(row.mu), row.growth)]
-    numbers = [text(x) for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
-    return [f"{row.index} {row.reason}", f"{scale * row.value:.6g}", f"{length * row.rms:.6g}", *numbers, sizes[0],
-            text(row.multiplier_error), sizes[1],
-            f"{row.status} to {row.refined_error:.1e}" if row.refined else row.status]  # fmt: skip
 
 
 @checked_arguments(points="a number, or a list of indices and labels, such as ['LP1', 10]")
@@ -423,189 +158,6 @@ def validate(
     except KeyboardInterrupt:
         complete = False
     return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps))
-
-
-# ---- selection of points
-
-
-def problem_for(branch: Branch, problem: Any = None) -> Any:
-    """Return the harmonic balance of a branch: the given one, its own, or one rebuilt from its header.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions.
-    problem : HarmonicBalance, optional
-        Problem of the branch.
-
-    Returns
-    -------
-    HarmonicBalance
-        Problem with the harmonics of the branch.
-
-    Raises
-    ------
-    ValueError, KeyError
-        If the branch does not contain periodic motions, or the problem does not fit it.
-    """
-    layout = measures.layout_of(branch)
-    if layout is None or "Omega" not in branch.parameters_at(0):
-        raise ValueError(
-            "only curves of periodic motions with harmonics and a frequency can be validated; give such a curve"
-        )
-    if "Omega" in branch.tracked:
-        raise ValueError(
-            "a curve of special points has singular motions and cannot be validated; validate response "
-            "curves traced through them instead"
-        )
-    written = branch.meta.get("hbgear")
-    if written not in (None, __version__):
-        text = f"the curve was traced with hbgear {written}, this is {__version__}; differences may result"
-        warnings.warn(text, stacklevel=3)
-    if problem is None:
-        problem = branch.problem or rebuild_problem(branch.meta)
-    own = problem.layout
-    if (own.elements, own.breakpoints) != (layout.elements, layout.breakpoints):
-        raise ValueError(
-            f"the curve has elements {layout.elements} with breakpoints {layout.breakpoints}, the model {own.elements} "
-            f"with {own.breakpoints}: it was traced with another model; give the problem it was traced with"
-        )
-    same_model(branch.meta.get("model"), problem.model)
-    if (own.nu, problem.size) != (layout.nu, branch.X.shape[1]):
-        problem = problem.with_order(layout.nu, layout.harmonics)
-    for name in branch.parameters_at(0):
-        problem.check_parameter(name)
-    return problem
-
-
-def same_model(written: Any, model: Any) -> None:
-    """Raise if a model is not the one in the header of a branch.
-
-    Parameters
-    ----------
-    written : dict or None
-        Description of the model in the header; without it every model is accepted.
-    model : Model
-        Model to be compared.
-
-    Raises
-    ------
-    ValueError
-        If the model differs, or the header has no description.
-    """
-    own = describe(model)
-    if not written:
-        return
-    if not is_description(written):
-        raise ValueError("the curve does not contain its model: trace it again")
-    other = differing_fields(written, own)
-    if written["class"] == own["class"] and not other:
-        return
-    difference = (
-        f"with other {', '.join(other)}"
-        if written["class"] == own["class"]
-        else f"a {written['class']}, not {own['class']}"
-    )
-    raise ValueError(f"the curve was traced with another model ({difference}): give the problem it was traced with")
-
-
-def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int, str]]:
-    """Select the points to be compared.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions.
-    points : int or sequence of int or str
-        Number of points, or indices of points and labels of special points.
-
-    Returns
-    -------
-    list of tuple
-        Index and reason of each point, in the order of the branch.
-
-    Raises
-    ------
-    ValueError, IndexError, KeyError
-        If no point is given, or a point is not on the branch.
-    """
-    if isinstance(points, int | np.integer):
-        return _selected_points(branch, counted("points", points, _MAX_POINTS))
-    selected: dict[int, str] = {}
-    for key in points:
-        if isinstance(key, str):
-            selected.setdefault(branch[key].index, key)  # type: ignore[attr-defined]
-        elif not -len(branch) <= key < len(branch):
-            raise IndexError(f"point {key} is outside the branch, which has points 0 to {len(branch) - 1}")
-        else:
-            selected.setdefault(int(key) % len(branch), "selected")
-    if not selected:
-        raise ValueError("no points to validate; give a number, indices or labels")
-    return sorted(selected.items())
-
-
-def _selected_points(branch: Branch, count: int) -> list[tuple[int, str]]:
-    """Return up to 3/4 of the points near special points, the peak and the largest error, and others between."""
-    wanted: list[tuple[int, str]] = []
-    for point in branch.special:
-        if point.kind == "LP":
-            wanted += [(_regular_neighbour(branch, point.index, side), f"near {point.label}") for side in (-1, 1)]
-    wanted.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
-    if not np.isnan(branch.error).all():
-        wanted.append((int(np.nanargmax(branch.error)), "worst error"))
-    for point in branch.special:
-        if point.kind not in ("LP", "CP", "IC", "SL"):
-            wanted += [(_clipped_index(branch, point.index + side), f"near {point.label}") for side in (-1, 1)]
-    selected: dict[int, str] = {}
-    # at these points the motion is singular or its stability changes
-    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "IC", "PD", "NS")} | _singular_ends(branch)
-    # at first slip the growth of a disturbance is not that of a multiplier: some disturbances slip, others do not
-    taken |= {p.index + side for p in branch.special if p.kind == "SL" for side in (-1, 0, 1)}
-    for i, reason in wanted:
-        if len(selected) < max(count - count // 4, 1) and i not in selected and i not in taken:
-            selected[i] = reason
-    free = [i for i in range(len(branch)) if i not in taken]
-    while len(selected) < min(count, len(free)):
-        selected[_farthest_point(branch, free, selected)] = "between"
-    return sorted(selected.items())
-
-
-def _singular_ends(branch: Branch) -> set[int]:
-    """Return the indices of the ends that are the branch point at which the branch leaves another branch."""
-    if branch.multipliers is None:
-        return set()
-    return {
-        i
-        for i in (0, len(branch) - 1)
-        if np.abs(branch.multipliers[i] - 1).min(initial=np.inf) <= _BRANCH_POINT_TOLERANCE
-    }
-
-
-def _clipped_index(branch: Branch, i: int) -> int:
-    """Return an index limited to the branch."""
-    return min(max(i, 0), len(branch) - 1)
-
-
-def _regular_neighbour(branch: Branch, fold: int, side: int) -> int:
-    """Return the index of the first point on one side of a fold that is not nearly singular."""
-    for distance in range(1, 6):
-        i = _clipped_index(branch, fold + side * distance)
-        if branch.multipliers is None or np.abs(branch.multipliers[i] - 1).min() > _MIN_DISTANCE_FROM_FOLD:
-            return i
-    return _clipped_index(branch, fold + 2 * side)
-
-
-def _farthest_point(branch: Branch, free: list[int], selected: dict[int, str]) -> int:
-    """Return the index of the point with the largest arclength from the selected points."""
-    size = max(float(np.linalg.norm(np.ptp(branch.X, axis=0))), 1e-300)
-    span = float(np.ptp(branch.values)) or 1.0
-    steps = np.hypot(np.diff(branch.values) / span, np.linalg.norm(np.diff(branch.X, axis=0), axis=1) / size)
-    arclength = np.concatenate([[0.0], np.cumsum(steps)])
-    near = [np.abs(arclength[i] - arclength[list(selected)]).min() if selected else -i for i in free]
-    return free[int(np.argmax([-1.0 if i in selected else x for i, x in zip(free, near, strict=True)]))]
-
-
-# ---- jumps
 
 
 def _check_jump(curves: tuple[Branch, ...], jump: Jump) -> JumpCheck:

@@ -1,0 +1,1 @@
+"""Comparison of traced curves with time integration."""

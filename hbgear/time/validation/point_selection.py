@@ -1,0 +1,203 @@
+"""Points of a curve that are compared with time integration, and the problem of the curve."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear._version import __version__
+from hbgear.common.ranges import counted
+from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.equations import layout as measures
+from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
+from hbgear.mechanics.models import describe, differing_fields
+
+_MAX_POINTS = 1_000_000
+"""Largest number of points [-]; it detects mistaken input."""
+
+_MIN_DISTANCE_FROM_FOLD = 0.02
+"""Smallest |mu - 1| [-] of the points selected near a fold; below it the motion at a given frequency is
+ill-conditioned."""
+
+_BRANCH_POINT_TOLERANCE = 1e-3
+"""|mu - 1| [-] of a located branch point, see `trace`; motions at its frequency are not isolated."""
+
+
+def problem_for(branch: Branch, problem: Any = None) -> Any:
+    """Return the harmonic balance of a branch: the given one, its own, or one rebuilt from its header.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of periodic motions.
+    problem : HarmonicBalance, optional
+        Problem of the branch.
+
+    Returns
+    -------
+    HarmonicBalance
+        Problem with the harmonics of the branch.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the branch does not contain periodic motions, or the problem does not fit it.
+    """
+    layout = measures.layout_of(branch)
+    if layout is None or "Omega" not in branch.parameters_at(0):
+        raise ValueError(
+            "only curves of periodic motions with harmonics and a frequency can be validated; give such a curve"
+        )
+    if "Omega" in branch.tracked:
+        raise ValueError(
+            "a curve of special points has singular motions and cannot be validated; validate response "
+            "curves traced through them instead"
+        )
+    written = branch.meta.get("hbgear")
+    if written not in (None, __version__):
+        text = f"the curve was traced with hbgear {written}, this is {__version__}; differences may result"
+        warnings.warn(text, stacklevel=3)
+    if problem is None:
+        problem = branch.problem or rebuild_problem(branch.meta)
+    own = problem.layout
+    if (own.elements, own.breakpoints) != (layout.elements, layout.breakpoints):
+        raise ValueError(
+            f"the curve has elements {layout.elements} with breakpoints {layout.breakpoints}, the model {own.elements} "
+            f"with {own.breakpoints}: it was traced with another model; give the problem it was traced with"
+        )
+    same_model(branch.meta.get("model"), problem.model)
+    if (own.nu, problem.size) != (layout.nu, branch.X.shape[1]):
+        problem = problem.with_order(layout.nu, layout.harmonics)
+    for name in branch.parameters_at(0):
+        problem.check_parameter(name)
+    return problem
+
+
+def same_model(written: Any, model: Any) -> None:
+    """Raise if a model is not the one in the header of a branch.
+
+    Parameters
+    ----------
+    written : dict or None
+        Description of the model in the header; without it every model is accepted.
+    model : Model
+        Model to be compared.
+
+    Raises
+    ------
+    ValueError
+        If the model differs, or the header has no description.
+    """
+    own = describe(model)
+    if not written:
+        return
+    if not is_description(written):
+        raise ValueError("the curve does not contain its model: trace it again")
+    other = differing_fields(written, own)
+    if written["class"] == own["class"] and not other:
+        return
+    difference = (
+        f"with other {', '.join(other)}"
+        if written["class"] == own["class"]
+        else f"a {written['class']}, not {own['class']}"
+    )
+    raise ValueError(f"the curve was traced with another model ({difference}): give the problem it was traced with")
+
+
+def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int, str]]:
+    """Select the points to be compared.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of periodic motions.
+    points : int or sequence of int or str
+        Number of points, or indices of points and labels of special points.
+
+    Returns
+    -------
+    list of tuple
+        Index and reason of each point, in the order of the branch.
+
+    Raises
+    ------
+    ValueError, IndexError, KeyError
+        If no point is given, or a point is not on the branch.
+    """
+    if isinstance(points, int | np.integer):
+        return _selected_points(branch, counted("points", points, _MAX_POINTS))
+    selected: dict[int, str] = {}
+    for key in points:
+        if isinstance(key, str):
+            selected.setdefault(branch[key].index, key)  # type: ignore[attr-defined]
+        elif not -len(branch) <= key < len(branch):
+            raise IndexError(f"point {key} is outside the branch, which has points 0 to {len(branch) - 1}")
+        else:
+            selected.setdefault(int(key) % len(branch), "selected")
+    if not selected:
+        raise ValueError("no points to validate; give a number, indices or labels")
+    return sorted(selected.items())
+
+
+def _selected_points(branch: Branch, count: int) -> list[tuple[int, str]]:
+    """Return up to 3/4 of the points near special points, the peak and the largest error, and others between."""
+    wanted: list[tuple[int, str]] = []
+    for point in branch.special:
+        if point.kind == "LP":
+            wanted += [(_regular_neighbour(branch, point.index, side), f"near {point.label}") for side in (-1, 1)]
+    wanted.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
+    if not np.isnan(branch.error).all():
+        wanted.append((int(np.nanargmax(branch.error)), "worst error"))
+    for point in branch.special:
+        if point.kind not in ("LP", "CP", "IC", "SL"):
+            wanted += [(_clipped_index(branch, point.index + side), f"near {point.label}") for side in (-1, 1)]
+    selected: dict[int, str] = {}
+    # at these points the motion is singular or its stability changes
+    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "IC", "PD", "NS")} | _singular_ends(branch)
+    # at first slip the growth of a disturbance is not that of a multiplier: some disturbances slip, others do not
+    taken |= {p.index + side for p in branch.special if p.kind == "SL" for side in (-1, 0, 1)}
+    for i, reason in wanted:
+        if len(selected) < max(count - count // 4, 1) and i not in selected and i not in taken:
+            selected[i] = reason
+    free = [i for i in range(len(branch)) if i not in taken]
+    while len(selected) < min(count, len(free)):
+        selected[_farthest_point(branch, free, selected)] = "between"
+    return sorted(selected.items())
+
+
+def _singular_ends(branch: Branch) -> set[int]:
+    """Return the indices of the ends that are the branch point at which the branch leaves another branch."""
+    if branch.multipliers is None:
+        return set()
+    return {
+        i
+        for i in (0, len(branch) - 1)
+        if np.abs(branch.multipliers[i] - 1).min(initial=np.inf) <= _BRANCH_POINT_TOLERANCE
+    }
+
+
+def _clipped_index(branch: Branch, i: int) -> int:
+    """Return an index limited to the branch."""
+    return min(max(i, 0), len(branch) - 1)
+
+
+def _regular_neighbour(branch: Branch, fold: int, side: int) -> int:
+    """Return the index of the first point on one side of a fold that is not nearly singular."""
+    for distance in range(1, 6):
+        i = _clipped_index(branch, fold + side * distance)
+        if branch.multipliers is None or np.abs(branch.multipliers[i] - 1).min() > _MIN_DISTANCE_FROM_FOLD:
+            return i
+    return _clipped_index(branch, fold + 2 * side)
+
+
+def _farthest_point(branch: Branch, free: list[int], selected: dict[int, str]) -> int:
+    """Return the index of the point with the largest arclength from the selected points."""
+    size = max(float(np.linalg.norm(np.ptp(branch.X, axis=0))), 1e-300)
+    span = float(np.ptp(branch.values)) or 1.0
+    steps = np.hypot(np.diff(branch.values) / span, np.linalg.norm(np.diff(branch.X, axis=0), axis=1) / size)
+    arclength = np.concatenate([[0.0], np.cumsum(steps)])
+    near = [np.abs(arclength[i] - arclength[list(selected)]).min() if selected else -i for i in free]
+    return free[int(np.argmax([-1.0 if i in selected else x for i, x in zip(free, near, strict=True)]))]
