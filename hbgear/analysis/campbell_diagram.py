@@ -30,7 +30,7 @@ from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.harmonic.equations.static_state import static_stiffness
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
-from hbgear.harmonic.structure.receptance import dense
+from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model, System
 

@@ -47,7 +47,7 @@ from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.instants.spectrum import coefficients
 from hbgear.harmonic.stability.exact_motion import exact_iterate
-from hbgear.harmonic.structure.receptance import dense
+from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
 
 CONTACT_INSTANTS = "contact instants"

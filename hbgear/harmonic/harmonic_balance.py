@@ -47,8 +47,8 @@ from hbgear.harmonic.equations.initial_guess import find_motion
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.equations.model_cache import ModelCache
 from hbgear.harmonic.forces.law_checks import check_laws
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT
 from hbgear.harmonic.structure.measured import MeasuredStructure
-from hbgear.harmonic.structure.receptance import MODAL_LIMIT
 from hbgear.harmonic.structure.recession import Receded, longest, receded
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.plausibility import check_problem, check_size

@@ -25,7 +25,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import resize, stretch, to_real
 from hbgear.time.exponential.integrator import modal_state, physical_state

@@ -32,7 +32,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import state_of
 from hbgear.time.runge_kutta import Flow

@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 
 SPRING, DAMPER = 0.5, 0.3
 STOP = hb.Unilateral(k=2.0, gap=0.2)

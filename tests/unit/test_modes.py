@@ -8,8 +8,8 @@ from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers import floquet
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import _lumped
-from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.mechanics import Parallel
 
 

@@ -7,7 +7,8 @@ from scipy.linalg import block_diag
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, System, Unilateral, trace, validate
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing
-from hbgear.harmonic.structure.receptance import LinearStructure, Receptance, UnbalancedLoadError
+from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
+from hbgear.harmonic.structure.receptance import Receptance
 from hbgear.mechanics import Parallel, Series, model, reduce
 
 H = 4

@@ -16,7 +16,7 @@ from hbgear.continuation.tracing.jumps import find_jumps, nearest
 from hbgear.continuation.tracing.state import TraceSettings
 from hbgear.continuation.tracing.trace import Tracer, trace
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
-from hbgear.harmonic.structure.receptance import LinearStructure, UnbalancedLoadError
+from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.mechanics import PiecewiseLinear
 from hbgear.mechanics.series.fourier import resize
 from hbgear.time.exponential.periodicity_kernel import is_periodic

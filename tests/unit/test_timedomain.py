@@ -6,7 +6,7 @@ from cross.shooting import integrate as integrate_otherwise
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, NoConvergence, SpurPair, System, Unilateral
 from hbgear.gears import DoubleHelicalPair
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics import Law, Parallel
 from hbgear.time.exponential.integrator import ExponentialIntegrator, modal_state, physical_state
 from hbgear.time.integration import integrate, state_of

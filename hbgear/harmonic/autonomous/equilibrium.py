@@ -33,7 +33,7 @@ from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY
 from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import statics
-from hbgear.harmonic.structure.receptance import dense
+from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
 
 _IMAGINARY_TOLERANCE = 1e-6

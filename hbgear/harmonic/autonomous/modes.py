@@ -15,7 +15,7 @@ import scipy
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import statics
-from hbgear.harmonic.structure.receptance import dense
+from hbgear.harmonic.structure.linear_structure import dense
 
 STATIC_FREQUENCY = 0.7390851332151607
 """Frequency at which the static terms are evaluated, which do not depend on it. It is not a round number, so that it is

@@ -20,8 +20,9 @@ from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
 from hbgear.harmonic.forces.packed_model import PackedModel, own_of, sliders_of
 from hbgear.harmonic.instants.equations import Equations
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
-from hbgear.harmonic.structure.receptance import LinearPart, LinearStructure, Receptance
+from hbgear.harmonic.structure.receptance import LinearPart, Receptance
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System

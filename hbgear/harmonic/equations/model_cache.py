@@ -18,9 +18,9 @@ from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.problem.finite_differences import STEP
 from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.measured import MeasuredStructure
 from hbgear.harmonic.structure.perturbed import FirstOrderExpansion
-from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.harmonic.structure.recession import longest
 from hbgear.harmonic.structure.speed_dependent import SpeedDependentStructure
 from hbgear.mechanics.models import Model, System

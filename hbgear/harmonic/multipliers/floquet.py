@@ -50,8 +50,8 @@ import scipy
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
-from hbgear.harmonic.structure.receptance import MODAL_LIMIT
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import evaluate
 

@@ -29,7 +29,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.sampled_slopes import SampledSlopes, has_sampled_slopes
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 
 MAX_HILL_EQUATIONS = 3000
 """Largest number of equations of Hill's eigenproblem; at this size it takes about ten seconds."""

@@ -52,7 +52,7 @@ from hbgear.harmonic.multipliers.multiplier_error import (
 )
 from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 from hbgear.harmonic.stability.parity import Parity
-from hbgear.harmonic.structure.receptance import dense
+from hbgear.harmonic.structure.linear_structure import dense
 
 MAX_SENSITIVITY = 1e4
 """Largest difference of multipliers over the relative error of the motion."""

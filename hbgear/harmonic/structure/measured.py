@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure, dense
 from hbgear.mechanics.models import System
 
 STABILITY_NOT_AVAILABLE = "not available: measured receptances do not determine how a disturbance decays"

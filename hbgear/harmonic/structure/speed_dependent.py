@@ -17,7 +17,7 @@ import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure, dense
 from hbgear.mechanics.models import System
 
 _CACHED_SPEEDS = 16

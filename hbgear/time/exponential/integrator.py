@@ -30,8 +30,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.threads import for_each, processors
 from hbgear.common.ranges import counted
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import mobility_of
-from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references

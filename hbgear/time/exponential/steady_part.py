@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, to_complex
 from hbgear.time.exponential.modal_states import modes_of

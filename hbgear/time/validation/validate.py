@@ -41,7 +41,7 @@ from hbgear.continuation.results.point import LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
-from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.integration import state_of
 from hbgear.time.jump_integration import JumpOutcome, arrivals, landed

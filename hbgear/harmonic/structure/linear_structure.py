@@ -1,0 +1,441 @@
+"""Linear structure of a system in the coordinates of the model: modes, receptances, free motions and constraints.
+
+    D(w) = K + W kr W^T + i w (C + W c W^T) - w^2 M,      G(w) = W^T D(w)^-1 W = sum_r a_r b_r^T / (i w - lambda_r)
+
+with the reference stiffness kr and the damping c of the elements. One eigendecomposition of the state matrix gives all
+harmonics and their derivatives in omega without further solutions. Free motions (rigid-body motions r with W^T r = 0)
+are removed first. A constant load that acts on a free motion raises an error, because no periodic motion exists.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.numerics.linear import norm, norms
+from hbgear.harmonic.structure.massless import massless_modes
+from hbgear.mechanics.models import System
+from hbgear.mechanics.reference_stiffness import references
+
+MODAL_LIMIT = 1500
+"""Number of coordinates above which receptances are computed by direct solutions, not by eigendecomposition."""
+
+
+_FREE_MOTION_TOLERANCE = 1e-12
+"""Squared frequency, relative to the highest, below which a motion counts as free."""
+
+_BALANCED_WORK_RATIO = 1e-8
+"""Work of a constant load on a free motion, relative to the sum of its absolute terms, that counts as rounding."""
+
+_BALANCED_WORK_BOUND = 1e-13
+"""The same, relative to the largest work that a load of this size can do."""
+
+_BACKWARD_ERROR = 32 * float(np.finfo(float).eps)
+"""Backward error of a decomposition, relative to the norm of its matrix."""
+
+_REAL_MODES_FROM = 30
+"""Number of coordinates above which real modes are tried first, because they cost less."""
+
+_MODAL_COUPLING_TOLERANCE = 1e-13
+"""Off-diagonal modal damping, relative to the largest entry, that counts as rounding."""
+
+_DEPENDENT_DIRECTION_TOLERANCE = 1e-9
+"""Relative residual of a direction up to which it counts as a combination of others."""
+
+_REFERENCE_TRIALS = (
+    (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10),
+    (1.0, 0.0, _FREE_MOTION_TOLERANCE), (1.37, 0.0, _FREE_MOTION_TOLERANCE), (0.61, 0.0, _FREE_MOTION_TOLERANCE),
+    (1.0, 1e-10, _FREE_MOTION_TOLERANCE),
+)  # fmt: skip
+"""Trials of `LinearStructure._close`: factor of the reference springs, disturbance, and zero singular value."""
+
+
+_CANCELLATION_RATIO = 1e-5
+"""Displacement of an element, relative to the sum of its absolute terms, above which the terms do not cancel."""
+
+_MIN_DISPLACEMENT_RATIO = 1e-9
+"""Displacement of an element in a unit motion, relative to the largest possible, that counts as rounding."""
+
+_MAX_EIGENVECTOR_CONDITION = 1e8
+"""Condition number of the eigenvectors above which receptances are computed by direct solutions."""
+
+
+class UnbalancedLoadError(ValueError):
+    """A constant load acts on a free motion, so that no periodic motion exists."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modal form z' = poles z + left (F - W u), q = right z of the structure with the reference springs.
+
+    Attributes
+    ----------
+    poles : ndarray, shape (r,)
+        Poles [1 / time].
+    right : ndarray, shape (n, r)
+        Right eigenvectors of the coordinates.
+    left : ndarray, shape (r, n)
+        Left eigenvectors.
+    output : ndarray, shape (m, r)
+        Modal displacements W^T right of the elements.
+    input : ndarray, shape (r, m)
+        Modal forces left W of the elements.
+    condition : float
+        Condition number of the eigenvectors.
+    """
+
+    poles: ComplexArray
+    right: ComplexArray
+    left: ComplexArray
+    output: ComplexArray
+    input: ComplexArray
+    condition: float
+
+
+def dense(A: Any) -> Array:
+    """Return a matrix, sparse or not, as an array."""
+    return A if isinstance(A, np.ndarray) else A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)
+
+
+def _is_diagonal(A: Array) -> bool:
+    return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
+
+
+def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
+    """Return ``own``, ``joint`` and ``ties`` of `LinearStructure` for directions W (n, m)."""
+    m = W.shape[1]
+    own: list[int] = []
+    joint, ties = np.eye(m), np.zeros((m, m))
+    stiffness = float(kr.max(initial=0.0)) or 1.0  # scales the constraints to the size of forces
+    for j in range(m):
+        B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0] if own else np.empty(0)
+        if not own or norm(W[:, j] - W[:, own] @ B) > _DEPENDENT_DIRECTION_TOLERANCE * norm(W[:, j]):
+            own.append(j)
+            continue
+        joint[own, j], joint[j, j] = B, 0.0
+        ties[j, own], ties[j, j] = -stiffness * B, stiffness
+    return np.array(own), joint, ties
+
+
+def _null_space(A: Array, least: float | None = None) -> Array:
+    """Return an orthonormal basis of the null space of a matrix with scaled rows and columns.
+
+    least : largest singular value that counts as zero, by default 1e-12 times the largest one.
+    """
+    _, s, vt = np.linalg.svd(A)
+    largest = s.max(initial=0.0)
+    rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if least is None else least))) if largest > 0 else 0
+    null: Array = vt[rank:].T
+    return null
+
+
+class LinearStructure:
+    """M, C, K of a system with the reference springs and the dampers of its elements.
+
+    Parameters
+    ----------
+    system : System
+        System of coordinates, elements and loads.
+    springs : array_like, shape (m,), optional
+        Reference stiffness of the elements, by default from `references`.
+
+    Attributes
+    ----------
+    own : ndarray
+        Numbers of the elements with linearly independent directions.
+    joint, ties : ndarray, shape (m, m)
+        Matrices of the constrained balance ``joint @ (Z d + g + f) + ties @ (d + e)``; identity and zero without
+        constraints.
+
+    Raises
+    ------
+    ValueError
+        If coordinates without mass cannot be eliminated.
+    UnbalancedLoadError
+        If a constant load acts on a free motion.
+    """
+
+    spins = False
+    """Whether C and K depend on Omega, see `SpeedDependentStructure`."""
+
+    highest: float = np.inf
+    """The highest frequency at which receptances are known."""
+
+    def __init__(self, system: System, springs: Array | None = None) -> None:
+        if not np.isfinite(self.highest):
+            system.check_matrices()
+        self.system = system
+        self.n, self.m = system.n, len(system.elements)
+        self.W = system.W
+        self.kr = references(system) if springs is None else springs
+        self.c = np.array([e.damping for e in system.elements])
+        self.own, self.joint, self.ties = _constraints(self.W, self.kr)
+        self.free = self.free_left = np.zeros((self.n, 0))
+        self.large = self.n > MODAL_LIMIT
+        if self.large:
+            Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
+            self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
+            self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
+            self.modes: Modes | None = None
+            self.parted = False
+            return
+        self.M = dense(system.M)
+        self.C = dense(system.C) + (self.W * self.c) @ self.W.T
+        # scaled by the masses, the test for free motions compares frequencies in any units of the coordinates
+        diagonal = np.abs(np.diag(self.M))
+        self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
+        self._close(system)
+
+    def _close(self, system: System) -> None:
+        """Add the reference springs to K and compute the modes.
+
+        With some reference springs two poles coincide and the eigenvectors become dependent, or a negative K becomes
+        singular. Other springs give other poles and the same receptance, so several factors are tried. If no factor
+        helps, the state matrix is disturbed by 1e-10 to separate the poles.
+        """
+        references = self.kr
+        modes = self._real_modes(system) if self.n > _REAL_MODES_FROM else None
+        if modes is not None:
+            self.modes, self.parted = modes, False
+            return
+        for factor, part, near in _REFERENCE_TRIALS:
+            self.kr = factor * references
+            self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
+            if self._has_supported_free_motion(system, near):
+                continue
+            self.free = self._null(self.K)
+            self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
+            self.check_balance(system)
+            modes = self._decompose(part)
+            if modes.condition < _MAX_EIGENVECTOR_CONDITION:
+                break
+        if modes is None:  # laws without stiffness leave a free motion
+            raise ValueError(_describe_unsupported(self))
+        self.modes, self.parted = modes, part > 0
+
+    def _has_supported_free_motion(self, system: System, near: float) -> bool:
+        """Return whether K has a free motion r with displacements of elements, K r = 0 and W^T r != 0.
+
+        near : singular value of K, relative to the sum of its absolute terms, that counts as zero.
+        """
+        s, W = self._scale, np.abs(self.W)
+        rounding = _MIN_DISPLACEMENT_RATIO * norms(W.T * s)[:, None]
+        terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
+        least = near * float(terms.sum(axis=1).max())
+        for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
+            self.free = s[:, None] * _null_space(K * np.outer(s, s), least)
+            measured = np.abs(self.W.T @ self.free)
+            if ((measured > _CANCELLATION_RATIO * (W.T @ np.abs(self.free))) & (measured > rounding)).any():
+                return True
+        return False
+
+    def _real_modes(self, system: System) -> Modes | None:
+        """Return the modes of a symmetric structure with modal damping, from its real modes at a lower cost.
+
+            K phi = w^2 M phi,   phi^T C phi = 2 delta,   poles = -delta +- sqrt(delta^2 - w^2)
+
+        The reference springs are left out if the damping is modal only without them. None if the damping is not modal,
+        or if there is a free motion.
+        """
+        references, s = self.kr, self._scale
+        M, C = (A * np.outer(s, s) for A in (self.M, self.C))
+        for factor in (1.0, 0.0):
+            kr = factor * references
+            K = dense(system.K) + (self.W * kr) @ self.W.T
+            A = K * np.outer(s, s)
+            if not all(np.array_equal(x, x.T) for x in (M, C, A)):
+                return None
+            squares, V = scipy.linalg.eigh(A, None if _is_diagonal(M) else M)
+            D = V.T @ C @ V
+            delta = 0.5 * np.diag(D)
+            mixed = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
+            gap = 2 * np.sqrt((delta**2 - squares).astype(complex))
+            near = np.abs(gap) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
+            if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or mixed or near.any():
+                continue
+            self.kr, self.K = kr, K
+            poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
+            right = np.tile(s[:, None] * V, 2).astype(complex)
+            left = right.T / np.concatenate([gap, -gap])[:, None]
+            return Modes(
+                poles,
+                right,
+                left,
+                self.W.T @ right,
+                left @ self.W,
+                float(np.max(np.abs(poles[: self.n]) / np.abs(gap))),
+            )
+        return None
+
+    @property
+    def constrained(self) -> bool:
+        """Whether directions of elements are linearly dependent."""
+        return len(self.own) < self.m
+
+    @property
+    def modal(self) -> bool:
+        """Whether receptances are computed from the modes."""
+        return (
+            self.modes is not None
+            and self.modes.condition < _MAX_EIGENVECTOR_CONDITION
+            and not self.parted
+            and not self.constrained
+        )
+
+    def _null(self, A: Array) -> Array:
+        """Return the null space of a matrix of the coordinates, scaled by the masses."""
+        return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
+
+    def check_balance(self, system: System) -> None:
+        """Raise an error if a constant load of a system with these matrices acts on a free motion."""
+        for load in system.loads if self.free_left.shape[1] else ():
+            if load.constant is None:
+                continue
+            for r in self.free_left.T:
+                work = r * np.asarray(load.constant)
+                largest = np.linalg.norm(r / self._scale) * np.linalg.norm(self._scale * np.asarray(load.constant))
+                rounding = max(_BALANCED_WORK_RATIO * np.abs(work).sum(), _BALANCED_WORK_BOUND * largest)
+                if abs(work.sum()) > rounding and abs(work.sum()) > self._rounding(r, np.asarray(load.constant)):
+                    raise UnbalancedLoadError(self._describe_unbalance(r, float(work.sum())))
+
+    def _rounding(self, r: Array, F: Array) -> float:
+        """Return the work of a balanced load F on a computed free motion r that rounding explains.
+
+        K r = 0 holds to eps |K| |r|. An error E of K changes r by -K^+ E r, and the work by (K^+ F)^T E r.
+        """
+        s = self._scale
+        A = self.K * np.outer(s, s)
+        static = scipy.linalg.pinv(A.T, rtol=_FREE_MOTION_TOLERANCE) @ (s * F)
+        return _BACKWARD_ERROR * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
+
+    def _describe_unbalance(self, r: Array, work: float) -> str:
+        """Return the error message for a load that does work on a free motion r."""
+        return (
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({_motion_text(self, r)}); "
+            "a periodic motion needs it balanced: correct the load or support that motion"
+        )
+
+    def _decompose(self, part: float) -> Modes:
+        """Return the eigendecomposition of the state matrix without the undamped free motions.
+
+        part : relative disturbance that separates coincident poles.
+        """
+        M, K, C = self.M, self.K, self.C
+        free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
+        if free.shape[1]:
+            B = self._scale[:, None] * _null_space((free_left.T @ M) * self._scale)
+            T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
+        else:
+            B = T = np.diag(self._scale)
+        if self.system.massless:
+            poles, q, forces, condition = massless_modes(self.system, M, C, K, B, T)
+            return Modes(poles, q, forces, self.W.T @ q, forces @ self.W, condition)
+        Mi = np.linalg.inv(T.T @ M @ B)
+        K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
+        size = B.shape[1]
+        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock) are independent of the unit of time
+        A = np.zeros((2 * size, 2 * size))
+        A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
+        if part:
+            A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        poles, V = np.linalg.eig(A)
+        poles, V = poles.astype(complex), V.astype(complex)
+        try:
+            U = np.linalg.inv(V)
+        except np.linalg.LinAlgError:
+            U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
+        right = B @ V[:size]
+        left_vectors = U[:, size:] @ (Mi @ T.T) / clock
+        output, input_ = self.W.T @ right, left_vectors @ self.W
+        # a remaining pole at zero is a drift that no element measures, without effect on the receptance
+        keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
+        condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
+        return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
+
+    def _undamped(self, free: Array, C: Array) -> Array:
+        """Return the free motions that no damper acts on."""
+        if not free.shape[1] or not np.any(C):
+            return free
+        measured = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
+        _, s, vt = scipy.linalg.svd(measured / np.linalg.norm(free / self._scale[:, None], axis=0))
+        held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
+        undamped: Array = free @ vt[~held].T
+        return undamped
+
+    def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
+        """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
+        x: ComplexArray
+        if self.large:
+            D = self.K + 1j * w * self.C - w**2 * self.M
+            x = scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
+        elif w == 0.0:
+            s = self._scale
+            scaled = self.K * np.outer(s, s)
+            x = s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE_MOTION_TOLERANCE) @ (s[:, None] * rhs))
+        else:
+            x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+        return x
+
+    def at(self, Omega: float) -> LinearStructure:
+        """Return the structure at a frequency of the excitation, with its modes: itself without speed terms."""
+        return self
+
+    def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
+        return self.response(Omega, ratio, self.W)
+
+    def transfer(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return G and dG/ds (P, m, m) at exponents s (P,).
+
+        Raises
+        ------
+        ValueError
+            If an exponent is a pole, or the structure has no modes.
+        """
+        if self.modes is None:
+            raise ValueError("Hill's determinant needs the modes of the structure, which is too large for them")
+        distance = s[:, None] - self.modes.poles
+        if not distance.all():
+            raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
+        away = 1.0 / distance
+        out, in_ = self.modes.output, self.modes.input
+        return (
+            np.einsum("ir,kr,rj->kij", out, away, in_, optimize=True),
+            np.einsum("ir,kr,rj->kij", out, -np.square(away), in_, optimize=True),
+        )
+
+    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return W^T D^-1 F and its derivative in Omega, (P, m, c), of F (n, c) at frequencies Omega ratio (P,)."""
+        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))
+        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
+
+    def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
+        Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
+        dQ = np.array([
+            -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
+            for wk, Qk in zip(w, Q, strict=True)
+        ])  # fmt: skip
+        return Q, dQ
+
+
+def _describe_unsupported(structure: LinearStructure) -> str:
+    """Return the error message for an element that no stiffness holds."""
+    measured = np.abs(structure.W.T @ structure.free)
+    element, motion = np.unravel_index(int(np.argmax(measured)), measured.shape)
+    return (
+        f"element '{structure.system.elements[int(element)].name}' measures a motion that no stiffness holds "
+        f"({_motion_text(structure, structure.free[:, motion])}): its mean is arbitrary; give the law a "
+        "stiffness, or support that motion in K"
+    )
+
+
+def _motion_text(structure: LinearStructure, r: Array) -> str:
+    """Return the largest coordinates of a motion (n,) as text."""
+    r = r / r[np.argmax(np.abs(r))]
+    order = np.argsort(-np.abs(r))[:6]
+    return ", ".join(f"{structure.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
