@@ -8,7 +8,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.design.fitting.fit import Fit, fit
     from hbgear.design.fitting.measurement_table import read_measurements
     from hbgear.design.fitting.measurements import Measurements
-    from hbgear.design.least_change import Goal, Redesign, no_jumps, peak_below, redesign
+    from hbgear.design.goal_search import Goal, no_jumps, peak_below
+    from hbgear.design.least_change import Redesign, redesign
     from hbgear.design.studies.case_results import Cases
     from hbgear.design.studies.samples import grid, latin_hypercube, monte_carlo, saltelli
     from hbgear.design.studies.study import cases

@@ -7,7 +7,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.least_change import _Cusp, _least_change, _Search, _Slack, _Spread, _traced_shortfall
+from hbgear.design.goal_search import Cusp, Search, Slack, Spread, smallest_change
+from hbgear.design.least_change import _traced_shortfall
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
@@ -108,11 +109,11 @@ def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
     assert cusp.jump_below is (side > 0)
     own = cusp.value / (1 - 0.1 * side)
     problem = hb.HarmonicBalance(hb.Duffing(**{name: own}), 1)
-    spread = _Spread({}, 2.0, (), 1.0)
+    spread = Spread({}, 2.0, (), 1.0)
     for margin, expected in ((0.05, 0.0), (0.09, 0.0), (0.11, short), (0.15, short)):
-        search = _Search(problem, hb.design.no_jumps(margin), (name,), np.array([own]), span, spread, None)
-        search.cusp = _Cusp(name, side, cusp.point, np.zeros(1))
-        search.slack = _Slack(np.array([margin - short]), np.ones((1, 1)), margin)
+        search = Search(problem, hb.design.no_jumps(margin), (name,), np.array([own]), span, spread, None)
+        search.cusp = Cusp(name, side, cusp.point, np.zeros(1))
+        search.slack = Slack(np.array([margin - short]), np.ones((1, 1)), margin)
         curve, missed = _traced_shortfall(search, np.zeros(1), {})
         assert missed == pytest.approx(expected, rel=1e-12) and not curve.jumps()
 
@@ -159,9 +160,9 @@ def test_the_nearest_point_of_several_half_planes():
     low, high = np.array([-0.5, -0.4]), np.array([0.6, 0.5])
     grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.6, 441), np.linspace(-0.4, 0.5, 361), indexing="ij"), -1)
     for _ in range(20):
-        slack = _Slack(rng.normal(0, 0.1, 3), rng.normal(size=(3, 2)), 0.05)
+        slack = Slack(rng.normal(0, 0.1, 3), rng.normal(size=(3, 2)), 0.05)
         u = rng.uniform(-0.1, 0.1, 2)
-        found = _least_change(slack, u, low, high)
+        found = smallest_change(slack, u, low, high)
         good = ((grid - u) @ slack.slopes.T + slack.c >= slack.required).all(axis=-1)
         if not good.any():
             assert (np.isclose(found, low) | np.isclose(found, high)).all()
