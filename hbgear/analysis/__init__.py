@@ -14,7 +14,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.loads.planet_loads import LoadSharing, load_sharing
     from hbgear.analysis.loads.tooth_loads import ToothLoads, tooth_loads
     from hbgear.analysis.multistart import BranchSearch, trace_all
-    from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
+    from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
+    from hbgear.analysis.parameter_sensitivity.table import Sensitivity
     from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, machine_quantities
     from hbgear.analysis.quantities.mesh_dynamic_factor import dynamic_factor
     from hbgear.analysis.quantities.order_cuts import order_amplitudes

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
-from hbgear.analysis.parameter_sensitivity import RelocatedPoint, measured_along
+from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint
+from hbgear.analysis.parameter_sensitivity.units import measured_along
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback

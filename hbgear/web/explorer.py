@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.analysis.jump_maps import jump_map
-from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.analysis.parameter_sensitivity.units import units_of
 from hbgear.analysis.summary import title_of
 from hbgear.common.process.progress import Progress
 from hbgear.common.text.messages import shortened

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.analysis.parameter_sensitivity.units import units_of
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.symbols import unit_of
 from hbgear.continuation.results.branch import Branch

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.analysis.parameter_sensitivity import (
-    _parameter_names,
-    _PointSensitivity,
-    _problem_and_parameters,
-    _with_cache_size,
+from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
+    PointSensitivity,
+    parameter_names,
+    problem_and_parameters,
+    with_cache_size,
 )
 from hbgear.continuation.solvers.newton import refine, solve
 from hbgear.harmonic.bifurcations.extremum import EXTREMA
@@ -28,9 +28,9 @@ def located(problem, equations, U, here):
 
 def differences(point, parameters=None):
     """Derivatives of (X, p) by differences of points located at h and 2h to both sides; one-sided at ends of ranges."""
-    problem, here, parameter = _problem_and_parameters(point)
-    names = _parameter_names(problem, here, parameter, parameters)
-    at = _PointSensitivity(_with_cache_size(problem, point, 8), point, here, parameter, names)
+    problem, here, parameter = problem_and_parameters(point)
+    names = parameter_names(problem, here, parameter, parameters)
+    at = PointSensitivity(with_cache_size(problem, point, 8), point, here, parameter, names)
     equations = at.equations()
     first = located(at.problem, equations, np.append(at.X, here[parameter]), here)
     out = []

@@ -12,7 +12,7 @@ from hbgear.cli.commands.files import outputs
 from hbgear.cli.support import print_table
 
 if TYPE_CHECKING:
-    from hbgear.analysis.parameter_sensitivity import Sensitivity
+    from hbgear.analysis.parameter_sensitivity.table import Sensitivity
 
 
 MaxRows = Annotated[int, typer.Option("--max-rows", min=1, help="Number of parameters in the table and the figure.")]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import LENGTH
+from hbgear.analysis.parameter_sensitivity.units import LENGTH
 from hbgear.common.argument_checks import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
@@ -134,7 +134,7 @@ class Measurements:  # numpydoc ignore=PR02
         Parameters
         ----------
         known : mapping of str to float
-            Units of the model from `hbgear.analysis.parameter_sensitivity.units_of`.
+            Units of the model from `hbgear.analysis.parameter_sensitivity.units.units_of`.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class Measurements:  # numpydoc ignore=PR02
         Parameters
         ----------
         known : mapping of str to float
-            Units of the model from `hbgear.analysis.parameter_sensitivity.units_of`.
+            Units of the model from `hbgear.analysis.parameter_sensitivity.units.units_of`.
         amplitude : str, default ""
             Unit of the amplitudes of the curves of the model, such as "um"; "1" or "" for its unit of length.
 

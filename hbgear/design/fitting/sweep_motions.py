@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import LENGTH, units_at
+from hbgear.analysis.parameter_sensitivity.units import LENGTH, units_at
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.results.interpolation import crossings_at

@@ -14,7 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import measured_along, sensitivity
+from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
+from hbgear.analysis.parameter_sensitivity.units import measured_along
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import tangent
 from hbgear.continuation.numerics.linear import Factors

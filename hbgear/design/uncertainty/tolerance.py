@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import RelocatedPoint, sensitivity
+from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint
+from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback

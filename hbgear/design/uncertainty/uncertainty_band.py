@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import LENGTH, measured_along, units_at
+from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, units_at
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked

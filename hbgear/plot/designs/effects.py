@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import Sensitivity
+from hbgear.analysis.parameter_sensitivity.table import Sensitivity
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.plot.style import COLOURS, GREY, axes_or_new, dress, styled

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.analysis.parameter_sensitivity.units import units_of
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array

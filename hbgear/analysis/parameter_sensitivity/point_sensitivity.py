@@ -1,0 +1,256 @@
+"""Derivatives of a point: its equations, its problem with all parameters, and the quantities that depend on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hbgear.analysis.parameter_sensitivity.units import LENGTH, Units, base_problem, measured_along
+from hbgear.common.arrays import Array
+from hbgear.common.text.messages import did_you_mean
+from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.sensitivity import (
+    Slopes,
+    along,
+    of_branch_point,
+    of_crossing,
+    of_solution,
+    of_special,
+    tangent,
+)
+from hbgear.continuation.events.detector import event_at
+from hbgear.continuation.events.fold import TURNING_KINDS
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
+from hbgear.harmonic.bifurcations.extremum import peak_of
+from hbgear.harmonic.equations.layout import Layout
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.mechanics.models import Model
+
+Row = tuple[str, float, Array]
+"""Name, value and derivatives of a quantity."""
+
+
+def problem_and_parameters(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:
+    """Return the problem and all parameters of a point, and the name of the parameter of its branch."""
+    if point.problem is None:
+        raise ValueError(
+            f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and "
+            "load curves with load(path, problem=HarmonicBalance(...))"
+        )
+    if isinstance(point, SpecialPoint) and not point.located:
+        low, high = point.interval
+        raise ValueError(f"{point.label} was not located, only known to lie within {low:.8g} and {high:.8g}")
+    problem = as_problem(point.problem)
+    inner = base_problem(problem)
+    entries = inner.model.entries if isinstance(inner, HarmonicBalance) else {}
+    return problem, {**entries, **problem.parameters, **point.parameters}, list(point.parameters)[-1]
+
+
+def parameter_names(
+    problem: ContinuationProblem, here: Mapping[str, float], parameter: str, wanted: Sequence[str] | None
+) -> tuple[str, ...]:
+    """Return the wanted parameters after a check, or all parameters that are not unknowns of the point."""
+    own = {parameter, *problem.unknown_parameters}
+    if wanted is None:
+        return tuple(name for name in here if name not in own)
+    for name in wanted:
+        problem.check_parameter(name)
+        if name in own:
+            raise ValueError(f"{name} is an unknown of the point; choose other parameters")
+        if name not in here:
+            raise KeyError(f"the point has no parameter '{name}'{did_you_mean(name, here)}")
+    return tuple(dict.fromkeys(wanted))
+
+
+def with_cache_size(problem: ContinuationProblem, point: Point, sets: int) -> ContinuationProblem:
+    """Return the problem with the unknowns of the point and a cache for this number of sets of parameters."""
+    return _with_balance(problem, point, lambda balance: balance.with_cache_size(sets))
+
+
+def expanded_at(
+    problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int
+) -> ContinuationProblem:
+    """Return `with_cache_size` with receptances expanded about the parameters of the point."""
+    return _with_balance(problem, point, lambda balance: balance.perturbed(here, sets))
+
+
+def _with_balance(
+    problem: ContinuationProblem, point: Point, replaced: Callable[[HarmonicBalance], HarmonicBalance]
+) -> ContinuationProblem:
+    """Return the problem with the unknowns of the point and its harmonic balance replaced by a function of it."""
+    if isinstance(problem, MinimallyAugmentedProblem):
+        inner = _with_balance(problem.problem, point, replaced)
+        return type(problem)(inner, problem.parameter, *problem.arguments)
+    return _at_resolution(replaced(problem) if isinstance(problem, HarmonicBalance) else problem, point)
+
+
+def _at_resolution(problem: ContinuationProblem, point: Point) -> ContinuationProblem:
+    """Return the problem with the period and the number of harmonics of a point."""
+    layout = point.layout
+    if not isinstance(problem, HarmonicBalance) or not isinstance(layout, Layout):
+        return problem.at_resolution_of(point)
+    if (layout.nu, layout.harmonics) == (problem.nu, problem.H):
+        return problem
+    if layout.nu == problem.nu and layout.harmonics > problem.H:
+        return problem.at_resolution_of(point)
+    return problem.with_order(layout.nu, layout.harmonics)
+
+
+@dataclass(frozen=True)
+class PointSensitivity:
+    """Point with its problem and all parameters, the parameter of its branch, and the parameters of derivatives."""
+
+    problem: ContinuationProblem
+    point: Point
+    here: dict[str, float]
+    parameter: str
+    names: tuple[str, ...]
+
+    @property
+    def X(self) -> Array:
+        """Unknowns of the problem."""
+        return self.problem.join(self.point.X, self.here)
+
+    def slopes(self) -> Slopes:
+        """Return the derivatives of the unknowns and of the parameter of the branch."""
+        if not isinstance(self.point, SpecialPoint):
+            return of_solution(self.problem, self.X, self.here, self.names)
+        if self.point.kind == "BP":
+            return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
+        if self.point.kind == "NS" and self.known_equations() is None:
+            return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
+        return of_special(*self.refined, self.here, self.names)
+
+    @cached_property
+    def refined(self) -> tuple[MinimallyAugmentedProblem, Array]:
+        """Equations of a special point with borders computed there, and (X, p) refined to rounding."""
+        U = np.append(self.X, self.here[self.parameter])
+        equations = self.equations().with_borders_at(U, self.here)
+        with suppress(NoConvergence):  # then the located point is used
+            U = refine(equations, solve(equations, U, self.here), self.here).X
+        return equations, U
+
+    @property
+    def parameter_value(self) -> float:
+        """Value of the parameter of the branch, refined if `refined` was computed."""
+        return float(self.refined[1][-1]) if "refined" in vars(self) else self.here[self.parameter]
+
+    def equations(self) -> MinimallyAugmentedProblem:
+        """Return the equations of a special point; raise a ValueError if its kind has no equations."""
+        known, point = self.known_equations(), self.point
+        assert isinstance(point, SpecialPoint)
+        if known is None:
+            raise ValueError(
+                f"{point.label} ({point.meaning.partition(': ')[0]}) has no equations that can be differentiated; "
+                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a point of the branch"
+            )
+        return known
+
+    def known_equations(self) -> MinimallyAugmentedProblem | None:
+        """Return the equations of a special point. None if its kind has no equations."""
+        point = self.point
+        assert isinstance(point, SpecialPoint)
+        if point.kind == "PK":
+            measure = point.note.removeprefix("peak of ")
+            return peak_of(self.problem, self.parameter, measure, getattr(point.event, "element", 0))
+        if point.kind in TURNING_KINDS:
+            return FoldProblem(self.problem, self.parameter)
+        event = event_at(self.problem, self.parameter, point)
+        return event.equations(self.problem.original, self.parameter, point) if event else None
+
+    @cached_property
+    def own(self) -> dict[str, float]:
+        """Parameters of the model."""
+        model = getattr(base_problem(self.problem), "model", None)
+        return model.parameters | model.entries if isinstance(model, Model) else {}
+
+    def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
+        """Return the logarithm of the modulus, as a function, of the multiplier on the unit circle at the point."""
+        problem = self.problem
+        assert isinstance(problem, HarmonicBalance)
+        every = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))
+        complex_pairs = every[np.abs(every.imag) > 1e-8 * np.abs(every)]
+        candidates = complex_pairs if complex_pairs.size else every
+        mu = candidates[np.argmin(np.abs(np.abs(candidates) - 1.0))]
+        return self._modulus_nearest_to(mu)
+
+    def _modulus_nearest_to(self, mu: complex) -> Callable[[Array, dict[str, float]], float]:
+        """Return the logarithm of the modulus, as a function, of the multiplier nearest to `mu`."""
+        problem: Any = self.problem
+
+        def value(X: Array, at: dict[str, float]) -> float:
+            every = problem.multipliers(X, points=8, width=1.0, **self._changed_parameters(at))
+            return math.log(abs(every[np.argmin(np.abs(every - mu))]))
+
+        return value
+
+    def _changed_parameters(self, here: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters whose values differ from the model."""
+        own = self.own
+        return {name: float(value) for name, value in here.items() if own.get(name) != value}
+
+    def unknown_parameters(self, slopes: Slopes) -> list[tuple[str, Array]]:
+        """Return the derivatives of parameters that are unknowns, such as the frequency on a fold curve."""
+        own = self.problem.unknown_parameters
+        return [(name, slopes.X[:, -1 - i]) for i, name in enumerate(own)]
+
+    def speeds(self, rows: Sequence[Row], units: Units) -> list[Row]:
+        """Return mesh frequency and speed with their derivatives; empty if the model has no `Scales`."""
+        own, changes = units
+        if "Omega" not in self.here:
+            return []
+        Omega, found = self.here["Omega"], {name: slopes for name, _, slopes in rows}
+        moved = found.get("Omega", np.array([float(name == "Omega") for name in self.names]))
+        return [(unit, Omega * own[unit], own[unit] * moved + Omega * changes[unit]) for unit in (MESH, PINION)
+                if unit in own]  # fmt: skip
+
+    def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: Units) -> list[Row]:
+        """Return the amplitude with its derivatives, with `Scales` also in metres."""
+        layout = self.point.layout
+        if layout is None:
+            return []
+        X, width = self.point.X, len(self.point.X)
+        size = float(layout.measure(measure, X, element))
+        moved = measured_along(layout, measure, element, X[None], X_a[None, :, :width])[0]
+        rows: list[Row] = [(name, size, moved)]
+        own, changes = units
+        if LENGTH in own:
+            rows.append((f"{name} {LENGTH}", own[LENGTH] * size, own[LENGTH] * moved + size * changes[LENGTH]))
+        return rows
+
+    def landed(self, after: Point, p_a: Array) -> tuple[PointSensitivity, Array]:
+        """Return the motion on which a jump lands, at the frequency of the jump, and its derivatives."""
+        problem = _at_resolution(self.problem, after)
+        here = {**self.here, self.parameter: self.parameter_value}
+        at = PointSensitivity(problem, after, here, self.parameter, self.names)
+        t = tangent(problem, at.X, here, self.parameter)
+        return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t
+
+    def largest_multiplier(self, slopes: Slopes) -> Row:
+        """Return the largest modulus of the multipliers with its derivatives along the derivatives of the point."""
+        problem = self.problem
+        if not isinstance(problem, HarmonicBalance):
+            raise ValueError("multipliers=True needs a point of a HarmonicBalance, without further unknowns")
+        mu = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))[0]
+        value = self._modulus_nearest_to(mu)
+        p = self.parameter
+
+        def derivative(name: str, dX: Array, dp: float) -> float:
+            def along_point(X: Array, at: dict[str, float]) -> float:
+                return value(X, {**at, p: self.here[p] + dp * (at[name] - self.here[name])})
+
+            return along(problem, self.X, self.here, along_point, dX, name)
+
+        each = zip(self.names, slopes.X, slopes.p, strict=True)
+        return "|mu|", abs(mu), abs(mu) * np.array([derivative(name, dX, dp) for name, dX, dp in each])

@@ -1,0 +1,87 @@
+"""Special point as a function of some parameters of its model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
+    PointSensitivity,
+    parameter_names,
+    problem_and_parameters,
+    with_cache_size,
+)
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.sensitivity import (
+    Slopes,
+    of_special,
+)
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+
+
+class RelocatedPoint:
+    """Special point as a function of some parameters.
+
+    Parameters
+    ----------
+    point : Point
+        Special point as for `sensitivity`, of a kind with equations.
+    names : sequence of str
+        Names of the parameters that change.
+
+    Raises
+    ------
+    ValueError
+        If the point has no equations, or does not know its problem.
+    """
+
+    def __init__(self, point: Point, names: Sequence[str]) -> None:
+        problem, here, parameter = problem_and_parameters(point)
+        self._names = parameter_names(problem, here, parameter, names)
+        at = PointSensitivity(with_cache_size(problem, point, 4), point, here, parameter, self._names)
+        self._equations, self._here = at.equations(), here
+        slopes = at.slopes()
+        self._U = np.append(at.X, here[parameter])
+        self._slopes = np.column_stack([slopes.X, slopes.p])
+
+    def at(self, changes: Array) -> float:
+        """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""
+        return float(self.solved(changes)[0][-1])
+
+    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+        """Return the derivatives of the unknowns and of the parameter of the branch at a point of `solved`."""
+        return of_special(self._equations, U, here, self._names)
+
+    def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
+        """Solve for the point with changed parameters.
+
+        Parameters
+        ----------
+        changes : ndarray, shape (A,)
+            Changes of the parameters.
+
+        Returns
+        -------
+        U : ndarray
+            Unknowns and parameter of the branch, (X, p).
+        parameters : dict of str to float
+            All parameters.
+
+        Raises
+        ------
+        NoConvergence, ValueError, numpy.linalg.LinAlgError
+            If there is no point near the prediction of first order.
+        """
+        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        U = self._U + changes @ self._slopes
+        found = solve(self._equations.with_borders_at(U, here), U, here).X
+        moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
+        if moved > _MAX_CHANGE_RATIO * (expected + 1e-3 * abs(self._U[-1])):
+            raise NoConvergence("Newton ended at another point", found, here, [])
+        return found, here
+
+
+_MAX_CHANGE_RATIO = 5.0
+"""Largest change of a point over its prediction of first order; a larger one belongs to another point."""

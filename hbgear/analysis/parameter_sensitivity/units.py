@@ -1,0 +1,82 @@
+"""Units of frequency and length of a model and their derivatives in parameters, and derivatives of amplitudes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import scales
+from hbgear.mechanics.models import Model
+
+LENGTH = "m"
+"""Unit of amplitudes of models with `Scales`."""
+
+Units = tuple[dict[str, float], dict[str, Array]]
+"""Units by name, and their derivatives in the parameters."""
+
+
+def base_problem(problem: ContinuationProblem) -> ContinuationProblem:
+    """Return the problem of periodic motions inside augmented equations."""
+    return base_problem(problem.problem) if isinstance(problem, MinimallyAugmentedProblem) else problem
+
+
+def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Sequence[str]) -> Units:
+    """Return the units of a model and their derivatives in parameters.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        Equations of the point.
+    here : dict of str to float
+        All parameters.
+    names : sequence of str
+        A names of parameters.
+
+    Returns
+    -------
+    values : dict of str to float
+        "mesh Hz" and "pinion r/min" at Omega = 1, and "m", the unit of length; empty if the model has no `Scales`.
+    derivatives : dict of str to ndarray, shape (A,)
+        Their derivatives.
+    """
+    inner = base_problem(problem)
+    if not isinstance(inner, HarmonicBalance) or not (own := units_of(inner.model_at(here))):
+        return {}, {}
+    keys, known = list(own), inner.model.parameters | inner.model.entries
+    changes = np.zeros((len(names), len(keys)))
+    for row, name in zip(changes, names, strict=True):
+
+        def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
+            return tuple(units_of(inner.model_at({**here, name: at[name]})).values())
+
+        if name in known:
+            row[:] = parameter_derivatives(problem, name, here, values)
+    return own, dict(zip(keys, changes.T, strict=True))
+
+
+def units_of(model: Model) -> dict[str, float]:
+    """Return Hz and r/min at Omega = 1 and the unit of length in metres; empty if the model has no `Scales`."""
+    known, own = scales(model, {}), model.scales
+    return known | {LENGTH: own.length} if known and own else known
+
+
+def measured_along(layout: LayoutProtocol, measure: str, element: int | str, X: Array, along: Array) -> Array:
+    """Return the derivatives (P, A) of an amplitude of motions X (P, n) along directions (P, A, n).
+
+    They are central differences, and nan for directions that are not finite.
+    """
+    sizes = np.linalg.norm(along, axis=-1)
+    known = np.isfinite(sizes)
+    h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(known & (sizes > 0), sizes, 1.0)
+    moved = h[..., None] * np.where(known[..., None], along, 0.0)
+    up, down = (layout.measure(measure, X[:, None] + side * moved, element) for side in (1, -1))
+    rates: Array = np.where(known, up - down, math.nan) / (2 * h)
+    return rates
