@@ -34,10 +34,7 @@ from hbgear.cli.commands import rotors as cli_rotors
 from hbgear.cli.commands import study as cli_study
 from hbgear.cli.commands import time as cli_time
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
-from hbgear.cli.startup import STDOUT_CLOSED
-from hbgear.cli.support import (
-    BAD_INPUT,
-    STOPPED_EARLY,
+from hbgear.cli.options import (
     At,
     Changes,
     Dimensionless,
@@ -53,31 +50,38 @@ from hbgear.cli.support import (
     OwnModel,
     ShownMeasure,
     Within,
+)
+from hbgear.cli.output import (
+    BAD_INPUT,
+    STOPPED_EARLY,
     bar,
+    defaults_text,
+    discard_unwritable,
+    equation_of,
+    exit_code,
+    print_message,
+    print_table,
+    print_text,
+    ranges_of,
+    show_all_branches,
+    show_jumps,
+    summary_of,
+)
+from hbgear.cli.startup import STDOUT_CLOSED
+from hbgear.cli.support import (
     check_landing,
     check_shown,
     chosen_model,
-    defaults_text,
-    discard_unwritable,
     element_of,
-    equation_of,
-    exit_code,
     harmonics_of,
     loaded,
     longer_span,
     model_at,
     path_of,
     point_of,
-    print_message,
-    print_table,
-    print_text,
     problem_in,
     problem_of,
-    ranges_of,
-    show_all_branches,
-    show_jumps,
     start_of,
-    summary_of,
     traced,
     with_landings,
 )

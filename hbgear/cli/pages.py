@@ -11,20 +11,10 @@ import typer
 
 import hbgear as hb
 from hbgear.cli.commands.files import check_writable, outputs
+from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel
+from hbgear.cli.output import STOPPED_EARLY, bar, print_message
 from hbgear.cli.quantities import Omega_of
-from hbgear.cli.support import (
-    STOPPED_EARLY,
-    AllowCode,
-    Changes,
-    First,
-    Last,
-    OwnModel,
-    bar,
-    chosen_model,
-    print_message,
-    problem_in,
-    span_of,
-)
+from hbgear.cli.support import chosen_model, problem_in, span_of
 from hbgear.common.optional import needed
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry

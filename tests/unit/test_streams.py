@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli.support import listed
+from hbgear.cli.output import listed
 
 pytestmark = [
     pytest.mark.slow,

@@ -16,7 +16,7 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.cli.commands.machine_report import ACCURACY_GRADE
-from hbgear.cli.support import print_table
+from hbgear.cli.output import print_table
 from hbgear.common.process.threads import begun
 from hbgear.common.text.digits import rounded
 

@@ -10,7 +10,9 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import check_writable, outputs
-from hbgear.cli.support import File, OwnModel, load_with_problem, point_of, print_message, print_table
+from hbgear.cli.options import File, OwnModel
+from hbgear.cli.output import print_message, print_table
+from hbgear.cli.support import load_with_problem, point_of
 
 NOT_PROVED = 1
 """Exit code of a point that is not certified."""

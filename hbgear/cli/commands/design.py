@@ -15,7 +15,7 @@ from hbgear.analysis.summary import digits_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
-from hbgear.cli.support import (
+from hbgear.cli.options import (
     Changes,
     Dimensionless,
     Element,
@@ -28,17 +28,15 @@ from hbgear.cli.support import (
     Model,
     Output,
     OwnModel,
-    bar,
+    range_option,
+)
+from hbgear.cli.output import bar, exit_code, finish, print_table, show_branch
+from hbgear.cli.support import (
     chosen_model,
     element_of,
-    exit_code,
-    finish,
     load_with_problem,
-    print_table,
     problem_of,
     range_of,
-    range_option,
-    show_branch,
     span_of,
 )
 from hbgear.common.text.digits import rounded

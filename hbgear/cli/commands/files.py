@@ -13,8 +13,8 @@ import numpy as np
 import typer
 
 import hbgear as hb
+from hbgear.cli.output import BAD_INPUT, print_message
 from hbgear.cli.startup import IS_COMMAND
-from hbgear.cli.support import BAD_INPUT, print_message
 from hbgear.common import atomic_write
 from hbgear.common.process.threads import processors
 

@@ -13,8 +13,7 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
-from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
-from hbgear.cli.support import (
+from hbgear.cli.options import (
     Changes,
     Element,
     Figure,
@@ -25,14 +24,15 @@ from hbgear.cli.support import (
     Measure,
     Model,
     OwnModel,
+)
+from hbgear.cli.output import bar, finish, print_table
+from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
+from hbgear.cli.support import (
     assignments,
-    bar,
     chosen_model,
     element_of,
-    finish,
     load_with_problem,
     point_of,
-    print_table,
     problem_of,
     span_of,
 )

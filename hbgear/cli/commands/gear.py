@@ -36,8 +36,7 @@ from hbgear.cli.commands.assumptions import (
 )
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
 from hbgear.cli.commands.machine_report import merged, recommendation, show_speeds
-from hbgear.cli.quantities import is_number
-from hbgear.cli.support import (
+from hbgear.cli.options import (
     Changes,
     Dimensionless,
     Element,
@@ -46,13 +45,14 @@ from hbgear.cli.support import (
     Harmonics,
     OwnModel,
     ShownMeasure,
+)
+from hbgear.cli.output import exit_code, print_table, print_text
+from hbgear.cli.quantities import is_number
+from hbgear.cli.support import (
     check_shown,
     chosen_model,
-    exit_code,
     harmonics_of,
     loaded,
-    print_table,
-    print_text,
     problem_in,
     span_of,
     traced,

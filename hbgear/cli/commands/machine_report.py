@@ -17,7 +17,7 @@ import numpy as np
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, text_at
-from hbgear.cli.support import print_table, print_text
+from hbgear.cli.output import print_table, print_text
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import rounded
 from hbgear.harmonic.equations.layout import layout_of

@@ -10,8 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
-from hbgear.cli.quantities import number_of
-from hbgear.cli.support import (
+from hbgear.cli.options import (
     Changes,
     Element,
     Figure,
@@ -23,16 +22,17 @@ from hbgear.cli.support import (
     Model,
     Output,
     OwnModel,
+    range_option,
+)
+from hbgear.cli.output import exit_code, print_table, show_branch
+from hbgear.cli.quantities import number_of
+from hbgear.cli.support import (
     chosen_model,
     element_of,
-    exit_code,
     harmonics_of,
     load_with_problem,
     longer_span,
-    print_table,
     range_of,
-    range_option,
-    show_branch,
 )
 
 ROWS = 8

@@ -11,18 +11,9 @@ import hbgear as hb
 from hbgear.analysis.campbell_diagram import whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
-from hbgear.cli.support import (
-    Changes,
-    Dimensionless,
-    Figure,
-    First,
-    Last,
-    Model,
-    assignments,
-    chosen_model,
-    print_table,
-    span_of,
-)
+from hbgear.cli.options import Changes, Dimensionless, Figure, First, Last, Model
+from hbgear.cli.output import print_table
+from hbgear.cli.support import assignments, chosen_model, span_of
 from hbgear.harmonic.models.frequency_units import MESH
 
 

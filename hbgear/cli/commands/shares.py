@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hbgear.cli.commands.files import outputs
-from hbgear.cli.support import print_table
+from hbgear.cli.output import print_table
 
 if TYPE_CHECKING:
     from hbgear.analysis.parameter_sensitivity.table import Sensitivity

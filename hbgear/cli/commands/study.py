@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hbgear.cli.commands.files import report_written
-from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, AllowCode, bar, print_message, print_table
+from hbgear.cli.options import AllowCode
+from hbgear.cli.output import BAD_INPUT, STOPPED_EARLY, bar, print_message, print_table
 from hbgear.common.optional import needed
 
 if TYPE_CHECKING:

@@ -19,9 +19,7 @@ from hbgear.analysis.quantities.axis_quantities import (
     factor_of,
 )
 from hbgear.cli.commands.files import FIGURES, check_writable, outputs
-from hbgear.cli.quantities import number_of
-from hbgear.cli.support import (
-    STOPPED_EARLY,
+from hbgear.cli.options import (
     At,
     Changes,
     Dimensionless,
@@ -36,14 +34,10 @@ from hbgear.cli.support import (
     OtherCurves,
     OwnModel,
     Within,
-    bar,
-    check_landing,
-    chosen_model,
-    element_of,
-    path_of,
-    print_table,
-    problem_in,
 )
+from hbgear.cli.output import STOPPED_EARLY, bar, print_table
+from hbgear.cli.quantities import number_of
+from hbgear.cli.support import check_landing, chosen_model, element_of, path_of, problem_in
 from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales
 
 DISAGREES = 1

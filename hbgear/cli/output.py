@@ -1,0 +1,239 @@
+"""Output of the commands: messages, progress, tables, exit codes."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import os
+import re
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+import hbgear as hb
+from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, text_of
+from hbgear.common.process.progress import Progress, ProgressCallback
+from hbgear.common.text.messages import shortened
+from hbgear.mechanics.fields import defaults_of, kinds_of
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+BAD_INPUT = 2
+"""Exit code of bad input."""
+
+
+STOPPED_EARLY = 3
+"""Exit code of a command that was stopped or interrupted."""
+
+
+def print_message(kind: str, text: object) -> None:
+    """Print one line on standard error; long words, which damaged files contain, are shortened."""
+    with suppress(OSError):  # standard error cannot be written: the exit code remains
+        print(f"hbgear: {kind}: {' '.join(shortened(word, 1000) for word in str(text).split())}", file=sys.stderr)
+
+
+def discard_unwritable(stream: Any) -> None:
+    """Redirect a stream that cannot be written to the null device; otherwise Python tries again at exit."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+@contextmanager
+def bar(what: str) -> Iterator[ProgressCallback | None]:
+    """Show progress on a terminal: a bar where the fraction is known, the elapsed time and a text."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Display
+
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}")
+    with Display(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task(what, total=None, text="")
+
+        def show(now: Progress) -> None:
+            known = not math.isnan(now.done)
+            display.update(task, total=1.0 if known else None, completed=now.done if known else 0.0, text=now.text)
+
+        yield show
+
+
+def exit_code(branch: hb.Branch) -> int:
+    """Return 0 if this curve and all others of its span were traced to their ends, else 3."""
+    return 0 if all(one.status.complete for one in (branch, *branch.others)) else STOPPED_EARLY
+
+
+def finish(result: Any, *parts: Any) -> None:
+    """Print a message if a result is not complete, and end the command with the exit code of it and its parts.
+
+    Raises
+    ------
+    typer.Exit
+        With 3 if any has a status that is not complete, else 0.
+    """
+    if not result.status.complete:
+        print_message("stopped early", result.message)
+    raise typer.Exit(0 if all(one.status.complete for one in (result, *parts)) else STOPPED_EARLY)
+
+
+def print_text_table(table: Table) -> None:
+    """Print a table, with a width of 140 columns where no terminal sets the width."""
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 140, highlight=False).print(table)
+
+
+def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> None:
+    """Print a table of texts; on a terminal that is too narrow, one line for each cell."""
+    width = shutil.get_terminal_size().columns
+    if sys.stdout.isatty() and _least_width(headers, rows) > width:
+        print(listed(headers, rows, title, width))
+    else:
+        print_text_table(table_of(headers, rows, title))
+
+
+_COLUMN_MARGIN = 3  # characters around a column of a table
+
+
+def _least_width(headers: list[str], rows: list[list[str]]) -> int:
+    """Return the characters that a table needs: whole cells, and whole words in its last column."""
+    columns = list(zip(headers, *rows, strict=True))
+    widths = [max(len(line) for cell in column for line in cell.splitlines() or [""]) for column in columns[:-1]]
+    last = max(len(word) for cell in columns[-1] for word in cell.split() or [""])
+    return sum(widths) + last + _COLUMN_MARGIN * len(columns)
+
+
+def print_text(text: str) -> None:
+    """Print a sentence; on a terminal, lines end between words."""
+    if sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
+        wrapped = (textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+                   for line in text.splitlines())  # fmt: skip
+        text = "\n".join("\n".join(lines) for lines in wrapped)
+    print(text)
+
+
+def listed(headers: list[str], rows: list[list[str]], title: str, width: int) -> str:
+    """Return the cells of a table one below the other, each after its header, for a narrow terminal."""
+    lines = [title] if title else []
+    for row in rows:
+        lines += [""] if lines else []
+        for header, cell in zip(headers, row, strict=True):
+            first, *rest = cell.splitlines() or [""]
+            for text in (f"{header}: {first}" if header else first, *(f"  {part}" for part in rest)):
+                lines += textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False,
+                                       break_on_hyphens=False) or [""]  # fmt: skip
+    return "\n".join(lines)
+
+
+def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Table:
+    """Return a table for the terminal."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title) if title else None, title_justify="left", title_style="bold")
+    for i, header in enumerate(headers):
+        table.add_column(Text(header), overflow="fold", no_wrap=i < len(headers) - 1)
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
+
+
+def show_all_branches(
+    branch: hb.Branch, measure: str | None, element: int | str, show: Callable[..., None] | None = None,
+    dimensionless: bool = False,
+) -> None:  # fmt: skip
+    """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
+    curves = (branch, *branch.others)
+    for number, curve in enumerate(curves, 1):
+        if number > 1:
+            print_text(f"\nbranch {number}: {len(curve)} points; {message_of(curve, dimensionless)}")
+        others = [i for i in range(len(curves)) if i != number - 1]
+        other_branches, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
+        (show or show_branch)(curve, measure, element, other_branches, names, dimensionless)
+
+
+def show_branch(
+    branch: hb.Branch,
+    measure: str | None,
+    element: int | str,
+    other_branches: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+    dimensionless: bool = False,
+) -> None:
+    """Print the tables of special points and jumps (see `show_jumps`), and the reliability of the curve."""
+    if not branch.special:
+        print_text("no special points")
+        show_reliability(branch)
+        return
+    headers, rows = special_table(branch, measure, element, dimensionless)
+    print_table(headers, rows, "special points")
+    show_jumps(branch, measure, element, other_branches, names, dimensionless)
+    show_reliability(branch)
+
+
+def show_reliability(branch: hb.Branch) -> None:
+    """Print the estimated errors and warnings of a curve, and how to fix them."""
+    lines = reliability_lines(branch)
+    for line in lines:
+        print_text(line)
+    if branch.warnings and lines:
+        print_text("  use more harmonics: --harmonics 32 or auto")
+
+
+def show_jumps(
+    branch: hb.Branch,
+    measure: str | None,
+    element: int | str,
+    other_branches: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+    dimensionless: bool = False,
+) -> None:
+    """Print the jumps of a branch as a table, or that it has none; see `jump_table`."""
+    if not branch.jumps():
+        print_text("no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability")
+        return
+    headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
+    print_table(headers, rows, "jumps of a slow sweep")
+    for note in notes:
+        print_text(note)
+
+
+def summary_of(cls: type) -> str:
+    """Return the first line of the docstring of a class, up to a semicolon."""
+    return next(iter((inspect.getdoc(cls) or "").splitlines()), "").partition(";")[0].rstrip(".")
+
+
+def defaults_text(cls: type[hb.mechanics.Model]) -> str:
+    """Return the fields in the form of --set, with their defaults; VALUE for a required field."""
+    defaults = defaults_of(cls)
+    return ", ".join(f"{name}={text_of(defaults[name]) if name in defaults else 'VALUE'}" for name in kinds_of(cls))
+
+
+def ranges_of(cls: type[hb.mechanics.Model]) -> str:
+    """Return the ranges of the parameters, the parameters of one range together."""
+    names: dict[str, list[str]] = {}
+    for name, allowed in cls.ranges.items():
+        names.setdefault(str(allowed), []).append(name)
+    return "; ".join(f"{', '.join(each)} must {need}" for need, each in names.items())
+
+
+def equation_of(cls: type) -> str:
+    """Return the first indented line of the docstring of the class, or of its module within hbgear."""
+    module = inspect.getmodule(cls) if cls.__module__.startswith("hbgear.") else None
+    for text in (inspect.getdoc(cls), inspect.getdoc(module) if module else None):
+        for line in (text or "").partition("\nParameters\n")[0].splitlines():
+            if line.startswith("    "):
+                return re.sub(r"\s+", " ", line.strip())
+    return ""
