@@ -300,19 +300,6 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         load[5], load[11] = self.torque, (self.output or 1.0) * self.torque * w[11] / w[5]
         return load
 
-    def _without_rotation(self, vectors: Array) -> Array:
-        """Return generalised forces (..., 12) in SI units without the part that turns both gears together.
-
-        With friction, forces do work on this motion. Its mean speed is constant, and no element measures it; the part
-        M phi (phi^T F) / (phi^T M phi) is removed, and all other motions stay the same.
-        """
-        w, M = self.mesh_vector(), self.structure()[0]
-        turn = np.zeros(12)
-        turn[5], turn[11] = w[11], -w[5]
-        inertia = M @ turn
-        out: Array = vectors - np.multiply.outer(vectors @ turn, inertia / (turn @ inertia))
-        return out
-
     # The dimensionless system
 
     def system(self) -> System:
@@ -334,11 +321,11 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         elements, load = [gap], self.torques()
         fluctuating = self.r_p * np.eye(12)[5]
         if isinstance(gap.law, MeshContacts) and gap.law.sliding is not None:
-            acts = S * self._without_rotation(self.friction_vectors())
+            acts = S * _without_rotation(self.friction_vectors(), self.mesh_vector(), M)
             moved = (gap.displacement, Series(), Series())
             law = SlidingTeeth(gap.law)
             elements += VectorElement([gap.direction, *acts], law, name="friction", displacements=moved)
-            load, fluctuating = self._without_rotation(load), self._without_rotation(fluctuating)
+            load, fluctuating = _without_rotation(np.array([load, fluctuating]), self.mesh_vector(), M)
         return System(
             M=SS * M / m_c,
             C=SS * C / (m_c * omega_n),
@@ -347,3 +334,16 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
             load=self.fluctuating_load(S * load / force, S * fluctuating),
             dof_names=[f"{axis}_{gear}" for gear in "pg" for axis in AXES],
         )
+
+
+def _without_rotation(vectors: Array, w: Array, M: Array) -> Array:
+    """Return generalised forces (..., 12) in SI units without the part that turns both gears together.
+
+    With friction, forces do work on this motion. Its mean speed is constant, and no element measures it; the part
+    M phi (phi^T F) / (phi^T M phi) is removed, and all other motions stay the same.
+    """
+    turn = np.zeros(12)
+    turn[5], turn[11] = w[11], -w[5]
+    inertia = M @ turn
+    out: Array = vectors - np.multiply.outer(vectors @ turn, inertia / (turn @ inertia))
+    return out
