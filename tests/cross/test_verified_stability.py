@@ -11,6 +11,7 @@ import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.results.stability import stability_codes
 from hbgear.continuation.solvers.newton import linearise, solve
+from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.multipliers.multiplier_error import (
     count_beyond,
     difference_of,
@@ -56,7 +57,7 @@ def test_short_contacts_are_refined_only_where_they_can_change_the_stability(k, 
     X[1], X[2] = 0.0, 0.5 * (1 + 1e-3 / np.sqrt(k))
     seen = problem.observe(X, True, Omega=Omega) | {"determinant": 0}
     problem.verify_stability(X[None], "Omega", np.array([Omega]), [seen], {})
-    assert problem.compiled({}).shortest_intervals(X[None])[0] < np.pi / 8
+    assert shortest_intervals(problem.compiled({}), X[None])[0] < np.pi / 8
     assert (seen["modulus_error"] >= 1e-7) == refined
 
 

@@ -78,6 +78,18 @@ def test_no_package_has_more_than_twelve_entries():
         assert len(names) <= 12, (init.parent, sorted(names))
 
 
+def test_no_class_has_more_than_300_lines():
+    """State, equations, derived quantities and coordination are classes of their own."""
+    sizes = {
+        f"{path.relative_to(ROOT)}: {node.name}": (node.end_lineno or 0) - node.lineno + 1
+        for path in ROOT.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    }
+    assert len(sizes) > 300
+    assert {name: lines for name, lines in sizes.items() if lines > 300} == {}
+
+
 @pytest.mark.parametrize("package", ["hbgear", "hbgear.gears", "hbgear.plot", "hbgear.web"])
 def test_names_of_a_package_are_imported_when_they_are_used(package):
     """Every public name, by a program that has imported nothing else, and by one that imports all of them."""

@@ -337,17 +337,6 @@ class Evaluator:
         extrema(self.packed_of(X), X, clearance, regime)
         return clearance, regime
 
-    def shortest_intervals(self, X: Array) -> Array:
-        """Return the shortest intervals (P,) of the basis phase between two switching times of motions X (P, n).
-
-        They are the durations of the shortest contact or separation; 2 pi without switching times.
-        """
-        from hbgear.harmonic.equations.diagnostic_kernels import shortest_intervals
-
-        out, X = np.empty(len(X)), self.spread(X)
-        shortest_intervals(self.packed_of(X), self.m, X, out)
-        return out
-
 
 def writable(X: Array) -> Array:
     """Return a writable contiguous array; kernels would be compiled again for the type of read-only arrays."""

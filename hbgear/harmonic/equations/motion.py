@@ -132,6 +132,18 @@ def clearance_elements(evaluator: Evaluator) -> tuple[int, ...]:
     return tuple(j for j, law in enumerate(evaluator.laws) for _ in law.breakpoints for _ in range(2))
 
 
+def shortest_intervals(evaluator: Evaluator, X: Array) -> Array:
+    """Return the shortest intervals (P,) of the basis phase between two switching times of motions X (P, n).
+
+    They are the durations of the shortest contact or separation; 2 pi without switching times.
+    """
+    from hbgear.harmonic.equations import diagnostic_kernels
+
+    out, X = np.empty(len(X)), evaluator.spread(X)
+    diagnostic_kernels.shortest_intervals(evaluator.packed_of(X), evaluator.m, X, out)
+    return out
+
+
 # ---- truncation
 
 

@@ -41,6 +41,7 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.harmonic.multipliers.multiplier_error import (
@@ -263,7 +264,7 @@ def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods
         or not _has_constant_stiffness(problem, here)
     ):
         return np.zeros(len(X), dtype=bool)
-    short: NDArray[np.bool_] = compiled.shortest_intervals(X) < periods * 2 * np.pi / problem.H
+    short: NDArray[np.bool_] = shortest_intervals(compiled, X) < periods * 2 * np.pi / problem.H
     return short
 
 
@@ -283,7 +284,7 @@ def _has_hard_short_intervals(
             return short
         mobility = np.einsum("ij,ij->j", system.W, np.linalg.solve(dense(system.M), system.W))
         rate = max(abs(k * law.reference) for k, law in zip(mobility.tolist(), compiled.laws, strict=True))
-        effect = rate * problem.nu * compiled.shortest_intervals(X) / np.square(Omega)
+        effect = rate * problem.nu * shortest_intervals(compiled, X) / np.square(Omega)
         short &= effect > np.abs(_modulus(multipliers) - 1.0)
     return short
 
