@@ -38,6 +38,38 @@ Answer = Callable[[dict[str, Any], str, Request], Any]
 """Function that answers a request: of the JSON of a page, its session, and the request."""
 
 
+def _protect(flask: Any, app: Any, token: str, hosts: Callable[[], set[str]]) -> None:
+    """Let an application refuse requests that are not of its own page, and add the headers of security."""
+
+    @app.before_request
+    def guard() -> Any:
+        """Refuse requests to other hosts, from other pages, and without the token."""
+        known = hosts()
+        origin = flask.request.headers.get("Origin")
+        given = flask.request.headers.get("X-Hbgear-Token") or flask.request.args.get("token", "")
+        if flask.request.host not in known:
+            return "this host is not served here", 403
+        if origin is not None and origin not in {f"http://{host}" for host in known}:
+            return "requests from other pages are refused", 403
+        if flask.request.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+            return "requests from other pages are refused", 403
+        if not secrets.compare_digest(given.encode(), token.encode()):
+            return "the token is missing or of another run; open the address that hbgear explore printed", 403
+        return None
+
+    @app.after_request
+    def closed(response: Any) -> Any:
+        response.headers["Content-Security-Policy"] = _CONTENT
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Cache-Control"] = "no-store"
+        return response
+
+    @app.errorhandler(RecursionError)
+    def nested(error: RecursionError) -> Any:
+        return flask.jsonify(error="the request is nested too deeply"), 400
+
+
 def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
     """Return the Flask application of an explorer.
 
@@ -68,33 +100,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
     app.json.sort_keys = False
     request = flask.request
 
-    @app.before_request
-    def guard() -> Any:
-        """Refuse requests to other hosts, from other pages, and without the token."""
-        known = hosts()
-        origin = request.headers.get("Origin")
-        given = request.headers.get("X-Hbgear-Token") or request.args.get("token", "")
-        if request.host not in known:
-            return "this host is not served here", 403
-        if origin is not None and origin not in {f"http://{host}" for host in known}:
-            return "requests from other pages are refused", 403
-        if request.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
-            return "requests from other pages are refused", 403
-        if not secrets.compare_digest(given.encode(), token.encode()):
-            return "the token is missing or of another run; open the address that hbgear explore printed", 403
-        return None
-
-    @app.after_request
-    def closed(response: Any) -> Any:
-        response.headers["Content-Security-Policy"] = _CONTENT
-        response.headers["Referrer-Policy"] = "no-referrer"
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers["Cache-Control"] = "no-store"
-        return response
-
-    @app.errorhandler(RecursionError)
-    def nested(error: RecursionError) -> Any:
-        return flask.jsonify(error="the request is nested too deeply"), 400
+    _protect(flask, app, token, hosts)
 
     def sent() -> Any:
         """Return the JSON of the request; None if it is invalid."""

@@ -156,7 +156,7 @@ def test_period_doublings_of_a_smooth_law():
 
 def test_period_doublings_of_sampled_forces():
     """A bracketed root of det(Phi + 1): the multiplier of the traced motion is -1."""
-    curve = trace(HarmonicBalance(STRONG, 16, sampled=True, samples=4096), "Omega", (2.2, 1.8))
+    curve = trace(HarmonicBalance(STRONG, 8, sampled=True, samples=512), "Omega", (2.2, 1.8))
     assert [p.label for p in curve.special] == ["PD1"]
     assert curve["PD1"].located
     assert np.abs(curve["PD1"].multipliers + 1).min() < 1e-5
