@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.augmented.minimally_augmented import borders_of, null_vectors
+from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Factors, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem

@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.fitting.fit import _Search, mean_square_limit
+from hbgear.design.fitting.fit_search import FitSearch, mean_square_limit
 from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
 
@@ -124,7 +124,7 @@ class Residuals:
 def test_starts_end_with_the_first_minimum_within_the_noise(monkeypatch, assumed, mean_square, followed):
     """8 degrees of freedom: the limit is 4 without deviations of the data, and 1 + 4 (2/8)^1/2 = 3 with them."""
     data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10), deviation=None if assumed else 0.01)
-    search = _Search(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta", "F"), (0.4, 1.1), None)
+    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta", "F"), (0.4, 1.1), None)
     reached = Residuals(np.full(10, np.sqrt(8 * mean_square / 10)))
     minimized = []
     monkeypatch.setattr(search, "at", lambda x: Residuals(np.full(10, 1e3)))
@@ -137,7 +137,7 @@ def test_starts_end_with_the_first_minimum_within_the_noise(monkeypatch, assumed
 
 def test_a_start_without_a_response_is_left_out(monkeypatch):
     data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10))
-    search = _Search(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta",), (0.4, 1.1), None)
+    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta",), (0.4, 1.1), None)
     monkeypatch.setattr(search, "at", lambda x: None)
     with pytest.raises(ValueError, match="the model has no response to compare with the data"):
         search.run(np.array([0.05]), np.array([0.01]), np.array([0.2]), 3, 0)

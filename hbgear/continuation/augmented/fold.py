@@ -9,10 +9,9 @@ from hbgear.continuation.augmented.minimally_augmented import (
     AugmentedResidual,
     Borders,
     MinimallyAugmentedProblem,
-    borders_of,
-    null_vectors,
     parameter_derivative_and_jacobian,
 )
+from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Matrix, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import FOLD, Locating

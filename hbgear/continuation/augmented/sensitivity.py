@@ -28,7 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem, borders_of, null_vectors
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Factors, as_dense, bordered, norm
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives

@@ -15,7 +15,6 @@ Branch, Coleman & Li (1999), SIAM J. Sci. Comput. 21(1), https://doi.org/10.1137
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -25,47 +24,26 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.deprecation import renamed_attributes
-from hbgear.common.lru_cache import LRUCache
-from hbgear.common.process.progress import Progress, ProgressCallback
+from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.design.bounds import bounds_of
+from hbgear.design.fitting.fit_search import ACCEPTED_MEAN_SQUARE, MIN_EFFECT, UNIT_ERROR_RATIO, FitSearch, cost_of
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
-from hbgear.design.fitting.sweep_motions import NotTraced
 from hbgear.design.fitting.sweep_prediction import Prediction
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.plausibility import ImplausibleInputWarning
-
-UNIT_ERROR_RATIO = 30.0
-"""Ratio of measured to computed amplitudes or frequencies above which the unit is considered wrong."""
 
 DEFAULT_BOUND_FACTOR = 4.0
 """Default bounds are the value of the model divided and multiplied by this factor."""
 
+
 HIGH_CORRELATION = 0.995
 """Correlation above which a warning states that two parameters cannot be distinguished."""
-
-MIN_EFFECT = 1e-3
-"""Norm of the change of all residuals, for a relative change of 1 of a parameter, below which it has no effect."""
-
-ACCEPTED_MEAN_SQUARE = 4.0
-"""Mean square of the residuals, in assumed deviations, below which no further start is tried."""
-
-NOISE_SIGMAS = 4.0
-"""Accepted excess of the mean square over 1, with given deviations, in its standard deviations (2 / freedom)^(1/2).
-
-A larger excess is not noise but another minimum or an unsuitable model."""
-
-POOR_MEAN_SQUARE = 25.0
-"""Mean square of the residuals above which the curve is first moved toward the points by their distances."""
-
-CANDIDATES_PER_START = 6
-"""Number of random candidates that are evaluated for each further start."""
 
 
 @renamed_attributes(doubts="warnings")
@@ -225,7 +203,7 @@ def fit(
             "leave parameters out"
         )
     span = _span(problem.model, data) if span is None else span
-    search = _Search(problem, data, names, span, progress)
+    search = FitSearch(problem, data, names, span, progress)
     ending, estimate = Termination(), None
     try:
         followed = search.run(own, low, high, starts, seed)
@@ -289,176 +267,6 @@ def _span(model: Model, data: Measurements) -> tuple[float, float]:
     return 1.2 * float(every.max()), float(every.min()) / 1.2
 
 
-def mean_square_limit(freedom: int, assumed: bool) -> float:
-    """Return the mean square of the residuals below which a fit is within the noise.
-
-    ``freedom`` is the number of degrees of freedom; ``assumed`` states that the deviations are assumed values.
-    """
-    return ACCEPTED_MEAN_SQUARE if assumed else 1.0 + NOISE_SIGMAS * math.sqrt(2.0 / freedom)
-
-
-class _Search:
-    """Nonlinear least squares from several starts; the best prediction is kept."""
-
-    def __init__(
-        self, problem: HarmonicBalance, data: Measurements, names: tuple[str, ...], span: tuple[float, float],
-        progress: ProgressCallback | None,
-    ) -> None:  # fmt: skip
-        self.problem, self.data, self.names, self.span, self.progress = problem, data, names, span, progress
-        self.evaluations = self.followed = 0
-        self.best: Prediction | None = None
-        self.refused = ""
-        self._known: LRUCache[Prediction | None] = LRUCache(3)
-
-    def at(self, x: Array) -> Prediction | None:
-        """Return the prediction with these values, or None if the model has no response."""
-        return self._known.get(x.tobytes(), lambda: self._traced(x))
-
-    def _traced(self, x: Array) -> Prediction | None:
-        self.evaluations += 1
-        try:
-            values = dict(zip(self.names, map(float, x), strict=True))
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
-                now = Prediction(self.problem, self.data, values, self.span)
-        except (NotTraced, ValueError) as error:
-            self.refused = str(error)
-            return None
-        if self.progress is not None:
-            self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
-        return now
-
-    def evaluate(self, x: Array) -> Prediction | None:
-        """Return the prediction with these values, and store it if it is the best so far."""
-        now = self.at(x)
-        if now is not None and (self.best is None or _cost(now) < _cost(self.best)):
-            self.best = now
-        return now
-
-    def run(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> int:
-        """Minimize from several starts until a result is within the noise, and return the number of starts.
-
-        Raises
-        ------
-        ValueError
-            If the model has no response at any start or the unit of the amplitudes is probably wrong.
-        """
-        freedom = max(1, len(self.data) + len(self.data.jumps) - len(own))
-        for start in self._starts(own, low, high, starts, seed):
-            if self.evaluate(start) is None:
-                continue
-            if not self.followed:
-                self._check_unit()
-            self.followed += 1
-            self._minimize(start, low, high)
-            assert self.best is not None
-            if _cost(self.best) / freedom < mean_square_limit(freedom, self.data.assumed):
-                break
-        if self.best is None:
-            raise ValueError(f"the model has no response to compare with the data: {self.refused}")
-        return self.followed
-
-    def _starts(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
-        """Yield the values of the model, then the best ones of several random candidates."""
-        yield own
-        if starts == 1:
-            return
-        from scipy.stats import qmc
-
-        drawn = qmc.LatinHypercube(len(own), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
-        every = [low + u * (high - low) for u in drawn]
-        costs = [math.inf if (now := self.evaluate(x)) is None else _cost(now) for x in every]
-        for i in np.argsort(costs, kind="stable")[: starts - 1]:
-            yield every[i]
-
-    def _minimize(self, start: Array, low: Array, high: Array) -> None:
-        """Minimize the sum of squares from a start, first with a loss function that reduces the weight of outliers.
-
-        The deviations are evaluated at the start and again at the end of the first minimization.
-        """
-        from scipy.optimize import least_squares
-
-        worst = np.full(2 * len(self.data) + len(self.data.jumps), 1e3)
-        x = self._approach(np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low)), low, high)
-        for final in (False, True):
-            first = self.at(x)
-            if first is None:
-                return
-            s = first.deviation
-
-            def residuals(x: Array, s: Array = s) -> Array:
-                now = self.evaluate(x)
-                return worst if now is None else now.residuals(s)
-
-            def jacobian(x: Array, s: Array = s) -> Array:
-                now = self.at(x)
-                if now is None:
-                    return np.zeros((len(worst), len(x)))
-                J = now.jacobian(s)
-                filtered: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
-                return filtered  # without parameters whose effect is rounding
-
-            found = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
-                                  ftol=COST_TOLERANCE[final], loss="linear" if final else "soft_l1", f_scale=3.0,
-                                  x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)), max_nfev=30)  # fmt: skip
-            x = found.x
-
-    def _approach(self, start: Array, low: Array, high: Array) -> Array:
-        """Return a start whose curve is close to the points, found from the given one if necessary.
-
-        The distances in frequency and amplitude are minimized, because they are continuous functions of the values.
-        Distant points have a reduced weight.
-        """
-        from scipy.optimize import least_squares
-
-        first = self.at(start)
-        if first is None or _cost(first) / (len(self.data) + len(self.data.jumps)) < POOR_MEAN_SQUARE:
-            return start
-        worst = np.full(len(self.data) + len(self.data.jumps), 100.0)
-
-        def distances(x: Array) -> Array:
-            now = self.at(x)
-            return worst if now is None else now.distances
-
-        def jacobian(x: Array) -> Array:
-            now = self.at(x)
-            return np.zeros((len(worst), len(x))) if now is None else now.distance_jacobian
-
-        found = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
-                              x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
-        x: Array = found.x
-        return x
-
-    def _check_unit(self) -> None:
-        """Raise an error if measured and computed amplitudes differ by orders of magnitude."""
-        assert self.best is not None
-        known = np.isfinite(self.best.amplitudes)
-        if not known.any():
-            return
-        ratio = float(np.median(self.data.amplitude[known] / self.best.amplitudes[known]))
-        if not 1 / UNIT_ERROR_RATIO < ratio < UNIT_ERROR_RATIO:
-            unit = self.data.length or "the model's unit of length"
-            raise ValueError(
-                f"the measured amplitudes are {ratio:.2g} times those of the model: the unit is probably not {unit}; "
-                "give the unit, such as length='um', or the measure of the amplitudes"
-            )
-
-
-VALUE_TOLERANCE = {False: 1e-3, True: 1e-5}
-"""Relative change of the values at which the first (False) and the final (True) minimization stop."""
-
-COST_TOLERANCE = {False: 1e-2, True: 3e-4}
-"""Relative change of the sum of squares at which the first (False) and the final (True) minimization stop.
-
-With 50 numbers the final one stops about a tenth of a standard error from the minimum.
-"""
-
-
-def _cost(now: Prediction) -> float:
-    r = now.residuals(now.deviation)
-    return float(r @ r)
-
-
 @dataclass
 class _Estimate:
     """Values, first-order covariance, mean square and profile errors.
@@ -478,7 +286,7 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
     names = best.names
     x = np.array([best.here[name] for name in names])
     freedom = len(data) + len(data.jumps) - len(names)
-    mean_square = _cost(best) / freedom if freedom > 0 else math.nan
+    mean_square = cost_of(best) / freedom if freedom > 0 else math.nan
     size = np.where(x, np.abs(x), high - low)
     covariance, messages = _covariance(best.information(best.deviation) * size, names)
     unit = mean_square if data.assumed and freedom > 0 else 1.0
@@ -487,7 +295,7 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
 
 
 def _result(
-    problem: HarmonicBalance, search: _Search, best: Prediction, followed: int, estimate: _Estimate, low: Array,
+    problem: HarmonicBalance, search: FitSearch, best: Prediction, followed: int, estimate: _Estimate, low: Array,
     high: Array, ending: Termination,
 ) -> Fit:  # fmt: skip
     names, data, x, covariance = search.names, search.data, estimate.x, estimate.covariance

@@ -11,12 +11,8 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.augmented.minimally_augmented import (
-    AugmentedResidual,
-    Borders,
-    MinimallyAugmentedProblem,
-    least_singular_vectors,
-)
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem

@@ -15,9 +15,9 @@ from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import (
     AugmentedResidual,
     Borders,
-    null_vectors,
     parameter_derivative_and_jacobian,
 )
+from hbgear.continuation.augmented.null_vectors import null_vectors
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 
