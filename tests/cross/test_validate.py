@@ -42,13 +42,13 @@ def test_spur_pair_agrees(report):
 
 
 def test_double_helical_pair_of_low_damping():
-    """24 coordinates: rms to 1e-5 with 24 harmonics at 12 points, and every verdict on stability.
+    """24 coordinates: rms to 1e-5 with 24 harmonics at 7 points, and every verdict on stability.
 
     Among them are motions that lose their stability to a second frequency, in opposite phase on the two helices.
     """
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.8))
-    found = validate(curve, 12, 1e-5, multiplier_tolerance=1e-3)
-    assert found.ok and len(found.rows) == 12
+    found = validate(curve, 7, 1e-5, multiplier_tolerance=1e-3)
+    assert found.ok and len(found.rows) == 7
     assert max(row.rms_error for row in found.rows) < 1e-5
     unstable = [row for row in found.rows if not row.stable]
     assert len(unstable) >= 2 and all(row.growth > 1 for row in unstable)
