@@ -46,6 +46,7 @@ SHORTER = {
     "sweep": ["--count", "3", "--tolerance", "1e-2"],
     "map": ["--harmonics", "6"],
     "validate": ["--points", "4"],
+    "scatter": ["--draws", "20"],
     "survey": ["--harmonics", "4"],
 }
 """Options that are added to a command, to the same work with less of it."""
