@@ -35,23 +35,9 @@ MISSING_JUMP_DISTANCE = 0.1
 
 
 class Prediction(SweepMotions):
-    """Response of a model with given values of some parameters, compared with measurements.
+    """Response of a model compared with measurements: residuals, distances and their derivatives.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Problem of the model.
-    data : Measurements
-        The measurements.
-    values : mapping of str to float
-        Values of the parameters to estimate.
-    span : tuple[float, float]
-        Span of Omega of the trace.
-
-    Raises
-    ------
-    NotTraced
-        If no complete curve over the span can be traced.
+    `SweepMotions` states the parameters.
     """
 
     # ---- residuals
