@@ -193,6 +193,25 @@ def _is_unwritable() -> bool:
     return False
 
 
+def _text_of(error: Exception) -> object:
+    """Return the message of an error; errors of the operating system and of libraries have no number."""
+    if isinstance(error, KeyError):
+        return error.args[0]
+    if not isinstance(error, OSError) or error.strerror is None:
+        return error
+    if isinstance(error, FileNotFoundError) and not _current_folder_exists():  # libraries read it while imported
+        return "the current folder does not exist any more; change to another one"
+    return error.strerror if error.filename is None else f"'{error.filename}': {error.strerror}"
+
+
+def _current_folder_exists() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return False
+    return True
+
+
 def _run(args: list[str]) -> int:
     try:
         code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
@@ -203,7 +222,7 @@ def _run(args: list[str]) -> int:
         of_stream = isinstance(error, OSError) and error.errno is not None and error.filename is None
         if of_stream and not isinstance(error, CannotWrite) and _is_unwritable():
             return _report_unwritable(getattr(error, "strerror", None))
-        for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
+        for problem in getattr(error, "problems", [_text_of(error)]):
             print_message("error", problem)
         return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # nothing to keep, or the user refused to continue

@@ -2,7 +2,7 @@
 
     python -m tests.fuzz.commands --count 3000 --seed 0 --processes 2
 
-A command ends with 0, 2 or 3 (``validate`` with 1 too), never with a traceback. With 2 it says why in lines that begin
+A command ends with 0, 2 or 3 (``certify``, ``redesign`` and ``validate`` with 1 too), never with a traceback. With 2 it says why in lines that begin
 with ``hbgear: error:``, one for each thing that is wrong.
 """
 
@@ -49,6 +49,8 @@ FIXED = {
     "sweep": ["--count", "2", "--max-periods", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
     "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"], "fit": ["--harmonics", "2", "--starts", "1"],
     "study": ["--processes", "1"], "explore": ["--no-browser"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
+    "backbone": ["--harmonics", "3", "--amplitudes", "0.01:0.05"], "cycles": ["--harmonics", "3"],
+    "gear": ["--harmonics", "2"],
 }  # fmt: skip
 """What keeps a good command short; an option drawn at random may come after it and win."""
 
@@ -132,7 +134,7 @@ def judged(args: list[str], folder: Path) -> pool.Wrong | None:
         return pool.Wrong("traceback", pool.place(error), repr(error)[:300])
     lines = err.splitlines()
     errors = [line for line in lines if line.startswith("hbgear: error: ")]
-    if code not in (0, 2, 3) and not (code == 1 and name in ("validate", "redesign")):
+    if code not in (0, 2, 3) and not (code == 1 and name in ("certify", "redesign", "validate")):
         return pool.Wrong("exit", name, f"exit code {code}: {err[-300:]}")
     if strange := [line for line in lines if not line.startswith(("hbgear: error: ", "hbgear: warning: ", "hbgear: "))]:
         return pool.Wrong("stderr", name, strange[0][:300])
@@ -181,6 +183,17 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         ],
         "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
         "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
+        "points": ["LP1", "LP2", "GR1"] if good else [*TEXTS, *NUMBERS],
+        "--amplitudes": ["0.01:0.05", "0.1:0.2"]
+        if good
+        else ["0.1", ":", "0.2:0.1", "0:1", "-1:1", "nan:1", "1e300:1"],
+        "--friction": ["0.05", "0"] if good else ["-1", "2", "nan", "0.05 N", "5 %", *TEXTS],
+        "--z": ["25,40", "25,-70"] if good else ["25", "0,40", "-25,40", "1e9,1e9", *TEXTS],
+        "--module": ["3 mm"] if good else ["3", "0 mm", "3 N", "nan mm", *TEXTS],
+        "--width": ["20 mm"] if good else ["20", "-1 mm", "inf mm", *TEXTS],
+        "--torque": ["200 N m", "-200 N m"] if good else ["200", "0 N m", "1e300 N m", *TEXTS],
+        "--backlash": ["80 um"] if good else ["80", "0 um", "-80 um", "1 km", *TEXTS],
+        "--mode": ["1"] if good else COUNTS,
         "point": ["LP1", "GR1", "jump1", "peak", "0.9", *TEXTS],
         "data": ["measured.csv", "directions.csv", "speeds.csv"] if good else ["no.csv", *MEASURED, *files],
         "--measured": ["measured.csv", "speeds.csv"] if good else ["no.csv", *MEASURED, *files],

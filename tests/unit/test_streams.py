@@ -23,7 +23,7 @@ ROOT = str(Path(hb.__file__).parents[1])
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     found = tmp_path_factory.mktemp("streams")
-    hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9)).save(found / "F.npz")
+    hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.3)).save(found / "F.npz")
     os.symlink("/dev/zero", found / "zero.toml")
     os.mkfifo(found / "fifo.toml")
     return found
@@ -50,6 +50,11 @@ PRINTED = "hbgear: error: the result could not be printed ({}); the output files
         ("hbgear info F.npz >/dev/full 2>&3", PRINTED.format("No space left on device")),
         ("hbgear models >/dev/full 2>&3", PRINTED.format("No space left on device")),
         ("hbgear --help >/dev/full 2>&3", PRINTED.format("No space left on device")),
+        ("hbgear follow F.npz LP1 --in zeta=0.05:0.051 >&- 2>&3", PRINTED.format("standard output is closed")),
+        (
+            "hbgear backbone duffing --harmonics 3 --amplitudes 0.01:0.02 >/dev/full 2>&3",
+            PRINTED.format("No space left on device"),
+        ),
         ("hbgear info no.npz 2>/dev/full", ""),
         ("hbgear info no.npz 2>&-", ""),
         ("hbgear info no.npz <&- >&- 2>&-", ""),
@@ -70,7 +75,7 @@ def test_a_file_is_written_though_nothing_can_be_printed(folder):
         assert code == (0 if closed == "<&-" else 2) and len((folder / "G.npz").read_bytes()) == len(whole)
 
 
-@pytest.mark.parametrize("command", ["trace", "study", "speed", "campbell", "explore --no-browser"])
+@pytest.mark.parametrize("command", ["trace", "study", "speed", "campbell", "explore --no-browser", "backbone"])
 @pytest.mark.parametrize("file", ["zero.toml", "fifo.toml"])
 def test_a_device_or_pipe_is_no_file(folder, command, file):
     code, said, _ = shell(folder, f"ulimit -v 8000000; hbgear {command} {file} 2>&3", limit=30)
@@ -90,6 +95,8 @@ def test_a_file_without_end_is_refused(folder):
         ("info F.npz", "there is no file 'F.npz'"),
         ("trace duffing -o x.npz", "the current folder does not exist any more"),
         ("trace x.py:y", "the current folder does not exist any more"),
+        ("backbone duffing", "the current folder does not exist any more"),  # Numba imports a library that reads it
+        ("certify F.npz", "there is no file 'F.npz'"),
         ("study a.toml", "No such file or directory"),
         ("trace a.toml", "No such file or directory"),
         ("report F.npz", "the current folder does not exist any more"),

@@ -85,6 +85,14 @@ def test_a_file_is_the_train(file):
     assert train == made and is_train(file)
 
 
+def test_a_wheel_that_no_spring_turns(file):
+    """A shaft without torsional stiffness: the wheel has no speed and no angle, and the train has equations."""
+    file.write_text(TEXT.replace('torsion = "2e4 N m/rad"', "bending = 1e6"))
+    system = read_train(file).system()
+    turning = system.dof_names.index("theta_flange")
+    assert not np.delete(system.K[turning], turning).any() and len(system.elements) == 2
+
+
 def test_friction_of_a_mesh(file):
     file.write_text(TEXT.replace("damping = 0.04", "damping = 0.04\nfriction = 0.05"))
     train = read_train(file)

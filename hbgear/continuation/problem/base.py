@@ -13,6 +13,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``start`` | an initial guess | ``start=`` must be given |
 | ``parameters`` | parameters with their values | all values must be given |
 | ``check_parameter``, ``range_of``, ``missing``, ``check_trace`` | checks of names, values, spans | all are valid |
+| ``check_stability`` | whether stability can be computed | it can |
 | ``solution_norm`` | the size of X, which scales arclength | the norm of X |
 | ``smooth`` | whether dR/dX is continuous | True |
 | ``layout`` | names and amplitude measures of X | X is an array of numbers |
@@ -181,6 +182,9 @@ class ContinuationProblem:
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """Warn about a span that is valid but implausible, the other parameters fixed. By default no warning."""
+
+    def check_stability(self) -> None:
+        """Raise ValueError if the stability of no solution can be computed, before a curve is traced."""
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Return the required parameters that are not among the known ones; by default none."""

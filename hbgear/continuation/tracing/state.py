@@ -185,7 +185,7 @@ def set_up(
     KeyError
         If the problem does not have a parameter of this name.
     ValueError
-        If the span is empty or not admissible, or a parameter has no value or two meanings.
+        If the span is empty or not admissible, a parameter has no value or two meanings, or stability cannot be computed.
     """
     name, at = settings.parameter, settings.at or {}
     for each in (name, *at):
@@ -196,6 +196,8 @@ def set_up(
     fixed = _fixed_parameters(problem, settings, start)
     problem.check_trace(name, *section.bounds, fixed)
     restricted = problem.restricted_to(name, *section.bounds, fixed)
+    if settings.stability:
+        restricted.check_stability()
     requested = requested or problem
     requested = restricted if requested is problem else requested.restricted_to(name, *section.bounds, fixed)
     return TraceSetup(

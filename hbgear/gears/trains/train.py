@@ -314,7 +314,9 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
     def _fluctuations(self, scale: Array, free: Callable[[Array], Array]) -> list[Load]:
         """Return the load T cos(order theta + phase) of every torque order, theta = turned + omega t."""
         found = []
-        for wheel in self.wheels if self.fluctuation_scale else ():
+        for wheel in self.wheels:
+            if not self.fluctuation_scale or not wheel.torque_orders:
+                continue  # a wheel that does not turn has no angle, and no orders
             speed, turned = self._kinematics.speeds[wheel.name], self._kinematics.turned[wheel.name]
             direction = free(scale * self._onto({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
             for order, amplitude, phase in wheel.torque_orders:

@@ -26,7 +26,7 @@ from hbgear.harmonic.bifurcations.no_contact import FirstContact
 from hbgear.harmonic.equations import motion
 from hbgear.harmonic.equations.evaluator import Crossings
 from hbgear.harmonic.equations.layout import Layout
-from hbgear.harmonic.multipliers.floquet import floquet_multipliers
+from hbgear.harmonic.multipliers.floquet import check_modes, floquet_multipliers
 from hbgear.harmonic.stability.verification import verify_multipliers
 from hbgear.harmonic.structure.measured import MeasuredStructure
 
@@ -189,6 +189,12 @@ class PeriodicMotions(HarmonicEquations):
         return mu
 
     # ---- curves
+
+    def check_stability(self) -> None:
+        """Raise ValueError if the modes of the structure, which multipliers need, are too many."""
+        structure = self.compiled({}).structure
+        if not structure.spins and not isinstance(structure, MeasuredStructure):
+            check_modes(structure)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the quantities stored with X: multipliers (if requested), regime, clearance, truncation error."""

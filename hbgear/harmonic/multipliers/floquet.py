@@ -50,7 +50,7 @@ import scipy
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
-from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import evaluate
@@ -179,18 +179,23 @@ def floquet_multipliers(
         for target, single in zip(mu, each, strict=True):
             target[: len(single)] = single
         return mu
-    if structure.modes is None:
-        structure.system.check_matrices()
-        raise ValueError(
-            f"stability needs the modes of the structure, which are not computed for {structure.n} coordinates. The "
-            f"limit is {MODAL_LIMIT} coordinates, or 256 modes below the highest harmonic of Omega (such a structure "
-            "is reduced to 1e-9). Trace with stability=False or fewer harmonics, or reduce the model with "
-            "hb.mechanics.reduce(model, modes)"
-        )
+    check_modes(structure)
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):
         return _multipliers_of_blocks(compiled, compiled.parts(), X, Omega, points, width)
     return _reduced_multipliers(compiled, X, Omega, 1.0, points, width)
+
+
+def check_modes(structure: LinearStructure) -> None:
+    """Raise ValueError if the modes of a structure, which stability needs, are not computed."""
+    if structure.modes is None:
+        structure.system.check_matrices()
+        raise ValueError(
+            f"stability needs the modes of the structure, which are not computed for {structure.n} coordinates, because "
+            f"the time for all of them grows with the cube of their number. The limit is {MODAL_LIMIT} coordinates, or "
+            "256 modes below the highest harmonic of Omega (such a structure is reduced to 1e-9). Trace with "
+            "stability=False or fewer harmonics, or reduce the model with hb.mechanics.reduce(model, modes)"
+        )
 
 
 def is_reduced(compiled: Evaluator) -> bool:
