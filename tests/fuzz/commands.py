@@ -2,8 +2,8 @@
 
     python -m tests.fuzz.commands --count 3000 --seed 0 --processes 2
 
-A command ends with 0, 2 or 3 (``certify``, ``redesign`` and ``validate`` with 1 too), never with a traceback. With 2 it says why in lines that begin
-with ``hbgear: error:``, one for each thing that is wrong.
+A command ends with 0, 2 or 3 (``certify``, ``redesign`` and ``validate`` with 1 too), never with a traceback. With 2 it
+says why in lines that begin with ``hbgear: error:``, one for each thing that is wrong.
 """
 
 from __future__ import annotations

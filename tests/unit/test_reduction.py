@@ -249,7 +249,7 @@ def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
 def test_a_structure_whose_modes_all_matter_is_solved_directly():
     """Far above the first 256 frequencies nothing is reduced."""
     problem = hb.HarmonicBalance(chain(1600), 2)
-    with pytest.raises(ValueError, match="cube of their number.*stability=False"):
+    with pytest.raises(ValueError, match=r"cube of their number.*stability=False"):
         hb.trace(problem, "Omega", (0.5, 0.6), progress=lambda _: pytest.fail("refused after a point"))
     assert problem.restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 1600
     assert hb.HarmonicBalance(chain(40), 2).restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 40

@@ -185,7 +185,8 @@ def set_up(
     KeyError
         If the problem does not have a parameter of this name.
     ValueError
-        If the span is empty or not admissible, a parameter has no value or two meanings, or stability cannot be computed.
+        If the span is empty or not admissible, a parameter has no value or two meanings, or stability cannot be
+        computed.
     """
     name, at = settings.parameter, settings.at or {}
     for each in (name, *at):

@@ -191,9 +191,9 @@ def check_modes(structure: LinearStructure) -> None:
     if structure.modes is None:
         structure.system.check_matrices()
         raise ValueError(
-            f"stability needs the modes of the structure, which are not computed for {structure.n} coordinates, because "
-            f"the time for all of them grows with the cube of their number. The limit is {MODAL_LIMIT} coordinates, or "
-            "256 modes below the highest harmonic of Omega (such a structure is reduced to 1e-9). Trace with "
+            f"stability needs the modes of the structure, which are not computed for {structure.n} coordinates, because"
+            f" the time for all of them grows with the cube of their number. The limit is {MODAL_LIMIT} coordinates, or"
+            " 256 modes below the highest harmonic of Omega (such a structure is reduced to 1e-9). Trace with "
             "stability=False or fewer harmonics, or reduce the model with hb.mechanics.reduce(model, modes)"
         )
 
