@@ -21,6 +21,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.point import Point
 from hbgear.gears.drawing.root_stress import root_factors
+from hbgear.gears.mesh.mesh_excitation import contacts_in_order
 from hbgear.gears.mesh.tooth_forces import PairForces, pair_forces, static_displacement
 from hbgear.gears.mesh.tooth_mesh import ToothMesh
 from hbgear.harmonic.equations.layout import layout_of
@@ -37,7 +38,7 @@ class ToothLoads:
     forces : PairForces
         Forces of all pairs and slices [N] and the displacement [m].
     static : PairForces
-        The same in the static state, of one pair.
+        The same in the static state, of one pair without errors of single teeth.
     root_stress, static_root_stress : ndarray, shape (2, M, P) and (2, 1, P)
         Nominal root stress of the pinion and of the wheel [N/m^2]; nan for a ring gear.
 
@@ -144,17 +145,22 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
         raise ValueError("tooth_loads: the point has no model; give a point of a traced branch of a HarmonicBalance")
     index = layout.index(element)
     model = point.problem.model.at(point.parameters)
-    law = model.system().elements[index].law
-    b = mesh.pair.half_backlash
-    if not isinstance(law, MeshContacts) or law.normal != mesh.contacts(1.0).scaled(1.0, 1 / b).widened(
-        getattr(model, "b", 1.0)
+    model = getattr(model, "equations", model)
+    law, order = model.system().elements[index].law, getattr(model, "mesh_order", 1)
+    b, own = mesh.pair.half_backlash, mesh.contacts(1.0)
+    if (
+        not isinstance(law, MeshContacts)
+        or order % own.meshes
+        or law.normal != contacts_in_order(own, order).scaled(1.0, 1 / b).widened(getattr(model, "b", 1.0))
     ):
         raise ValueError(
             f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
             'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
         )
-    row, meshes = point.coefficients(index), layout.nu
-    forces = pair_forces(mesh.flanks, lambda t: b * evaluate(row, 2 * np.pi * t / meshes), meshes, b)
+    row, meshes = point.coefficients(index), layout.nu * order
+    forces = pair_forces(
+        mesh.flanks_with_errors(meshes), lambda t: b * evaluate(row, 2 * np.pi * t / meshes), meshes, b
+    )
     phase, delta = static_displacement(mesh.flanks, mesh.force, b)
     static = pair_forces(mesh.flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
     stress, static_stress = (root_stress(mesh, some) for some in (forces, static))

@@ -118,6 +118,14 @@ def gear(
             "harmonics then, such as --harmonics 4: the period has many meshes, and a curve takes minutes."
         ),
     ] = None,
+    runout: Annotated[
+        str,
+        typer.Option(
+            metavar="F1,F2",
+            help="Radial run-out of pinion and wheel, or of the pinion only, such as 20um. The period "
+            "has many meshes then, as for --torque-orders.",
+        ),
+    ] = "0 um",
     friction: Annotated[
         str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
     ] = None,
@@ -141,7 +149,7 @@ def gear(
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
-        torque_orders, friction,
+        torque_orders, friction, runout,
     )  # fmt: skip
     with in_terms_of_the_machine(), drawing_process() as by:
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by, dimensionless)
@@ -190,7 +198,7 @@ def speed(
         out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
         print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
         show_speeds(model, curve, dimensionless)
-        if isinstance(model, DrawnPair) and not model.torque_orders:
+        if isinstance(model, DrawnPair) and model.mesh_order == 1:
             show_assumptions(model, curve, harmonics_of(harmonics), span)
         print_text(recommendation(model, curve))
     raise typer.Exit(exit_code(curve))
@@ -283,7 +291,8 @@ def _trace_and_report(
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
     works += [partial(alternative, one) for one in alternatives(model, by_default)]
-    if machine.torque_orders:  # each curve takes minutes
+    long = model.mesh_order > 1
+    if long:  # each curve takes minutes
         works = [_nothing]
     with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
@@ -308,16 +317,16 @@ def _trace_and_report(
         print_assumptions([first, *(row for row in computed if row not in damping)])
         helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]
         print_text(recommendation(model, curve, helpful, _number_in(first[1]), others))
-        if machine.torque_orders:
-            print_text("With torque orders, other assumptions and motions of twice the period are not computed: every "
-                       "curve takes minutes.")  # fmt: skip
+        if long:
+            print_text("With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "
+                       "twice the period are not computed: every curve takes minutes.")  # fmt: skip
     return curve
 
 
 def _machine(
     teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
-    torque_orders: str | None, friction: str | None,
+    torque_orders: str | None, friction: str | None, runout: str,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
@@ -328,9 +337,12 @@ def _machine(
 
     beta = to_si("--helix", "angle", helix, "rad")
     ring = teeth[1] < 0
+    errors = _pair_of("--runout", runout if "," in runout else f"{runout}, 0 um", str, "20um,0um")
     pinion, wheel = (
-        hb.gears.Gear(abs(number), module, width, pressure, angle, x, internal, tip_relief=relief)
-        for number, angle, x, internal in zip(teeth, (beta, beta if ring else -beta), shift, (False, ring), strict=True)
+        hb.gears.Gear(abs(number), module, width, pressure, angle, x, internal, tip_relief=relief, runout=error)
+        for number, angle, x, internal, error in zip(
+            teeth, (beta, beta if ring else -beta), shift, (False, ring), errors, strict=True
+        )
     )
     pair = hb.GearPair(pinion, wheel, backlash, measure)
     zeta = DAMPING.read("--damping", _plain(damping))
@@ -370,7 +382,7 @@ def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
     yield ["inertia [kg m^2] (solid)", *(f"{g.inertia_used:.4g}" for g in both)]
 
 
-def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model) -> Iterator[list[str]]:
+def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iterator[list[str]]:
     from hbgear.gears.mesh.iso_stiffness import iso_stiffness
     from hbgear.gears.mesh.tooth_mesh import tooth_mesh
 
@@ -393,7 +405,7 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model
            f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
     yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
-           f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
+           f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion"]  # fmt: skip
 
 
 def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:

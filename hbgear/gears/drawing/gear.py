@@ -24,10 +24,11 @@ from math import acos, ceil, cos, degrees, isnan, pi, radians, sin, sqrt, tan
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.units import OptionalQuantityField, QuantityField
 from hbgear.gears.drawing.fillet import RackTip, rack_tip
 from hbgear.gears.drawing.geometry import base_helix_angle, involute, transverse_pressure_angle
+from hbgear.gears.drawing.tooth_errors import checked_errors
 from hbgear.mechanics.plausibility import warn
 
 TOLERATED_UNDERCUT = 0.02
@@ -80,6 +81,13 @@ class Gear:  # numpydoc ignore=PR02
         decreases: for usual gears, at the highest point of single tooth contact.
     crowning : float or str, default 0.0
         Material removed at both ends of the face width [m], with a parabola in between.
+    runout, runout_phase : float or str, default 0.0
+        Radial run-out F_r of the teeth [m], twice their eccentricity, and the angle of the eccentricity from the
+        direction to the other gear [rad], in the direction of rotation, when tooth 0 enters contact.
+    pitch_errors : sequence of float or str, optional
+        Error of the position of every tooth [m], an arc of the reference circle, positive for a tooth that lags
+        behind: the sums of the single pitch deviations f_pt of ISO 1328-1. Tooth 0 is in contact first. Default (): no
+        errors.
     mass : float or str, optional
         Mass [kg]. By default, the mass of a cylinder with the mean of root and tip diameter.
     inertia : float or str, optional
@@ -124,6 +132,9 @@ class Gear:  # numpydoc ignore=PR02
     rim_thickness: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-5, 10))
     web_thickness: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-5, 10))
     crowning: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 2e-3), 0.0)
+    runout: QuantityField = QuantityField("m", NOT_NEGATIVE, Range(0, 2e-3), 0.0)
+    runout_phase: QuantityField = QuantityField("rad", ANY, Range(-100, 100), 0.0)
+    pitch_errors: tuple[float, ...] = ()
     mass: OptionalQuantityField = OptionalQuantityField("kg", POSITIVE, Range(1e-7, 1e7))
     inertia: OptionalQuantityField = OptionalQuantityField("kg m^2", POSITIVE, Range(1e-14, 1e8))
     E: QuantityField = QuantityField("Pa", POSITIVE, Range(1e8, 1.2e12), 206e9)
@@ -141,6 +152,7 @@ class Gear:  # numpydoc ignore=PR02
         if (self.rim_thickness is None) != (self.web_thickness is None):
             raise ValueError("Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
                              "web of a rim that is as wide as its teeth is the face width")  # fmt: skip
+        object.__setattr__(self, "pitch_errors", checked_errors("Gear", self.pitch_errors, self.teeth))
         _check_diameters(self)
         if not self.internal:
             _check_undercut(self)

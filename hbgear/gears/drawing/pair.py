@@ -51,8 +51,8 @@ class GearPair:  # numpydoc ignore=PR02
     center_distance : float or str, optional
         Centre distance a_w [m]. By default, the distance without backlash for these profile shifts.
     pitch_error : float or str, default 0.0
-        Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. The error of a single tooth
-        occurs once per revolution and does not excite the mesh frequency.
+        Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. Errors of single teeth, which
+        repeat with the turns of the shafts, are `Gear.pitch_errors` and `Gear.runout`.
     misalignment : float or str, default 0.0
         Distance of the driving flanks at one end of the face if they touch at the other end [m], along the line of
         action in the transverse plane: the sum of lead errors of both gears and misalignment of the shafts. It is

@@ -7,8 +7,9 @@ m is the mean of ``stiffness``. The excitation is given by harmonic amplitudes o
 have breakpoints and jumps. A tooth-resolved mesh is given by contacts, each with its own stiffness and initial gap over
 the phase; they replace k(tau) and the backlash function.
 
-With a fluctuating torque, Omega is the common frequency of mesh and shaft, and the mesh has the order p: k(p tau) and
-e(p tau).
+With a fluctuating torque, or with errors of single teeth, Omega is the common frequency of mesh and shafts, and the
+mesh has the order p: k(p tau) and e(p tau). The contacts of a mesh with errors of single teeth have a period of several
+meshes, of which p is a multiple.
 """
 
 from __future__ import annotations
@@ -81,6 +82,12 @@ class MeshExcitation(Model):
         if self.stiffness is not None or self.eps:
             raise ValueError(f"{owner}: contacts and a mesh stiffness are both given; give eps=() and no stiffness")
         check_contact_scale(owner, self.eps_scale, [self.contacts])
+        meshes = self.contacts.meshes if self.contacts is not None else 1
+        if self.mesh_order % meshes:
+            raise ValueError(
+                f"{owner}: the contacts have a period of {meshes} meshes, and mesh_order = {self.mesh_order} is not a "
+                f"multiple of it; give mesh_order = {meshes}"
+            )
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -91,10 +98,7 @@ class MeshExcitation(Model):
         """Return the force law of the mesh with a half backlash."""
         if self.contacts is None:
             return Backlash(b=half_backlash, stiffness=self.mesh_stiffness)
-        if self.mesh_order == 1:
-            return self.contacts.widened(half_backlash)
-        found = self.contacts.turned(lambda one: in_order(one, self.mesh_order), self.mesh_order)
-        return found.widened(half_backlash)
+        return contacts_in_order(self.contacts, self.mesh_order).widened(half_backlash)
 
     @property
     def scales(self) -> Scales | None:
@@ -140,6 +144,15 @@ def in_order(function: Phased, order: int, lag: float = 0.0) -> Phased:
     phases = [(phase + TURN * i) / order for i in range(order) for phase in shifted.phases]
     rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in shifted.coefficients] * order
     return Periodic(tuple(phases), tuple(rows))
+
+
+def contacts_in_order(contacts: MeshContacts, order: int, lag: float = 0.0) -> MeshContacts:
+    """Return contacts whose mesh has the phase order tau - lag; the order is a multiple of their number of meshes."""
+    meshes = contacts.meshes
+    if order == meshes and not lag:
+        return contacts
+    times = order // meshes
+    return contacts.turned(lambda one: in_order(one, times, lag / meshes), times)
 
 
 def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshContacts | None]) -> None:

@@ -20,6 +20,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from hbgear.common.text.messages import quoted
+from hbgear.gears.drawing.tooth_errors import has_errors
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
 from hbgear.gears.mesh.tooth_friction import Friction, checked_friction, friction_mesh
 from hbgear.gears.mesh.tooth_mesh import tooth_mesh
@@ -85,14 +86,18 @@ def mesh_model(
     Raises
     ------
     ValueError
-        If the name is unknown, both a name and tables are given, the torque is not positive, or there is friction
-        without pairs of teeth.
+        If the name is unknown, both a name and tables are given, the torque is not positive, or there is friction or
+        errors of single teeth without pairs of teeth.
     """
     friction = checked_friction(owner, friction)
     if friction and (cycle is not None or mesh not in (None, "teeth")):
         given = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
         raise ValueError(f"{owner}: friction needs the force on every pair of teeth, and {given} has one for "
                          "all; give mesh='teeth', or friction=0")  # fmt: skip
+    if (has_errors(pair.pinion) or has_errors(pair.wheel)) and (cycle is not None or mesh not in (None, "teeth")):
+        given = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
+        raise ValueError(f"{owner}: pitch_errors and runout of gears need the pairs of teeth, and {given} has one gap "
+                         "for all; give mesh='teeth', or gears without these errors")  # fmt: skip
     if mesh is not None and mesh not in MESHES:
         raise ValueError(f"{owner}: mesh = {quoted(mesh)} must be one of {', '.join(MESHES)}")
     if cycle is not None:

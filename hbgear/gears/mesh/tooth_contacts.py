@@ -19,6 +19,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.gears.drawing.tooth_errors import GapWave
 from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.series.fourier import Series
@@ -27,6 +28,10 @@ from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 ROUNDING = 1e-9
 """Length [mesh periods] that is attributed to rounding."""
+
+WAVE_STEP = 0.02
+"""Longest cubic of a sinusoidal gap, over its period [-]. The largest error is (2 pi h)^4 / 384 of the amplitude for
+the step h: 6.5e-7."""
 
 
 class PathFunction(NamedTuple):
@@ -93,6 +98,24 @@ class PathFunction(NamedTuple):
         rows[:, 0] += offset
         return type(self)(self.nodes, rows)
 
+    def with_wave(self, wave: GapWave, time: float) -> Self:
+        """Return the function plus cubics that interpolate a wave, whose time at u = 0 is given, with its slopes."""
+        w, longest = TURN / wave.meshes, WAVE_STEP * wave.meshes
+        cuts = [np.linspace(a, b, ceil((b - a) / longest) + 1)[:-1] for a, b in pairwise(self.nodes.tolist())]
+        nodes = np.concatenate([*cuts, self.nodes[-1:]])
+        own = self.section(float(nodes[0]), float(nodes[-1]))
+        piece = np.searchsorted(own.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
+        rows = np.zeros((len(piece), 4))
+        rows[:, : own.rows.shape[1]] = _moved(own.rows[piece], nodes[:-1] - own.nodes[piece])
+        angle, h = w * (nodes + time) + wave.phase, np.diff(nodes)
+        y, slope = wave.amplitude * np.sin(angle), wave.amplitude * w * np.cos(angle)
+        mean = np.diff(y) / h
+        rows[:, 0] += y[:-1]
+        rows[:, 1] += slope[:-1]
+        rows[:, 2] += (3 * mean - 2 * slope[:-1] - slope[1:]) / h
+        rows[:, 3] += (slope[:-1] + slope[1:] - 2 * mean) / h**2
+        return type(self)(nodes, rows)
+
 
 @dataclass(frozen=True, eq=False)
 class Flank:
@@ -111,6 +134,8 @@ class Flank:
         Delay of the contact [mesh periods].
     errors : mapping of int to float
         Gaps [length] that are added for single pairs, by the number of the pair.
+    waves : tuple of GapWave
+        Gaps that are added for all pairs, sinusoids of the time in mesh periods.
     """
 
     side: int
@@ -119,6 +144,20 @@ class Flank:
     half_backlash: float = 0.0
     lag: float = 0.0
     errors: Mapping[int, float] = field(default_factory=dict)
+    waves: tuple[GapWave, ...] = ()
+
+    def scaled(self, stiffness: float, length: float) -> Flank:
+        """Return the flank with its stiffness and its gaps times factors."""
+        return Flank(
+            self.side, self.stiffness.plus(0.0, stiffness), self.gap.plus(0.0, length), length * self.half_backlash,
+            self.lag, {p: length * error for p, error in self.errors.items()},
+            tuple(wave._replace(amplitude=length * wave.amplitude) for wave in self.waves),
+        )  # fmt: skip
+
+    def added_gap(self, pair: int, t: Array) -> Array:
+        """Return the gap by errors of a pair and by waves at times in mesh periods."""
+        waves = (wave.amplitude * np.sin(TURN * t / wave.meshes + wave.phase) for wave in self.waves)
+        return sum(waves, np.full(np.shape(t), self.errors.get(pair, 0.0)))
 
     def contacts(self, meshes: int) -> list[ToothContact]:
         """Return the contacts that follow the pairs of teeth over a period of some meshes."""
@@ -143,7 +182,10 @@ class Flank:
 
     def _level(self, pair: int) -> PathFunction:
         """Return the displacement at which the gap of a pair closes."""
-        return self.gap.plus(self.side * (self.half_backlash + self.errors.get(pair, 0.0)), self.side)
+        gap = self.gap
+        for wave in self.waves:
+            gap = gap.with_wave(wave, pair + self.lag)
+        return gap.plus(self.side * (self.half_backlash + self.errors.get(pair, 0.0)), self.side)
 
 
 def mesh_contacts(flanks: Sequence[Flank], meshes: int = 1) -> MeshContacts:
@@ -161,7 +203,7 @@ def mesh_contacts(flanks: Sequence[Flank], meshes: int = 1) -> MeshContacts:
     MeshContacts
         The law over the phase of that period.
     """
-    return MeshContacts(tuple(contact for flank in flanks for contact in flank.contacts(meshes)))
+    return MeshContacts(tuple(contact for flank in flanks for contact in flank.contacts(meshes)), meshes=meshes)
 
 
 def _periodic(sections: Sequence[PathFunction], lag: float, joined: bool) -> Phased:

@@ -112,8 +112,8 @@ def pair_forces(
 def _force(flank: Flank, u: Array, x: Array, half_backlash: float) -> Array:
     """Return the force on a flank of each pair (M, P)."""
     k, g = _on_path(flank, u)
-    errors = np.array([flank.errors.get(p, 0.0) for p in range(len(x))])
-    closed = half_backlash + flank.half_backlash + g + errors[:, None]
+    errors = np.array([flank.added_gap(p, p + u) for p in range(len(x))])
+    closed = half_backlash + flank.half_backlash + g + errors
     out: Array = k * np.maximum(flank.side * x - closed, 0.0)
     return out
 

@@ -196,16 +196,17 @@ def _friction_mesh(mesh: ToothMesh, friction: Friction, side: int) -> FrictionMe
     across: list[Phased] = []
     slide: list[Phased] = []
     for flank in mesh.flanks:
-        scaled = Flank(flank.side, flank.stiffness.plus(0.0, 1 / mesh.stiffness), flank.gap, lag=flank.lag)
+        scaled = flank.scaled(1 / mesh.stiffness, 1.0)
         a, b = path.functions(scaled)
-        across += scaled.over_period(a)
-        slide += scaled.over_period(b)
+        across += scaled.over_period(a, mesh.meshes)
+        slide += scaled.over_period(b, mesh.meshes)
     (r_1, r_2), sign = pair.base_radii, pair.wheel.sign
     slope = r_1 * pair.equivalent_mass * (r_1 / pair.pinion.inertia_used - sign * r_2 / pair.wheel.inertia_used)
     lever = math.tan(pair.working_pressure_angle)
     relative = 1 + sign / pair.ratio
-    sliding = ToothSliding(tuple(across), tuple(slide), lever, slope, relative, r_1, 1 / pair.pinion.teeth)
-    contacts = MeshContacts(mesh.contacts(1.0).contacts, sliding)
+    speed = mesh.meshes / pair.pinion.teeth
+    sliding = ToothSliding(tuple(across), tuple(slide), lever, slope, relative, r_1, speed)
+    contacts = MeshContacts(mesh.contacts(1.0).contacts, sliding, mesh.meshes)
     mean_a, mean_b = path.static_means()
     torque = side + lever * mean_a + mean_b
     return FrictionMesh(contacts, (side + lever * mean_a + slope * mean_b) / torque, 1 - relative * mean_b / torque)

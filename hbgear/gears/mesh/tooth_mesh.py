@@ -22,7 +22,7 @@ over the contact line of a slice, so that a slice comes into contact at once; th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import ceil, tan
@@ -33,6 +33,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.common.units import to_si
+from hbgear.gears.drawing.tooth_errors import error_period, gap_waves, pair_gaps
 from hbgear.gears.mesh.loaded_mesh import (
     contact_compliance,
     contacts_at,
@@ -83,7 +84,8 @@ class ToothMesh:
     Attributes
     ----------
     flanks : tuple of Flank
-        Both flanks of all slices: stiffness [N/m] and initial gap [m] over the path of contact.
+        Both flanks of all slices: stiffness [N/m] and initial gap [m] over the path of contact, without errors of
+        single teeth.
     stiffness : float
         Mean of the sum of the stiffness of all pairs, with their gaps closed [N/m].
     force : float
@@ -105,13 +107,24 @@ class ToothMesh:
     force: float
     pair: GearPair
 
+    @property
+    def meshes(self) -> int:
+        """Number of meshes after which the errors of the teeth repeat; 1 without errors."""
+        return error_period(self.pair)
+
+    def flanks_with_errors(self, meshes: int) -> tuple[Flank, ...]:
+        """Return the flanks with the gaps by run-out and by errors of single teeth of a number of pairs."""
+        added = {side: (pair_gaps(self.pair, side, meshes), gap_waves(self.pair, side)) for side in (1, -1)}
+        return tuple(replace(flank, errors=added[flank.side][0], waves=added[flank.side][1]) for flank in self.flanks)
+
     def contacts(self, length: float) -> MeshContacts:
-        """Return the contacts over one mesh period without backlash, in units of a length [m] and of ``stiffness``."""
-        return mesh_contacts([
-            Flank(flank.side, flank.stiffness.plus(0.0, 1 / self.stiffness), flank.gap.plus(0.0, 1 / length),
-                  lag=flank.lag)
-            for flank in self.flanks
-        ])  # fmt: skip
+        """Return the contacts without backlash over a period, in units of a length [m] and of ``stiffness``.
+
+        The period has the number of meshes after which the errors of the teeth repeat.
+        """
+        meshes = self.meshes
+        scaled = [flank.scaled(1 / self.stiffness, 1 / length) for flank in self.flanks_with_errors(meshes)]
+        return mesh_contacts(scaled, meshes)
 
 
 def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> ToothMesh:

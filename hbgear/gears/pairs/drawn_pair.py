@@ -77,6 +77,8 @@ PARAMETERS: Mapping[str, DrawingParameter] = {
     "tip_relief_wheel": DrawingParameter(
         "tip relief of the wheel", "um", 1e6, NOT_NEGATIVE, (("wheel", "tip_relief"),)
     ),
+    "runout_pinion": DrawingParameter("run-out of the pinion", "um", 1e6, NOT_NEGATIVE, (("pinion", "runout"),)),
+    "runout_wheel": DrawingParameter("run-out of the wheel", "um", 1e6, NOT_NEGATIVE, (("wheel", "runout"),)),
     "module": DrawingParameter("normal module", "mm", 1e3, POSITIVE, _both("module")),
     "width": DrawingParameter("face width of both gears", "mm", 1e3, POSITIVE, _both("face_width")),
     "shift_pinion": DrawingParameter("profile shift of the pinion", "", 1.0, ANY, (("pinion", "profile_shift"),)),
@@ -100,7 +102,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
 
     The equations are those of `GearPair.model`. The parameters are torque [N m], damping, backlash [um], pitch_error
     [um], misalignment [um], tip_relief [um], module [mm], width [mm], shift_pinion, shift_wheel, with friction
-    friction, and with supports bearing_pinion and bearing_wheel [N/m].
+    friction, with run-out runout_pinion and runout_wheel [um], and with supports bearing_pinion and bearing_wheel
+    [N/m].
 
     Parameters
     ----------
@@ -237,6 +240,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
             values = [getattr(thing, field) for thing, field in map(self._place, one.places) if thing is not None]
             is_one = len(values) == len(one.places) and None not in values and len(set(values)) == 1
             if name == "friction" and not (isinstance(self.friction, float) and self.friction > 0):
+                continue
+            if name.startswith("runout") and not values[0]:  # the period changes with the first run-out
                 continue
             if is_one and (self.cycle is None or name not in _MESH):
                 found.append((name, float(values[0])))

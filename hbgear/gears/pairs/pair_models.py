@@ -9,6 +9,9 @@ A torque with shaft orders has the harmonics T_j cos(o_j theta + phase_j) of the
 Omega is then the largest common frequency of mesh and orders, the mesh has the order p, and the mesh is computed at the
 root mean square of the torque. The load on the relative rotation is the share (r_b1^2/J_1) m_c of T_j / r_b1.
 
+Errors of single teeth and run-out repeat after some meshes (`hbgear.gears.drawing.tooth_errors`): then Omega is the
+largest common frequency of them, too.
+
 A negative torque loads the back flank: the wheel drives, and F_m < 0. A pair of teeth is symmetric about its middle, so
 that the back flank at the phase tau is the driving flank at 2 tau_c - tau, where tau_c is the phase at which the tooth
 of the pinion lies on the line of centres: k(2 tau_c - tau) and -e(2 tau_c - tau) replace a mean mesh.
@@ -140,7 +143,9 @@ def build_model(
     zeta *= sqrt(found.k_0 / k_unit)
     fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), found.k_mean / k_unit, length)
     fields["b"] = b_c / length
-    given = _Mesh(k_unit, length, found.load, found.output, fields | _fluctuation(pair, orders, k_unit * length, form))
+    meshes = 1 if found.contacts is None else found.contacts.meshes
+    varying = _fluctuation(pair, orders, meshes, k_unit * length, form)
+    given = _Mesh(k_unit, length, found.load, found.output, fields | varying)
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
@@ -162,12 +167,15 @@ def _on_back_flanks(mesh: MeshModel, pair: GearPair) -> MeshModel:
     return mesh._replace(stiffness=mesh.stiffness.reversed().shifted(twice), error=error)
 
 
-def _fluctuation(pair: GearPair, orders: TorqueOrders, force: float, form: str) -> dict[str, Any]:
-    """Return the fields of a torque with shaft orders, over a unit of force [N]."""
+def _fluctuation(pair: GearPair, orders: TorqueOrders, meshes: int, force: float, form: str) -> dict[str, Any]:
+    """Return the fields of contacts with a period of some meshes and of a torque with shaft orders.
+
+    Forces are over a unit of force [N].
+    """
     if not orders:
-        return {}
+        return {"mesh_order": meshes} if meshes > 1 else {}
     exact = [exact_order("GearPair.model", order) / pair.pinion.teeth for order, _, _ in orders]
-    common = Fraction(1)
+    common = Fraction(1, meshes)
     for one in exact:
         common = common_divisor(common, one)
     radius = pair.base_radii[0]

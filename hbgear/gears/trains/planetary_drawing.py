@@ -14,6 +14,7 @@ from typing import Any
 from hbgear.common.argument_checks import check
 from hbgear.common.units import to_si
 from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.drawing.tooth_errors import error_period
 from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_mesh
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 
@@ -33,7 +34,8 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
     Raises
     ------
     ValueError
-        If the pairs do not have the same planet, or the wheel of the second pair is not a ring.
+        If the pairs do not have the same planet, the wheel of the second pair is not a ring, or a gear has errors of
+        single teeth.
     """
     check("PlanetarySet.of", "sun", sun, GearPair)
     check("PlanetarySet.of", "ring", ring, GearPair)
@@ -43,6 +45,9 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
     if sun.wheel.teeth != ring.pinion.teeth:
         raise ValueError(f"PlanetarySet.of: the planet has {sun.wheel.teeth} teeth at the sun and {ring.pinion.teeth} "
                          "at the ring; give the same planet in both pairs")  # fmt: skip
+    if error_period(sun) > 1 or error_period(ring) > 1:
+        raise ValueError("PlanetarySet.of: a gear has pitch_errors or runout, and all planets are equal; give gears "
+                         "without these errors")  # fmt: skip
     force = to_si("PlanetarySet.of", "torque", torque, "N m") / planets / sun.base_radii[0]
     found = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
     members = {"s": sun.pinion, "p": ring.pinion, "r": ring.wheel}

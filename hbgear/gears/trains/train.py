@@ -23,7 +23,7 @@ from math import sqrt
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.gears.mesh.mesh_excitation import in_order
+from hbgear.gears.mesh.mesh_excitation import contacts_in_order, in_order
 from hbgear.gears.pairs.support import AXES
 from hbgear.gears.torque_orders import exact_order
 from hbgear.gears.trains.beam import Beam
@@ -271,8 +271,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
         b, ratio = self.backlash_scale * mesh.half_backlash / self.b_c, mesh.k_mean / self.k_mean
         if mesh.contacts is None:
             return Backlash(b=b, stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(ratio))
-        turned = mesh.contacts.turned(lambda one: in_order(one, order, lag), order)
-        return turned.scaled(ratio, 1 / self.b_c).widened(b)
+        return contacts_in_order(mesh.contacts, order, lag).scaled(ratio, 1 / self.b_c).widened(b)
 
     def _clearances(self, scale: Array) -> list[Element]:
         """Return the elements of bearings with a clearance.

@@ -112,6 +112,10 @@ def kinematics(
     speeds = _speeds(wheels, groups, meshes)
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
     slow = _shaft_frequencies(wheels, speeds)
+    slow += [
+        one / mesh.contacts.meshes for one, mesh in zip(frequencies, meshes, strict=True)
+        if mesh.contacts is not None and mesh.contacts.meshes > 1
+    ]  # fmt: skip
     ratio = frequencies[0]
     for one in (*frequencies, *slow):
         ratio = common_divisor(ratio, one)
@@ -119,9 +123,9 @@ def kinematics(
     if max(orders) > MAX_ORDER:
         orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
-            f"the tooth frequencies{' and the frequencies of unbalance and torque orders' if slow else ''} have no "
+            f"the tooth frequencies{' and those of unbalance, torque orders and tooth errors' if slow else ''} have no "
             f"simple ratio: over their common frequency they are {orders_text}; at most {MAX_ORDER:,} can be computed: "
-            "give tooth counts with a simpler ratio, or fewer wheels with unbalance or torque orders"
+            "give tooth counts with a simpler ratio, or fewer wheels with unbalance, torque orders or errors of teeth"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
     sides, forces = _static_forces(wheels, groups, meshes, speeds)

@@ -180,6 +180,8 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         One or more contacts.
     sliding : ToothSliding or None, optional
         Friction between the teeth; default none. It does not change the force p: ``along`` has it included.
+    meshes : int, default 1
+        Number of mesh periods in the period of the functions of the phase.
 
     Raises
     ------
@@ -189,6 +191,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     contacts: tuple[ToothContact, ...]
     sliding: ToothSliding | None = None
+    meshes: int = 1
 
     def __post_init__(self) -> None:
         if not is_listed(self.contacts) or not self.contacts:
@@ -213,20 +216,23 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     def changed(self, stiffness: Callable[[Phased], Phased], level: Callable[[Phased], Phased]) -> MeshContacts:
         """Return the contacts with changed functions of the phase, such as shifted ones."""
         sliding = None if self.sliding is None else self.sliding.changed(stiffness)
-        return MeshContacts(tuple(
+        return replace(self, contacts=tuple(
             ToothContact(stiffness(contact.stiffness), level(contact.level), contact.side) for contact in self.contacts
-        ), sliding)  # fmt: skip
+        ), sliding=sliding)  # fmt: skip
 
-    def turned(self, change: Callable[[Phased], Phased], order: float = 1.0) -> MeshContacts:
-        """Return the contacts with all functions of the phase changed, at ``order`` times the mesh frequency."""
+    def turned(self, change: Callable[[Phased], Phased], order: int = 1) -> MeshContacts:
+        """Return the contacts with all functions of the phase changed, which ``order`` periods are a period of."""
         found = self.changed(change, change)
-        if found.sliding is None or order == 1:
+        if order == 1:
             return found
-        return MeshContacts(found.contacts, replace(found.sliding, speed=order * found.sliding.speed))
+        sliding = None if found.sliding is None else replace(found.sliding, speed=order * found.sliding.speed)
+        return replace(found, sliding=sliding, meshes=order * self.meshes)
 
     def _with_stiffness(self, values: Sequence[Phased], sliding: ToothSliding | None) -> MeshContacts:
         contacts = zip(values, self.contacts, strict=True)
-        return MeshContacts(tuple(ToothContact(k, one.level, one.side) for k, one in contacts), sliding)
+        return replace(
+            self, contacts=tuple(ToothContact(k, one.level, one.side) for k, one in contacts), sliding=sliding
+        )
 
     @property
     def normal(self) -> MeshContacts:
@@ -338,10 +344,10 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
 @lru_cache(maxsize=32)  # a model assembles its system for each motion that is evaluated
 def _widened(law: MeshContacts, half_backlash: float) -> MeshContacts:
-    return MeshContacts(tuple(
+    return replace(law, contacts=tuple(
         ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
         for contact in law.contacts
-    ), law.sliding)  # fmt: skip
+    ))  # fmt: skip
 
 
 class MovingSpring(NamedTuple):

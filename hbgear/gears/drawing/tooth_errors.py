@@ -1,0 +1,127 @@
+"""Errors of single teeth: pitch errors and run-out, which vary with the orders of the shafts.
+
+    gap_p = (f_1[p mod z_1] + f_2[p mod z_2]) cos(alpha_t)                             on the driving flank of pair p
+    gap(tau) = -e_1 sin(psi_1 + alpha_wt) + e_2 sin(psi_2 - alpha_wt),   psi_i = tau / z_i + phase_i,   e_i = F_ri / 2
+
+Pair p enters contact at tau = 2 pi p. A displaced tooth has the negative gap on its back flank. f is an arc of the
+reference circle, positive for a tooth that lags behind. An eccentricity e at the angle psi from the direction to the
+other gear, in the direction of rotation, moves all teeth at once: their gap changes along the line of action of the
+flank. The back flanks have the opposite line of action,
+
+    gap_back(tau) = e_1 sin(psi_1 - alpha_wt) - e_2 sin(psi_2 + alpha_wt)
+
+so that the displacement towards the other gear reduces the backlash. For a ring -alpha_wt replaces alpha_wt in both
+terms of e_2. The change of the contact ratio with the centre distance is neglected.
+
+References
+----------
+ISO 1328-1:2013 (single and cumulative pitch deviations) and ISO 1328-2:2020 (radial run-out).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import cos, lcm, pi
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hbgear.common.text.messages import quoted
+from hbgear.common.units import to_si
+
+if TYPE_CHECKING:
+    from hbgear.gears.drawing.gear import Gear
+    from hbgear.gears.drawing.pair import GearPair
+
+MAX_ERROR_PERIOD = 250
+"""Largest number of meshes after which the errors of the teeth repeat [-]. A contact has up to 8 cubics in each mesh,
+and a `Periodic` at most 2000 pieces."""
+
+MAX_TOOTH_ERROR = 1e-3
+"""Largest error of the position of a tooth [m]; larger numbers were probably given in another unit."""
+
+
+class GapWave(NamedTuple):
+    """Gap A sin(2 pi t / M + phase) of all pairs at the time t in mesh periods.
+
+    Attributes
+    ----------
+    amplitude : float
+        Amplitude A [length].
+    meshes : int
+        Period M [mesh periods].
+    phase : float
+        Phase at t = 0 [rad].
+    """
+
+    amplitude: float
+    meshes: int
+    phase: float
+
+
+def checked_errors(owner: str, given: Any, teeth: int) -> tuple[float, ...]:
+    """Return the errors of the positions of all teeth [m].
+
+    Raises
+    ------
+    ValueError
+        If they are no lengths, or not one for each tooth.
+    """
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise ValueError(f"{owner}: pitch_errors = {quoted(given)} must be a sequence with one length for each tooth")
+    errors = tuple(to_si(owner, "pitch_errors", value, "m") for value in given)
+    if errors and len(errors) != teeth:
+        raise ValueError(f"{owner}: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
+                         "the error of its position: numpy.cumsum of the single pitch deviations")  # fmt: skip
+    if any(not abs(error) <= MAX_TOOTH_ERROR for error in errors):
+        largest = max(errors, key=lambda error: abs(error) if error == error else float("inf"))
+        raise ValueError(f"{owner}: pitch_errors has the value {largest:g} m, beyond any machine (it must be at most "
+                         f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
+                         "'5 um'")  # fmt: skip
+    return errors if any(errors) else ()
+
+
+def has_errors(gear: Gear) -> bool:
+    """Return whether a gear has errors of single teeth or run-out."""
+    return bool(gear.runout or gear.pitch_errors)
+
+
+def error_period(pair: GearPair) -> int:
+    """Return the number of meshes after which the errors of the teeth of a pair repeat; 1 without errors.
+
+    Raises
+    ------
+    ValueError
+        If it is larger than `MAX_ERROR_PERIOD`.
+    """
+    found = lcm(*(gear.teeth for gear in (pair.pinion, pair.wheel) if has_errors(gear)))
+    if found > MAX_ERROR_PERIOD:
+        raise ValueError(
+            f"GearPair: the errors of {pair.pinion.teeth} and {pair.wheel.teeth} teeth repeat after {found} meshes, "
+            f"and at most {MAX_ERROR_PERIOD} can be computed; give pitch_errors and runout of one gear only"
+        )
+    return found
+
+
+def pair_gaps(pair: GearPair, side: int, meshes: int) -> dict[int, float]:
+    """Return the gaps [m] of pairs of teeth that follow each other, on the driving (side +1) or back flanks, by number.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(z, "3 mm", "20 mm", pitch_errors=["9 um"] + (z - 1) * [0]) for z in (20, 30))
+    >>> [*pair_gaps(hb.GearPair(pinion, wheel, "80 um"), 1, meshes=60)]
+    [0, 20, 30, 40]
+    """
+    factor = side * cos(pair.pinion.transverse_pressure_angle)
+    gears = [gear.pitch_errors for gear in (pair.pinion, pair.wheel) if gear.pitch_errors]
+    sums = ((p, sum(errors[p % len(errors)] for errors in gears)) for p in range(meshes))
+    return {p: factor * error for p, error in sums if error}
+
+
+def gap_waves(pair: GearPair, side: int) -> tuple[GapWave, ...]:
+    """Return the gap of the driving (side +1) or back flanks by the run-out of each gear."""
+    alpha, found = pair.working_pressure_angle, []
+    for gear, sign, turn in ((pair.pinion, -1, 1), (pair.wheel, 1, -pair.wheel.sign)):
+        if gear.runout:
+            phase = gear.runout_phase + side * turn * alpha + (pi if sign * side < 0 else 0.0)
+            found.append(GapWave(gear.runout / 2, gear.teeth, phase))
+    return tuple(found)
