@@ -3,14 +3,12 @@
 import dataclasses
 import re
 import tomllib
-from functools import partial
 
 import numpy as np
 import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.cli.commands import files as cli_files
 from hbgear.io.machines.machine_file import Machine, MachineFileError, read_machine, write_machine
 
 TEXT = """torque = "200 N m"
@@ -214,19 +212,6 @@ def test_gear_with_pairs_of_teeth(run, tmp_path):
     assert "none" in rows["mesh of tooth pairs: one stiffness, secant"]
     assert "3.951e+08 N/m" in rows["stiffness, all gaps closed"]
     assert "must be one of teeth, secant, tangent" in run("gear", *DRAWING, "--mesh", "mean")[2]
-
-
-def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
-    """The same figure as drawn here; what goes wrong there is told here."""
-    words = ["gear", *DRAWING, "--harmonics", 8, "--plot"]
-    assert run(*words, "here.png")[0] == 0
-    monkeypatch.setattr(cli_files, "IS_COMMAND", True)
-    monkeypatch.setattr(cli_files, "processors", lambda: 2)
-    monkeypatch.setattr(cli_files, "_pyplot", None)  # is not called
-    assert run(*words, "there.png")[0] == 0
-    assert (tmp_path / "here.png").read_bytes() == (tmp_path / "there.png").read_bytes()
-    with cli_files.drawing_process() as by, pytest.raises(TypeError), cli_files.outputs() as out:
-        out.figure(tmp_path / "none.png", partial(int), by)
 
 
 def test_gear_assumes_what_is_not_said(run):

@@ -7,19 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
 import typer
 
 import hbgear as hb
 from hbgear.cli.output import BAD_INPUT, print_message
-from hbgear.cli.startup import IS_COMMAND
 from hbgear.common import atomic_write
-from hbgear.common.process.threads import processors
-
-if TYPE_CHECKING:
-    from concurrent.futures import Executor
 
 BRANCHES = (".npz", ".csv", ".mat")
 
@@ -69,10 +63,9 @@ class Outputs:
         """Save or export a branch by the suffix."""
         self.write(path, branch.save if path and path.suffix.lower() == ".npz" else branch.export)
 
-    def figure(self, path: Path | None, make: Callable[[Any], Any], by: Executor | None = None) -> None:
-        """Write a figure without a window; ``make`` gets `hbgear.plot`, in the process ``by`` if one is given."""
-        draw = partial(_draw, make)
-        self.write(path, draw if by is None else lambda path: by.submit(draw, path).result())
+    def figure(self, path: Path | None, make: Callable[[Any], Any]) -> None:
+        """Write a figure without a window; ``make`` gets `hbgear.plot`."""
+        self.write(path, partial(_draw, make))
 
     def _tried(self, path: Path, write: Callable[[Path], object]) -> OSError | None:
         try:
@@ -110,33 +103,6 @@ def report_written(*paths: Path | None) -> None:
     """Print which files were written."""
     if any(paths):
         print("wrote", ", ".join(str(path) for path in paths if path))
-
-
-@contextmanager
-def drawing_process() -> Iterator[Executor | None]:
-    """Yield a process that draws while this one computes; None if there is one processor.
-
-    It imports the plotting modules at once. None also in programs other than the command.
-    """
-    if not IS_COMMAND or processors() < 2:
-        yield None
-        return
-    from hbgear.design.studies.processes import executor_of
-
-    with executor_of(None, 1, 1) as pool:
-        pool.submit(_import_plotting)
-        yield pool
-
-
-def _import_plotting() -> None:
-    """Import the plotting modules and load the kernel of the transmission error."""
-    _pyplot()
-    import scipy.interpolate  # noqa: F401 smooth lines
-
-    from hbgear.mechanics.series.fourier import extrema
-    from hbgear.plot.machines import mesh  # noqa: F401 imports all modules of the figure
-
-    extrema(np.zeros(3))
 
 
 def _pyplot() -> Any:

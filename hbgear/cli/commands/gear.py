@@ -34,7 +34,7 @@ from hbgear.cli.commands.assumptions import (
     show_assumptions,
     until,
 )
-from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, drawing_process, outputs
+from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.commands.machine_report import merged, recommendation, show_speeds
 from hbgear.cli.options import (
     Changes,
@@ -61,8 +61,6 @@ from hbgear.common.process.threads import begun
 from hbgear.common.text.digits import rounded
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from hbgear.gears import DrawnPair
     from hbgear.io.machines.machine_file import Machine
 
@@ -151,8 +149,8 @@ def gear(
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
         torque_orders, friction, runout,
     )  # fmt: skip
-    with in_terms_of_the_machine(), drawing_process() as by:
-        curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, by, dimensionless)
+    with in_terms_of_the_machine():
+        curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, dimensionless)
     raise typer.Exit(exit_code(curve))
 
 
@@ -270,8 +268,7 @@ def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterato
 
 
 def _trace_and_report(
-    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None,
-    dimensionless: bool,
+    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, dimensionless: bool,
 ) -> hb.Branch:  # fmt: skip
     """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.io.machines.machine_file import write_machine
@@ -296,7 +293,7 @@ def _trace_and_report(
         works = [_nothing]
     with begun(_do, works) as (doubled, *rows), outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
-        out.figure(plot, methodcaller("drive", cycle, curve), by)
+        out.figure(plot, methodcaller("drive", cycle, curve))
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
         computed = [row for one in rows for row in one.result()]

@@ -35,7 +35,10 @@ _ZERO_AMPLITUDE_RATIO = 1e-13
 """Amplitude of a harmonic, relative to the largest coefficient, up to which it counts as zero (rounding)."""
 
 _SERIES_ORDERS = 600
-"""Number of orders of a function with breakpoints that are evaluated to find its excited orders."""
+"""Number of orders of a function with breakpoints that are evaluated if the first ones leave its base order open."""
+
+_FIRST_ORDERS = 12
+"""Number of orders that are evaluated first: usually order 1 is excited, and all orders are multiples of it."""
 
 _MOST_FULL_ORDERS = 60
 """Base order of an excitation up to which all orders are unknowns by default: some harmonics of it are affordable."""
@@ -204,14 +207,21 @@ def _stiffness(law: Any) -> list[Phased]:
 
 
 def _orders(function: Phased) -> list[int]:
-    """Return the orders of a periodic function whose amplitudes are not zero."""
-    if isinstance(function, Periodic):
-        times = _repetitions(function)
-        if times > 1:
-            return [times * k for k in _orders(_first_repetition(function, times))]
-        row = function.row(_SERIES_ORDERS)
-    else:
-        row = function.row()
+    """Return the orders of a periodic function whose amplitudes are not zero.
+
+    Of a function with breakpoints the first orders are returned if their greatest common divisor is 1.
+    """
+    if not isinstance(function, Periodic):
+        return _not_zero(function.row())
+    times = _repetitions(function)
+    if times > 1:
+        return [times * k for k in _orders(_first_repetition(function, times))]
+    first = _not_zero(function.row(_FIRST_ORDERS))
+    return first if gcd(*first) == 1 else _not_zero(function.row(_SERIES_ORDERS))
+
+
+def _not_zero(row: np.ndarray) -> list[int]:
+    """Return the orders of a real row whose amplitudes are not zero."""
     size = np.hypot(row[1::2], row[2::2])
     found: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
     return found
