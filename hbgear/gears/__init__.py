@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.pairs.spur import SpurPair
     from hbgear.gears.pairs.support import Support
     from hbgear.gears.trains.beam import Beam
+    from hbgear.gears.trains.epicyclic import EpicyclicSet
     from hbgear.gears.trains.housing import Housing
     from hbgear.gears.trains.planetary import PlanetarySet
     from hbgear.gears.trains.planetary_modes import PlanetMode
@@ -32,6 +33,7 @@ __all__ = [
     "BenedictKelley",
     "DoubleHelicalPair",
     "DrawnPair",
+    "EpicyclicSet",
     "Gear",
     "GearPair",
     "GearRotorBearing",

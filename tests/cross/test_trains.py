@@ -274,3 +274,19 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
 def test_bad_input(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()
+
+
+@pytest.mark.parametrize("mesh", ["teeth", "secant"])
+def test_a_train_of_two_helical_wheels_is_the_pair(mesh):
+    """Transverse quantities of the pair are converted to the normal of the flanks: equal motions at equal speeds."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h, tip_relief="10 um")
+             for z, h in ((25, "25 deg"), (40, "-25 deg"))]  # fmt: skip
+    pair = hb.GearPair(*gears, backlash="80 um")
+    wheels = [hb.gears.Wheel.of("a", gears[0], torque="100 N m"), hb.gears.Wheel.of("b", gears[1])]
+    meshed = hb.gears.Mesh.of("a", "b", pair, "100 N m", 0.04, mesh=mesh)
+    train, one = hb.gears.Train(wheels, [meshed], balance="b"), pair.model("100 N m", 0.04, mesh=mesh)
+    Omega = 0.7
+    other = Omega * one.scales.frequency / train.scales.frequency
+    X = hb.HarmonicBalance(one, 12).start(Omega=Omega)
+    np.testing.assert_allclose(hb.HarmonicBalance(train, 12).start(Omega=other), X, rtol=0, atol=1e-8)
+    assert train.scales.pinion_speed(other) == pytest.approx(one.scales.pinion_speed(Omega))

@@ -43,9 +43,23 @@ def system(law=hb.Backlash(0.1, 2.0), matrix=np.asarray):  # noqa: B008
                      ["a", "b"], terms)  # fmt: skip
 
 
+def epicyclic():
+    """A stepped planet whose ring is held."""
+    wheel, mesh = hb.gears.Wheel, hb.gears.Mesh
+    gears = [
+        wheel("sun", 1e-4, teeth=24, base_radius=0.0225526),
+        wheel("large", 2e-4, 0.5, teeth=30, base_radius=0.0281908, x=0.054),
+        wheel("small", 1e-4, 0.3, teeth=18, base_radius=0.0117099, x=0.054),
+        wheel("ring", 1e-2, teeth=96, base_radius=0.0624533, internal=True),
+    ]
+    meshes = [mesh("sun", "large", 4e8, 20e-6, (0.1,)), mesh("small", "ring", 4e8, 20e-6, (0.1,))]
+    return hb.gears.EpicyclicSet(gears, meshes, 0.004, 3, (("large", "small"),))
+
+
 MACHINES = {
     "train": train,
     "planetary": lambda: hb.gears.PlanetarySet(26, 34, 94, planets=3, carrier_rotation=True),
+    "epicyclic": epicyclic,
     "system": system,
     "sparse": lambda: system(hb.mechanics.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), scipy.sparse.csr_array),
 }

@@ -151,3 +151,20 @@ def test_figures(loaded, tmp_path):
     ax = hb.plot.harris_map(hb.gears.harris_map(pair(), [50.0, 200.0], phases=32))
     assert ax.lines[0].get_label().startswith("50 N m")
     hb.plot.save(figure, tmp_path / "a.png")
+
+
+def test_loads_of_back_flanks():
+    """Equal gears are symmetric: a negative torque loads the back flanks as the same torque loads the driving ones."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (30, 30)]
+    pair, found = hb.GearPair(*gears, backlash="80 um"), []
+    for torque in (200.0, -200.0):
+        problem = hb.HarmonicBalance(pair.model(torque, 0.06), 16)
+        curve = hb.trace(problem, "Omega", (0.6, 0.59), stability=False, special=False)
+        found.append(hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(pair, 200.0)))
+    drive, coast = found
+    assert (drive.side, coast.side) == (1, -1)
+    assert coast.force.max() == pytest.approx(drive.force.max(), rel=2e-3)  # one step of the path
+    assert coast.force.mean() == pytest.approx(drive.force.mean() * drive.force.size / coast.force.size, rel=1e-3)
+    np.testing.assert_allclose(coast.static.force.max(), drive.static.force.max(), rtol=1e-6)
+    # the wheel drives: its dedendum is in contact first, where that of the pinion was
+    np.testing.assert_allclose(coast.root_stress.max(axis=(1, 2)), drive.root_stress.max(axis=(1, 2))[::-1], rtol=3e-3)

@@ -11,7 +11,9 @@ factors at the position of each slice (`hbgear.gears.drawing.root_stress`), aver
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from math import cos
 
 import numpy as np
@@ -22,11 +24,13 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.point import Point
 from hbgear.gears.drawing.root_stress import root_factors
 from hbgear.gears.mesh.mesh_excitation import contacts_in_order
+from hbgear.gears.mesh.tooth_contacts import Flank
 from hbgear.gears.mesh.tooth_forces import PairForces, pair_forces, static_displacement
-from hbgear.gears.mesh.tooth_mesh import ToothMesh
+from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_centre
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.periodic import TURN
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,9 @@ class ToothLoads:
         The same in the static state, of one pair without errors of single teeth.
     root_stress, static_root_stress : ndarray, shape (2, M, P) and (2, 1, P)
         Nominal root stress of the pinion and of the wheel [N/m^2]; nan for a ring gear.
+    side : {1, -1}
+        Flanks that carry the mean load: -1 for the back flanks, under a negative torque. They are then the driving
+        flanks of ``forces``, whose displacement has the opposite sign.
 
     Examples
     --------
@@ -53,6 +60,7 @@ class ToothLoads:
     static: PairForces
     root_stress: Array
     static_root_stress: Array
+    side: int = 1
 
     @property
     def position(self) -> Array:
@@ -61,12 +69,12 @@ class ToothLoads:
 
     @property
     def force(self) -> Array:
-        """Force on the driving flanks of each pair [N], shape (M, P)."""
+        """Force on the loaded flanks of each pair [N], shape (M, P)."""
         return self.forces.force
 
     @property
     def back(self) -> Array:
-        """Force on the back flanks of each pair [N], shape (M, P)."""
+        """Force on the other flanks of each pair [N], shape (M, P)."""
         out: Array = self.forces.back.sum(axis=0)
         return out
 
@@ -101,7 +109,7 @@ class ToothLoads:
 
     @property
     def back_contact(self) -> Array:
-        """Duration of the contact of each pair on its back flank [mesh periods], shape (M,)."""
+        """Duration of the contact of each pair on its flank without mean load [mesh periods], shape (M,)."""
         out: Array = np.sum(self.back > 0, axis=1) * float(self.position[1] - self.position[0])
         return out
 
@@ -158,16 +166,28 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
             'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
         )
     row, meshes = point.coefficients(index), layout.nu * order
-    forces = pair_forces(
-        mesh.flanks_with_errors(meshes), lambda t: b * evaluate(row, 2 * np.pi * t / meshes), meshes, b
-    )
-    phase, delta = static_displacement(mesh.flanks, mesh.force, b)
-    static = pair_forces(mesh.flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
-    stress, static_stress = (root_stress(mesh, some) for some in (forces, static))
-    return ToothLoads(forces, static, stress, static_stress)
+
+    def displacement(side: int, t: Array) -> Array:
+        x: Array = side * b * evaluate(row, TURN * t / meshes)
+        return x
+
+    found = {side: pair_forces(
+        _loaded(mesh.flanks_with_errors(meshes), side), partial(displacement, side), meshes, b
+    ) for side in (1, -1)}  # fmt: skip
+    side = 1 if found[1].drive.sum() >= found[-1].drive.sum() else -1
+    flanks = _loaded(mesh.flanks, side)
+    phase, delta = static_displacement(flanks, mesh.force, b)
+    static = pair_forces(flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
+    stress, static_stress = (root_stress(mesh, some, side) for some in (found[side], static))
+    return ToothLoads(found[side], static, stress, static_stress, side)
 
 
-def root_stress(mesh: ToothMesh, forces: PairForces) -> Array:
+def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:
+    """Return the flanks with those of a side as driving ones."""
+    return [replace(flank, side=side * flank.side) for flank in flanks]
+
+
+def root_stress(mesh: ToothMesh, forces: PairForces, side: int = 1) -> Array:
     """Return the root stress of pinion and wheel [N/m^2] at all positions, shape (2, M, P); nan for a ring gear.
 
     Parameters
@@ -176,11 +196,13 @@ def root_stress(mesh: ToothMesh, forces: PairForces) -> Array:
         The mesh.
     forces : PairForces
         Forces of its pairs [N].
+    side : {1, -1}, default 1
+        Loaded flanks: -1 for the back flanks, whose contact moves from the tip of the pinion to its root.
     """
     pair = mesh.pair
     begin, end = pair.path
-    lags = np.array([flank.lag for flank in mesh.flanks if flank.side > 0])
-    s = np.clip(begin + (forces.position - lags[:, None]) * pair.base_pitch, begin, end)
+    u = forces.position - np.array([flank.lag for flank in mesh.flanks if flank.side == side])[:, None]
+    s = np.clip(begin + (u if side > 0 else 2 * tooth_centre(pair) - u) * pair.base_pitch, begin, end)
     out = np.full((2, *forces.displacement.shape), np.nan)
     for i, (gear, distance) in enumerate(((pair.pinion, s), (pair.wheel, pair.tangent_length - s))):
         if gear.internal:

@@ -303,7 +303,7 @@ def _trace_and_report(
         found = doubled.result()
         others = [(float(a), float(b)) for row in found for a, b in re.findall(r"(\d+) to (\d+)", row[1])]
         show_speeds(model, curve, dimensionless, others)
-        if getattr(model.equations, "contacts", None) is not None and machine.torque > 0:  # loads of the driving flanks
+        if getattr(model.equations, "contacts", None) is not None and machine.torque:
             print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         if machine.friction:
             print_table(["friction between the teeth", ""], list(_losses(machine, curve)))
@@ -422,8 +422,9 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
         if np.isfinite(factor):
             yield [f"largest root stress, {name}", f"{stress.max() / 1e6:.1f} N/mm^2 (ISO 6336-3, nominal), "
                    f"{factor:.2f} times the static one"]  # fmt: skip
+    other = "back" if loads.side > 0 else "driving"
     back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
-    yield ["separated", f"{loads.separated.max():.0%} of the path of contact; contact on the back flank: {back}"]
+    yield ["separated", f"{loads.separated.max():.0%} of the path of contact; contact on the {other} flank: {back}"]
 
 
 def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:

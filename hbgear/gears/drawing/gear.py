@@ -16,19 +16,21 @@ ISO 21771:2007, Gears: cylindrical involute gears and gear pairs; concepts and g
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import acos, ceil, cos, degrees, isnan, pi, radians, sin, sqrt, tan
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
-from hbgear.common.units import OptionalQuantityField, QuantityField
+from hbgear.common.text.messages import quoted
+from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.fillet import RackTip, rack_tip
 from hbgear.gears.drawing.geometry import base_helix_angle, involute, transverse_pressure_angle
-from hbgear.gears.drawing.tooth_errors import checked_errors
 from hbgear.mechanics.plausibility import warn
 
 TOLERATED_UNDERCUT = 0.02
@@ -36,6 +38,10 @@ TOLERATED_UNDERCUT = 0.02
 
 FILLET_STEPS = 100
 """Points of the fillet at which the thickness of undercut teeth is checked; it has one minimum."""
+
+
+MAX_TOOTH_ERROR = 1e-3
+"""Largest error of the position of a tooth [m]; larger numbers were probably given in another unit."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +158,7 @@ class Gear:  # numpydoc ignore=PR02
         if (self.rim_thickness is None) != (self.web_thickness is None):
             raise ValueError("Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
                              "web of a rim that is as wide as its teeth is the face width")  # fmt: skip
-        object.__setattr__(self, "pitch_errors", checked_errors("Gear", self.pitch_errors, self.teeth))
+        object.__setattr__(self, "pitch_errors", _checked_errors(self.pitch_errors, self.teeth))
         _check_diameters(self)
         if not self.internal:
             _check_undercut(self)
@@ -325,6 +331,22 @@ class Gear:  # numpydoc ignore=PR02
         if self.internal:
             return mean, self.body_diameter or self.root_diameter + 6 * self.module
         return self.body_diameter, mean
+
+
+def _checked_errors(given: Any, teeth: int) -> tuple[float, ...]:
+    """Return the errors of the positions of all teeth [m]."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise ValueError(f"Gear: pitch_errors = {quoted(given)} must be a sequence with one length for each tooth")
+    errors = tuple(to_si("Gear", "pitch_errors", value, "m") for value in given)
+    if errors and len(errors) != teeth:
+        raise ValueError(f"Gear: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
+                         "the error of its position: numpy.cumsum of the single pitch deviations")  # fmt: skip
+    if any(not abs(error) <= MAX_TOOTH_ERROR for error in errors):
+        largest = max(errors, key=lambda error: abs(error) if error == error else float("inf"))
+        raise ValueError(f"Gear: pitch_errors has the value {largest:g} m, beyond any machine (it must be at most "
+                         f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
+                         "'5 um'")  # fmt: skip
+    return errors if any(errors) else ()
 
 
 def _check_diameters(gear: Gear) -> None:

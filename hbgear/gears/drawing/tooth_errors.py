@@ -20,23 +20,15 @@ ISO 1328-1:2013 (single and cumulative pitch deviations) and ISO 1328-2:2020 (ra
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import cos, lcm, pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
-from hbgear.common.text.messages import quoted
-from hbgear.common.units import to_si
-
-if TYPE_CHECKING:
-    from hbgear.gears.drawing.gear import Gear
-    from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.drawing.gear import Gear
+from hbgear.gears.drawing.pair import GearPair
 
 MAX_ERROR_PERIOD = 250
 """Largest number of meshes after which the errors of the teeth repeat [-]. A contact has up to 8 cubics in each mesh,
 and a `Periodic` at most 2000 pieces."""
-
-MAX_TOOTH_ERROR = 1e-3
-"""Largest error of the position of a tooth [m]; larger numbers were probably given in another unit."""
 
 
 class GapWave(NamedTuple):
@@ -55,28 +47,6 @@ class GapWave(NamedTuple):
     amplitude: float
     meshes: int
     phase: float
-
-
-def checked_errors(owner: str, given: Any, teeth: int) -> tuple[float, ...]:
-    """Return the errors of the positions of all teeth [m].
-
-    Raises
-    ------
-    ValueError
-        If they are no lengths, or not one for each tooth.
-    """
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise ValueError(f"{owner}: pitch_errors = {quoted(given)} must be a sequence with one length for each tooth")
-    errors = tuple(to_si(owner, "pitch_errors", value, "m") for value in given)
-    if errors and len(errors) != teeth:
-        raise ValueError(f"{owner}: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
-                         "the error of its position: numpy.cumsum of the single pitch deviations")  # fmt: skip
-    if any(not abs(error) <= MAX_TOOTH_ERROR for error in errors):
-        largest = max(errors, key=lambda error: abs(error) if error == error else float("inf"))
-        raise ValueError(f"{owner}: pitch_errors has the value {largest:g} m, beyond any machine (it must be at most "
-                         f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
-                         "'5 um'")  # fmt: skip
-    return errors if any(errors) else ()
 
 
 def has_errors(gear: Gear) -> bool:

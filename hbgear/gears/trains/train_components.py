@@ -7,7 +7,7 @@ shafts act on these coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi, sqrt
+from math import cos, pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -337,9 +337,9 @@ class Mesh:  # numpydoc ignore=PR02
     first, second : str
         Names of the wheels.
     k_mean : float or str
-        Mean stiffness along the line of action in the transverse plane [N/m].
+        Mean stiffness along the normal of the flanks [N/m], which is the line of action of spur gears.
     half_backlash : float or str, default 0.0
-        Half backlash b along the line of action [m].
+        Half backlash b along the normal [m].
     eps, eps_lag : tuple of float, optional
         Amplitudes of the stiffness over its mean and their phase lags [rad].
     e, e_lag : tuple of float, optional
@@ -429,7 +429,8 @@ class Mesh:  # numpydoc ignore=PR02
         Contacts or stiffness and error, backlash, angles and the phase of the pitch point follow from the pair. The
         options ``mesh``, the model of the mesh, ``cycle``, tables of it, and ``friction``, the coefficient of friction
         between the teeth, are those of `GearPair.model`. The damping ratio refers to the same stiffness in all models
-        of the mesh.
+        of the mesh. The transverse stiffness and gaps of helical teeth are converted to the normal of the flanks, k_n =
+        k_t / cos^2(beta_b), b_n = b_t cos(beta_b).
         """
         check("Mesh.of", "pair", pair, GearPair)
         check("Mesh.of", "cycle", cycle, MeshCycle | None)
@@ -437,15 +438,20 @@ class Mesh:  # numpydoc ignore=PR02
         found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction)
         begin = pair.path[0]
         pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
+        c = cos(pair.pinion.base_helix_angle)
+        contacts = found.contacts if found.contacts is None or c == 1 else found.contacts.scaled(1.0, c)
+        if contacts is not None and contacts.sliding is not None:  # its forces are those of the transverse displacement
+            contacts = replace(contacts, sliding=contacts.sliding.changed(lambda one: one.scaled(c)))
+        error = found.error if found.error is not None and found.error.varies else None
         own: dict[str, Any] = {
-            "k_mean": found.k_mean, "half_backlash": pair.half_backlash, "stiffness": found.stiffness,
-            "error": found.error if found.error is not None and found.error.varies else None,
-            "contacts": found.contacts, "pressure_angle": pair.working_pressure_angle,
+            "k_mean": found.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": found.stiffness,
+            "error": None if error is None else error.scaled(c), "contacts": contacts,
+            "pressure_angle": pair.working_pressure_angle,
             "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * float(pitch), "damping": damping,
             "torque": torque,
         }  # fmt: skip
         made = cls(first, second, **{**own, **others})
-        return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean))
+        return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean) / c)
 
     @property
     def name(self) -> str:

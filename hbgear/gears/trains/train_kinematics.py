@@ -275,12 +275,7 @@ def _lags(
     lags: dict[int, float] = {}
 
     def mesh_position(j: int, name: str) -> tuple[float, float]:
-        """Return signed tooth number and the angle of the rotor at which mesh j is in the pitch point of a wheel."""
-        wheel, (a, b) = wheels[name], inner_first(meshes[j], wheels)
-        pushes = sides[j] * (-1 if b.internal and wheel is b else 1)
-        alpha = angles[j][1] + (0.0 if wheel is a or b.internal else pi)
-        turn = 1 if speeds[name] > 0 else -1
-        return turn * wheel.teeth, alpha - wheel.angle - pushes * pi / (2 * wheel.teeth)
+        return _mesh_position(meshes[j], name, wheels, speeds, sides[j], angles[j][1])
 
     def record_mesh(j: int, phase: float) -> None:
         """Store the lag of mesh j and the angles of its rotors."""
@@ -299,6 +294,31 @@ def _lags(
     given = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
     turned = {name: at[group] for name, group in groups.items() if group in at}
     return tuple(0.0 if abs(lag - 2 * pi) < 1e-9 else lag for lag in given), turned
+
+
+def _mesh_position(
+    mesh: Mesh, name: str, wheels: Mapping[str, Wheel], speeds: Mapping[str, Fraction], side: int, phi: float
+) -> tuple[float, float]:
+    """Return signed tooth number and the angle of the rotor at which the mesh is in the pitch point of a wheel."""
+    wheel, (a, b) = wheels[name], inner_first(mesh, wheels)
+    pushes = side * (-1 if b.internal and wheel is b else 1)
+    alpha = phi + (0.0 if wheel is a or b.internal else pi)
+    turn = 1 if speeds[name] > 0 else -1
+    return turn * wheel.teeth, alpha - wheel.angle - pushes * pi / (2 * wheel.teeth)
+
+
+def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], found: Kinematics) -> list[float]:
+    """Return the difference of the phases of each mesh by its two wheels [mesh periods], between -1/2 and 1/2.
+
+    It is zero except for a mesh that closes a loop of wheels whose positions are given, such as planets.
+    """
+    out = []
+    for mesh, side, (_, phi) in zip(meshes, found.sides, found.angles, strict=True):
+        ends = [(*_mesh_position(mesh, name, wheels, found.speeds, side, phi), found.turned[name])
+                for name in (mesh.first, mesh.second)]  # fmt: skip
+        first, second = (z * (at - there) / (2 * pi) for z, there, at in ends)
+        out.append((first - second + 0.5) % 1.0 - 0.5)
+    return out
 
 
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:

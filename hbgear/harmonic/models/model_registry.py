@@ -13,6 +13,7 @@ from hbgear.gears import (
     BenedictKelley,
     DoubleHelicalPair,
     DrawnPair,
+    EpicyclicSet,
     Gear,
     GearPair,
     GearRotorBearing,
@@ -53,6 +54,7 @@ MODELS: dict[str, type[Model]] = {
 
 _MODEL_CLASSES: dict[str, type[Model]] = {
     **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair,
+    "EpicyclicSet": EpicyclicSet,
     "SystemOfLaws": SystemOfLaws
 }  # fmt: skip
 """Classes of hbgear by name, which a file can be loaded with without naming its model."""

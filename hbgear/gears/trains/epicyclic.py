@@ -1,0 +1,437 @@
+"""Epicyclic gear sets, rotation only: stepped planets, meshing planets (Ravigneaux), several suns and rings.
+
+    M theta'' + sum_j w_j [k_j(tau) f(d_j) + c_j d_j'] = T,      d_j = w_j^T theta - e_j(tau)
+    w_j:  mesh of wheels a and b  +-r_a (theta_a - theta_c) +-r_b (theta_b - theta_c)
+    Willis:  omega_i = omega_c + s_i omega_rel,    s_i from the numbers of teeth with the carrier at rest
+    static:  sum T_i omega_i = 0,    sum T_i = 0,  over driver, output and fixed member
+    assembly of simple planets: (z_s + z_r) / N whole;  of stepped ones: (z_r + z_s z_b / z_a) / N a multiple of
+    gcd(z_a, z_b) / z_a, with z_a at the sun and z_b at the ring
+
+In the frame of the carrier all axes are at rest: the set is a `Train`, from which directions, tooth frequencies and
+phases of the meshes follow. The rotation of the carrier is one more coordinate. The inertia of the carrier includes the
+masses of the planets at their distances from the axis. Forces on bearings, and motions of the axes, are in
+`PlanetarySet`.
+
+References
+----------
+Willis (1841), Principles of Mechanism, Parker. Parker & Lin (2004), J. Mech. Des. 126(2), 365-370,
+https://doi.org/10.1115/1.1667892 (phases).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from math import cos, hypot, pi, sin
+from typing import ClassVar
+
+import numpy as np
+import scipy
+
+from hbgear.common.argument_checks import check
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, Range, counted
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.gears.mesh.mesh_excitation import parameters_of_meshes
+from hbgear.gears.trains.train import Train
+from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_kinematics import RADIUS_TOLERANCE, inner_first, kinematics, phase_mismatch
+from hbgear.mechanics.models import Load, Model, System
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.structures.scales import Scales
+
+CARRIER = "carrier"
+"""Name of the carrier among the members."""
+
+PHASE_TOLERANCE = 1e-3
+"""Accepted mismatch of the teeth of a planet [mesh periods], caused by rounding of positions."""
+
+
+@dataclass(frozen=True)
+class EpicyclicSet(Model):  # numpydoc ignore=PR02
+    """Gears on a carrier with N equal groups of planets; the module docstring states the equations.
+
+    Parameters
+    ----------
+    wheels : tuple of Wheel
+        Central gears, at x = y = 0, and the gears of the first group of planets at their positions in the frame of the
+        carrier. Further groups are turned by 360 / N degrees. All have ``moves="torsion"``.
+    meshes : tuple of Mesh
+        Meshes of the first group, also between two planets.
+    carrier_inertia : float, default 0.01
+        Moment of inertia of the carrier without planets [kg m^2].
+    planets : int, default 3
+        Number N of groups.
+    bodies : tuple of tuple of str, optional
+        Names of planet gears that are one body, a stepped planet, such as ``(("large", "small"),)``.
+    driver, output, fixed : str
+        Driving, driven and resting member: the name of a central gear, or "carrier". Other central gears turn without
+        load.
+    torque : float, default 100.0
+        Torque on the driver [N m], positive in the direction of its rotation.
+    torque_scale, backlash_scale, eps_scale, e_scale : float, default 1.0
+        Factors of the torque, all backlashes, stiffness amplitudes and errors, for use as continuation parameters.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, the members do not turn, teeth do not fit, or a wheel or mesh has what this model does not
+        have: other motions than rotation, torques, friction, errors of single teeth.
+
+    Examples
+    --------
+    A stepped planet: the ring is held, and the carrier turns 1 + (30 x 96) / (24 x 18) times slower than the sun.
+
+    >>> import hbgear as hb
+    >>> wheel = hb.gears.Wheel
+    >>> gears = [wheel("sun", 1e-4, teeth=24, base_radius="22.5526 mm"),
+    ...     wheel("large", 2e-4, 0.5, teeth=30, base_radius="28.1908 mm", x="54 mm"),
+    ...     wheel("small", 1e-4, 0.3, teeth=18, base_radius="11.7099 mm", x="54 mm"),
+    ...     wheel("ring", 1e-2, teeth=96, base_radius="62.4533 mm", internal=True)]
+    >>> meshes = [hb.gears.Mesh("sun", "large", "4e8 N/m", "20 um"), hb.gears.Mesh("small", "ring", "4e8 N/m", "20 um")]
+    >>> stepped = hb.gears.EpicyclicSet(gears, meshes, planets=3, bodies=(("large", "small"),))
+    >>> stepped.ratio, round(stepped.torques["ring"])
+    (Fraction(23, 3), 667)
+    """
+
+    wheels: tuple[Wheel, ...]
+    meshes: tuple[Mesh, ...]
+    carrier_inertia: float = 0.01
+    planets: int = 3
+    bodies: tuple[tuple[str, ...], ...] = ()
+    driver: str = "sun"
+    output: str = CARRIER
+    fixed: str = "ring"
+    torque: float = 100.0
+    torque_scale: float = 1.0
+    backlash_scale: float = 1.0
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega$, common frequency of the meshes $/ \omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
+        "carrier_inertia": r"inertia of the carrier [kg m$^2$]",
+        "torque": "torque on the driver [N m]",
+        "torque_scale": "factor of the torque [-]",
+        "backlash_scale": "factor of the backlashes [-]",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the errors",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        "carrier_inertia": POSITIVE, "torque": POSITIVE, "backlash_scale": Range(low=0, high=1e6),
+    }  # fmt: skip
+
+    def __post_init__(self) -> None:
+        for name, kind in (("wheels", Wheel), ("meshes", Mesh)):
+            given = getattr(self, name)
+            if not isinstance(given, tuple | list) or not given or not all(isinstance(one, kind) for one in given):
+                raise ValueError(f"EpicyclicSet: {name} = {quoted(given)} must be a list of {kind.__name__}(...)")
+            object.__setattr__(self, name, tuple(given))
+        check("EpicyclicSet", "bodies", self.bodies, tuple | list)
+        object.__setattr__(self, "bodies", tuple(tuple(body) for body in self.bodies))
+        super().__post_init__()
+        counted("EpicyclicSet: planets", self.planets, 40)
+        self._check_parts()
+        self._check_members()
+        self._check_assembly()
+
+    # ---- checks
+
+    def _check_parts(self) -> None:
+        """Raise an error if a wheel or mesh has what this model does not have."""
+        names = [wheel.name for wheel in self.wheels]
+        for wheel in self.wheels:
+            if wheel.name == CARRIER or names.count(wheel.name) > 1:
+                raise ValueError(f"EpicyclicSet: the name '{wheel.name}' is taken; give every wheel its own name")
+            if wheel.moves != "torsion" or wheel.held or wheel.torque or wheel.torque_orders or not wheel.teeth:
+                raise ValueError(
+                    f"EpicyclicSet: '{wheel.name}' must be a gear with moves='torsion' and without torque, "
+                    "torque_orders and held; give driver, output, fixed and torque of the set"
+                )
+        for mesh in self.meshes:
+            contacts = mesh.contacts
+            if contacts is not None and (contacts.sliding is not None or contacts.meshes > 1):
+                raise ValueError(f"EpicyclicSet: the mesh {mesh.name} has friction or errors of single teeth, which "
+                                 "are equal for all planets here; give a mesh without them")  # fmt: skip
+        for body in self.bodies:
+            wrong = next((name for name in body if name not in self._planet_gears), None)
+            if wrong is not None:
+                raise ValueError(f"EpicyclicSet: bodies: '{wrong}' is no gear of a planet"
+                                 f"{did_you_mean(wrong, self._planet_gears)}")  # fmt: skip
+            places = {(self._given[name].x, self._given[name].y) for name in body}
+            if len(places) > 1:
+                raise ValueError(f"EpicyclicSet: bodies: the gears {', '.join(body)} of one planet have different axes")
+
+    def _check_members(self) -> None:
+        members = [*self._central, CARRIER]
+        chosen = [self.driver, self.output, self.fixed]
+        for name in chosen:
+            if name not in members:
+                raise ValueError(f"EpicyclicSet: there is no member {quoted(name)}; give one of {', '.join(members)}")
+        if len(set(chosen)) < 3:
+            raise ValueError(f"EpicyclicSet: driver, output and fixed = {', '.join(chosen)} must be different members")
+        if not self.speeds[self.output]:
+            raise ValueError(f"EpicyclicSet: with the {self.fixed} at rest the {self.output} does not turn")
+
+    def _check_assembly(self) -> None:
+        """Raise an error if the teeth of a planet do not match the teeth of both gears that it meshes with."""
+        train = self.train
+        for mesh, mismatch in zip(train.meshes, phase_mismatch(train._by_name, train.meshes, train._kinematics),
+                                  strict=True):  # fmt: skip
+            if abs(mismatch) > PHASE_TOLERANCE:
+                raise ValueError(
+                    f"EpicyclicSet: in the mesh {mesh.name} the teeth are {abs(mismatch):.3g} pitches apart, so that "
+                    f"{self.planets} equal planets cannot be assembled at equal distances; change the numbers of teeth "
+                    "or of planets (for simple planets (z_s + z_r) / N must be whole)"
+                )
+
+    # ---- members
+
+    @cached_property
+    def _given(self) -> dict[str, Wheel]:
+        """Wheels by name, with base radii exactly in the ratio of the teeth of gears that mesh."""
+        found, known = {wheel.name: wheel for wheel in self.wheels}, set[str]()
+        pending = [mesh for mesh in self.meshes if {mesh.first, mesh.second} <= found.keys()]
+        while pending:
+            mesh = next((one for one in pending if known & {one.first, one.second}), pending[0])
+            pending.remove(mesh)
+            a, b = (mesh.second, mesh.first) if mesh.second in known else (mesh.first, mesh.second)
+            exact = found[a].base_radius * found[b].teeth / max(found[a].teeth, 1)
+            if b not in known and exact and abs(found[b].base_radius - exact) <= RADIUS_TOLERANCE * exact:
+                found[b] = dataclasses.replace(found[b], base_radius=exact)
+            known |= {a, b}
+        return found
+
+    @property
+    def _central(self) -> list[str]:
+        """Names of the central gears."""
+        return [wheel.name for wheel in self.wheels if not wheel.x and not wheel.y]
+
+    @property
+    def _planet_gears(self) -> list[str]:
+        return [wheel.name for wheel in self.wheels if wheel.x or wheel.y]
+
+    @cached_property
+    def _relative(self) -> dict[str, Fraction]:
+        """Speeds of the gears relative to the carrier, over that of one of them."""
+        found: dict[str, Fraction] = dict(kinematics(self._given, self._shafts(("",)), self.meshes).speeds)
+        return found
+
+    @cached_property
+    def speeds(self) -> dict[str, Fraction]:
+        """Speeds of the carrier and of all gears over the speed of the driver."""
+        s = {**self._relative, CARRIER: Fraction(0)}
+        difference = s[self.driver] - s[self.fixed]
+        if not difference:
+            raise ValueError(f"EpicyclicSet: with the {self.fixed} at rest the {self.driver} cannot turn")
+        return {name: (value - s[self.fixed]) / difference for name, value in s.items()}
+
+    @property
+    def ratio(self) -> Fraction:
+        """Speed of the driver over the speed of the output."""
+        return 1 / self.speeds[self.output]
+
+    @property
+    def torques(self) -> dict[str, float]:
+        """Mean external torques on driver, output and fixed member [N m], in equilibrium."""
+        driving = self.torque_scale * self.torque
+        output = -driving * float(self.ratio)
+        return {self.driver: driving, self.output: output, self.fixed: -driving - output}
+
+    # ---- the train in the frame of the carrier
+
+    def _shafts(self, groups: tuple[str, ...]) -> tuple[Shaft, ...]:
+        """Return shafts that join the gears of each body; their stiffness has no effect."""
+        return tuple(
+            Shaft(a + group, b + group, torsion=1.0)
+            for group in groups
+            for body in self.bodies
+            for a, b in pairwise(body)
+        )
+
+    @cached_property
+    def train(self) -> Train:
+        """All gears in the frame of the carrier; the first wheel of each mesh drives."""
+        groups = tuple(str(n + 1) for n in range(self.planets))
+        torques = self.torques
+        wheels = [dataclasses.replace(self._given[name], torque=torques.get(name, 0.0)) for name in self._central]
+        for n, group in enumerate(groups):
+            c, s = cos(2 * pi * n / self.planets), sin(2 * pi * n / self.planets)
+            for name in self._planet_gears:
+                one = self._given[name]
+                wheels.append(dataclasses.replace(
+                    one, name=name + group, x=c * one.x - s * one.y, y=s * one.x + c * one.y
+                ))  # fmt: skip
+        meshes = [self._copied(mesh, n, group) for n, group in enumerate(groups) for mesh in self.meshes]
+        shafts = self._shafts(groups)
+        by_name = {wheel.name: wheel for wheel in wheels}
+        sides = kinematics(by_name, shafts, meshes).sides
+        for j, (mesh, side) in enumerate(zip(meshes, sides, strict=True)):
+            outer = inner_first(mesh, by_name)[0].name
+            drives = side * self._turning(outer) > 0
+            if drives != (mesh.first == outer):
+                meshes[j] = driven(mesh, by_name)
+        self._orient(wheels, shafts, meshes)
+        return Train(
+            tuple(wheels), tuple(meshes), shafts, backlash_scale=self.backlash_scale, eps_scale=self.eps_scale,
+            e_scale=self.e_scale,
+        )  # fmt: skip
+
+    def _orient(self, wheels: list[Wheel], shafts: tuple[Shaft, ...], meshes: list[Mesh]) -> None:
+        """Turn stepped planets by whole teeth of one gear until their other gears match the teeth of the mates."""
+        place = {wheel.name: i for i, wheel in enumerate(wheels)}
+
+        def mismatch() -> Array:
+            by_name = {wheel.name: wheel for wheel in wheels}
+            return np.array(phase_mismatch(by_name, meshes, kinematics(by_name, shafts, meshes)))
+
+        now = mismatch()
+        for name in (f"{name}{n + 1}" for n in range(1, self.planets) for body in self.bodies for name in body):
+            if np.abs(now).max() <= PHASE_TOLERANCE:
+                return
+            i = place[name]
+            one = wheels[i]
+            wheels[i] = dataclasses.replace(one, angle=one.angle - 2 * pi / one.teeth)
+            step = (mismatch() - now + 0.5) % 1.0 - 0.5
+            wheels[i] = one
+            moved = np.abs(step) > PHASE_TOLERANCE
+            if not moved.any():
+                continue
+            turns = np.arange(one.teeth)
+            left = np.abs((now[moved] + turns[:, None] * step[moved] + 0.5) % 1.0 - 0.5).max(axis=1)
+            best = int(np.argmin(left))
+            if left[best] <= PHASE_TOLERANCE:
+                wheels[i] = dataclasses.replace(one, angle=(one.angle - 2 * pi * best / one.teeth) % (2 * pi))
+                now = mismatch()
+
+    def _turning(self, name: str) -> Fraction:
+        """Return the speed of a gear relative to the carrier over the speed of the driver."""
+        copies = {f"{own}{n + 1}": own for own in self._planet_gears for n in range(self.planets)}
+        return self.speeds[copies.get(name, name)] - self.speeds[CARRIER]
+
+    def _copied(self, mesh: Mesh, n: int, group: str) -> Mesh:
+        """Return the mesh of a group."""
+        first, second = (name if name in self._central else name + group for name in (mesh.first, mesh.second))
+        turned = None if mesh.direction is None else mesh.direction + 2 * pi * n / self.planets
+        return dataclasses.replace(mesh, first=first, second=second, direction=turned, torque=None, lag=None)
+
+    # ---- model
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name, without eps_scale if a mesh has contacts."""
+        return parameters_of_meshes(super().parameters, [mesh.contacts for mesh in self.meshes])
+
+    @property
+    def sharing(self) -> list[str]:
+        """Names of all meshes, between which the load is shared."""
+        return [mesh.name for mesh in self.train.meshes]
+
+    @property
+    def _base_speed(self) -> float:
+        """Frequency of Omega over the speed of the driver."""
+        found = self.train._kinematics
+        first = self.train.meshes[0].first
+        return abs(float(found.ratio * self._turning(first) / found.speeds[first]))
+
+    @property
+    def orders(self) -> dict[str, float]:
+        """Frequencies over Omega of every mesh of the first group, and of the carrier and the central gears."""
+        found = self.train._kinematics
+        names = (mesh.name for mesh in self.meshes)
+        meshes = {name: float(order) for name, order in zip(names, found.orders, strict=False)}
+        turning = {name: abs(float(self.speeds[name])) / self._base_speed for name in (*self._central, CARRIER)}
+        return meshes | {name: order for name, order in turning.items() if order}
+
+    @property
+    def lags(self) -> dict[str, float]:
+        """Phase lag of each mesh behind the first one, in its own tau [rad]."""
+        return self.train.lags
+
+    @property
+    def scales(self) -> Scales:
+        """Scales whose pinion is the driver."""
+        train = self.train
+        return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, self._base_speed)
+
+    @cached_property
+    def _coordinates(self) -> dict[str, tuple[tuple[str, ...], float]]:
+        """Gears that turn together, and the radius of the unit of rotation, by the name of the coordinate."""
+        found: dict[str, tuple[tuple[str, ...], float]] = {
+            name: ((name,), self._given[name].base_radius) for name in self._central if name != self.fixed
+        }
+        bodies = [*self.bodies, *((name,) for name in self._planet_gears if all(name not in b for b in self.bodies))]
+        for n in range(self.planets):
+            for body in bodies:
+                gears = tuple(f"{name}{n + 1}" for name in body)
+                found["-".join(gears)] = gears, self._given[body[0]].base_radius
+        if self.fixed != CARRIER:
+            found[CARRIER] = (), max(hypot(wheel.x, wheel.y) for wheel in self.wheels)
+        return found
+
+    def structure(self) -> tuple[Array, Array]:
+        """Return the inertias (n,) [kg m^2] of the coordinates and the directions (n, m) of the gaps [m/rad]."""
+        train = self.train
+        at = {wheel.name: i for i, wheel in enumerate(train.wheels)}
+        inertia = np.array([wheel.inertia for wheel in train.wheels])
+        orbit = sum(wheel.mass * (wheel.x**2 + wheel.y**2) for wheel in train.wheels)
+        W = train.mesh_vectors()
+        rows, J = [], []
+        for name, (gears, _) in self._coordinates.items():
+            some = [at[gear] for gear in gears]
+            rows.append(W[some].sum(axis=0) if name != CARRIER else -W.sum(axis=0))
+            J.append(inertia[some].sum() if name != CARRIER else self.carrier_inertia + orbit)
+        return np.array(J), np.array(rows)
+
+    @property
+    def natural_frequencies(self) -> Array:
+        """Undamped natural frequencies with all teeth in contact at their mean stiffness [Hz], ascending."""
+        J, W = self.structure()
+        k = np.array([mesh.k_mean for mesh in self.train.meshes])
+        square = scipy.linalg.eigh((W * k) @ W.T, np.diag(J), eigvals_only=True)
+        found: Array = np.sqrt(np.where(square > ZERO_SQUARE * square.max(), square, 0.0)) / (2 * pi)
+        return found
+
+    def system(self) -> System:
+        """Return the dimensionless equations of motion with one element for each mesh, in the units of the train."""
+        train, torques = self.train, self.torques
+        J, W = self.structure()
+        S = np.array([1 / radius for _, radius in self._coordinates.values()])
+        gaps = [
+            dataclasses.replace(element, direction=S * w)
+            for element, w in zip(train.system().elements, W.T, strict=True)
+        ]
+        load = S * np.array([torques.get(name, 0.0) for name in self._coordinates]) / (train.k_mean * train.b_c)
+        return System(
+            M=np.diag(J * S**2 / train.m_c), C=None, K=np.zeros((len(J), len(J))), elements=gaps,
+            load=Load(constant=load), dof_names=[f"u_{name}" for name in self._coordinates],
+        )  # fmt: skip
+
+
+ZERO_SQUARE = 1e-9
+"""Square of a frequency, over the largest one, that is attributed to rounding."""
+
+
+def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
+    """Return a mesh whose second wheel drives, as one whose first wheel drives: its functions of tau run backwards."""
+
+    def back(one: Phased) -> Phased:
+        function: Phased = one.reversed() if isinstance(one, Periodic) else one
+        return function
+
+    internal = wheels[mesh.first].internal or wheels[mesh.second].internal
+    direction = None if mesh.direction is None else mesh.direction + pi
+    return dataclasses.replace(
+        mesh, first=mesh.second, second=mesh.first, direction=direction, pitch_phase=-mesh.pitch_phase,
+        helix_angle=mesh.helix_angle if internal else -mesh.helix_angle,
+        eps_lag=tuple(-x for x in mesh.eps_lag), e_lag=tuple(-x for x in mesh.e_lag),
+        stiffness=None if mesh.stiffness is None else mesh.stiffness.reversed(),
+        error=None if mesh.error is None else mesh.error.reversed(),
+        contacts=None if mesh.contacts is None else mesh.contacts.changed(back, back),
+    )  # fmt: skip
