@@ -19,11 +19,11 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
     from hbgear.gears.pairs.spur import SpurPair
     from hbgear.gears.pairs.support import Support
+    from hbgear.gears.planets.epicyclic import EpicyclicSet
+    from hbgear.gears.planets.planetary import PlanetarySet
+    from hbgear.gears.planets.planetary_modes import PlanetMode
     from hbgear.gears.trains.beam import Beam
-    from hbgear.gears.trains.epicyclic import EpicyclicSet
     from hbgear.gears.trains.housing import Housing
-    from hbgear.gears.trains.planetary import PlanetarySet
-    from hbgear.gears.trains.planetary_modes import PlanetMode
     from hbgear.gears.trains.train import Train
     from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 

@@ -30,7 +30,7 @@ from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_centre
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
-from hbgear.mechanics.series.periodic import TURN
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,1 @@
-"""Gear trains and planetary sets."""
+"""Gear trains."""

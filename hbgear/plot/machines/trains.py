@@ -9,7 +9,7 @@ import numpy as np
 from hbgear.analysis.loads.planet_loads import LoadSharing
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
-from hbgear.gears.trains.planetary import PlanetarySet
+from hbgear.gears.planets.planetary import PlanetarySet
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_kinematics import inner_first
 from hbgear.harmonic.equations.layout import layout_of

@@ -17,8 +17,8 @@ from hbgear.gears.mesh.mesh_excitation import (
     check_contact_scale,
     parameters_of_meshes,
 )
+from hbgear.gears.planets.planetary_kinematics import MEMBERS, PlanetaryKinematics
 from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
-from hbgear.gears.trains.planetary_kinematics import MEMBERS, PlanetaryKinematics
 from hbgear.gears.trains.train_components import check_half_backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Model

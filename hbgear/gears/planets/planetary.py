@@ -35,11 +35,11 @@ from hbgear.gears.mesh.mesh_excitation import (
     in_order,
     mesh_stiffness,
 )
+from hbgear.gears.planets.planetary_drawing import drawn_fields
+from hbgear.gears.planets.planetary_kinematics import MEMBERS
+from hbgear.gears.planets.planetary_layout import PlanetaryLayout
+from hbgear.gears.planets.planetary_modes import PlanetMode, natural_modes, turning_frame
 from hbgear.gears.torque_orders import exact_order
-from hbgear.gears.trains.planetary_drawing import drawn_fields
-from hbgear.gears.trains.planetary_kinematics import MEMBERS
-from hbgear.gears.trains.planetary_layout import PlanetaryLayout
-from hbgear.gears.trains.planetary_modes import PlanetMode, natural_modes, turning_frame
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System

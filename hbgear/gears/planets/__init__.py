@@ -1,0 +1,1 @@
+"""Planetary and other epicyclic gear sets: kinematics, phases, equations of motion."""
