@@ -54,8 +54,8 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Return a kernel that is inlined in the kernels that call it.
 
-    Every kernel is compiled once for itself and once more in each kernel that calls it. Inlining reduces the compile
-    time of a large kernel that is called once or twice.
+    LLVM optimises a kernel and all that it calls, and does so again in each caller. Inlining avoids this for a kernel
+    that calls large kernels and has one call. Small kernels take longer to inline than to compile.
     """
     return cast(Function, Kernel(function, inline=True))
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.continuation.numerics.gauss_kernels import scaled_distance, scaled_norm
 from hbgear.continuation.stepping.status import ACCEPTED, LANDED_FAR, PREDICTION_ERROR, TURNED_TOO_FAR
 
@@ -41,7 +41,7 @@ POLISH_ABOVE = 1e-2
 """Residual of a converged point, relative to the tolerance, above which one more Newton iteration is applied."""
 
 
-@kernel
+@inlined
 def predict(u: Any, t: Any, count: int, scale: Any, step: float, out: Any) -> None:
     """Fill ``out`` with the unknowns predicted by Hermite extrapolation.
 

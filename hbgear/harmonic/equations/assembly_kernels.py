@@ -91,7 +91,7 @@ def assemble(
 ) -> float:
     """Fill R (n,), J = dR/dX (n, n), dR/dOmega (n,) at X (n,), omega = Omega / nu; return the size of its terms."""
     space, coefficients, some = workspace.space, workspace.coefficients, X.reshape(matrices.shape[2], -1)
-    spread(packed, X, coefficients)
+    spread(packed.linear.orders, X, coefficients)
     project(packed, coefficients, space)
     size = _fill_forces(coefficients, packed.linear.orders, space, R, J) + _add_linear(
         some, matrices, constants, R, J, dR
@@ -102,17 +102,17 @@ def assemble(
 
 
 @kernel
-def spread(packed: Any, X: Any, coefficients: Any) -> None:
+def spread(orders: Any, X: Any, coefficients: Any) -> None:
     """Fill the selected harmonics of coefficients (m, 2H + 1) from unknowns X (n,); all others must be zero before."""
-    orders, some = packed.linear.orders, X.reshape(coefficients.shape[0], -1)
+    some = X.reshape(coefficients.shape[0], -1)
     for j in range(coefficients.shape[0]):
         coefficients[j, 0] = some[j, 0]
         for i in range(1, orders.shape[0]):
             coefficients[j, 2 * orders[i] - 1], coefficients[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
 
 
-@kernel
-def curvature(packed: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
+@inlined
+def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, along: Any, across: Any) -> None:
     """Compute the derivatives of dR/dX along a direction of X and in Omega.
 
     Parameters
@@ -123,26 +123,23 @@ def curvature(packed: Any, X: Any, v: Any, h: float, change: Any, along: Any, ac
         Unknowns, and the direction of the derivative.
     h : float
         Step of the central difference along v.
-    change : ndarray, shape (K + 1, m, m)
-        Derivative dZ/dOmega of the dynamic stiffness.
+    workspace : Workspace
+        Workspace with the linear part; the arrays of the force projection are overwritten.
     along : ndarray, shape (n, n)
         Array to be filled with the derivative along v.
     across : ndarray, shape (n, n)
         Array to be filled with the derivative in Omega.
     """
-    m, n, orders = change.shape[1], X.shape[0] // change.shape[1], packed.linear.orders
-    workspace = workspace_for(packed)
-    space, coefficients, kappa, more = (
-        workspace.space,
-        workspace.coefficients,
-        workspace.space.kappa,
-        workspace.space.more,
-    )
+    change, orders, space = workspace.matrices[1], packed.linear.orders, workspace.space
+    m, n, kappa, more = change.shape[1], X.shape[0] // change.shape[1], space.kappa, space.more
+    shifted = np.empty(X.shape[0])
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):
-        spread(packed, X + sign * h * v, coefficients)
-        project(packed, coefficients, space)
+        for i in range(X.shape[0]):
+            shifted[i] = X[i] + sign * h * v[i]
+        spread(orders, shifted, workspace.coefficients)
+        project(packed, workspace.coefficients, space)
         for j in range(m):
             for k in range(kappa.shape[1]):
                 kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
@@ -225,7 +222,7 @@ def _add_compiled_laws(own: Any, packed: Any, coefficients: Any, omega: float, R
     return size
 
 
-@kernel
+@inlined
 def _add_samples(own: Any, packed: Any, coefficients: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add forces and slopes of one compiled law, evaluated by AFT; return the norm of the forces."""
     j, orders, nu = own.element[which], packed.linear.orders, packed.linear.nu

@@ -33,7 +33,7 @@ def extrema(packed: Any, X: Any, clearance: Any, regime: Any) -> None:
             j = laws.owner[i]
             if j != last:
                 last = j
-                sampled_gap(packed, coefficients[laws.element[j]], j, c, samples)
+                sampled_gap(packed.piecewise, packed.basis, coefficients[laws.element[j]], j, c, samples)
                 low = -highest_gap(packed.piecewise, j, -1.0, c, samples)[0]
                 high = highest_gap(packed.piecewise, j, 1.0, c, samples)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]

@@ -292,11 +292,15 @@ class Evaluator:
 
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
-        from hbgear.harmonic.equations.assembly_kernels import curvature
-
-        n = self.length(X)
-        along, across = np.empty((2, n, n))
-        curvature(self.packed, writable(X), writable(v), h, self.linear(Omega).matrices[1], along, across)
+        n, K, m = self.length(X), len(self.orders), self.m
+        none, Z = LinearPart.zero(K, m), self.linear(Omega).matrices[1]
+        along = (self._balance(X + h * v, Omega, none)[1] - self._balance(X - h * v, Omega, none)[1]) / (2 * h)
+        blocks = np.zeros((m, 2 * K - 1, m, 2 * K - 1))
+        blocks[:, 0, :, 0] = Z[0].real
+        a, b = np.arange(1, 2 * K - 1, 2), np.arange(2, 2 * K, 2)
+        blocks[:, a, :, a] = blocks[:, b, :, b] = Z[1:].real
+        blocks[:, a, :, b], blocks[:, b, :, a] = Z[1:].imag, -Z[1:].imag
+        across = blocks.reshape(n, n)
         return (self._joined(along), self._joined(across)) if self.structure.constrained else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
@@ -324,7 +328,7 @@ class Evaluator:
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
-        sampled_gap(self.packed, writable(row), j, c, samples)
+        sampled_gap(self.packed.piecewise, self.packed.basis, writable(row), j, c, samples)
         value, theta = highest_gap(self.packed.piecewise, j, side, c, samples)
         return float(value), float(theta)
 

@@ -79,7 +79,7 @@ def locate(
         if which == HELD:
             g = _fixed_parameter(B[n])
         elif which == FOLD:
-            g = _determinant(packed, trial[:n], J, workspace.matrices[1], borders, B[n])
+            g = _determinant(packed, trial[:n], J, borders, B[n], workspace)
         else:
             g = _clearance(packed, which, workspace, B[n])
         _fill(rest, J, dR, g, weight, after, B)
@@ -130,7 +130,7 @@ def _accept(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any)
     return size
 
 
-@kernel
+@inlined
 def _newton_step(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
     """Set out to u - factor A^-1 R; return False if A is singular."""
     n = u.shape[0]
@@ -146,7 +146,7 @@ def _newton_step(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
     return math.isfinite(scaled_norm(out))
 
 
-@kernel
+@inlined
 def _fill_borders(J: Any, borders: Any) -> float:
     """Fill borders (2, n) with the singular vectors of the smallest singular value of J; return the norm of J."""
     n, total = J.shape[0], 0.0
@@ -155,8 +155,9 @@ def _fill_borders(J: Any, borders: Any) -> float:
         for j in range(n):
             total += J[i, j] * J[i, j]
     inverse, x = np.empty((n, 2 * n)), np.empty((2, n))
-    if not _inverted(J, 0.0, inverse):
-        _inverted(J, 1e-15 * math.sqrt(total), inverse)
+    for shift in (0.0, 1e-15 * math.sqrt(total)):  # one call only, as in `locate`
+        if _inverted(J, shift, inverse):
+            break
     for _ in range(_MAX_INVERSE_ITERATIONS):
         x[:, :] = 0.0
         for i in range(n):
@@ -169,7 +170,7 @@ def _fill_borders(J: Any, borders: Any) -> float:
     return math.sqrt(total)
 
 
-@kernel
+@inlined
 def _inverted(J: Any, shift: float, out: Any) -> bool:
     """Fill out (n, 2n) with J + shift I and its inverse; return False if it is singular."""
     n = J.shape[0]
@@ -194,31 +195,31 @@ def _replace_border(border: Any, x: Any) -> float:
     return 1.0 - abs(along) / (abs(total) * own)
 
 
-@kernel
-def _solve_bordered(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
-    """Solve [J column; row^T 0] x = (0, ..., 0, 1) for x (n + 1,), or with J transposed."""
+@inlined
+def _solve_bordered(J: Any, borders: Any, out: Any) -> None:
+    """Fill out (2, n + 1) with the solutions of [J b_0; b_1^T 0] x = (0, ..., 0, 1) and [J^T b_1; b_0^T 0] x = same."""
     n = J.shape[0]
     B = np.empty((n + 1, n + 2))
-    for i in range(n):
-        for j in range(n):
-            B[i, j] = J[j, i] if transposed else J[i, j]
-        B[i, n], B[n, i], B[i, n + 1] = column[i], row[i], 0.0
-    B[n, n], B[n, n + 1] = 0.0, 1.0
-    solve_in_place(B)
-    for i in range(n + 1):
-        x[i] = B[i, n + 1]
+    for k in range(2):
+        for i in range(n):
+            for j in range(n):
+                B[i, j] = J[j, i] if k else J[i, j]
+            B[i, n], B[n, i], B[i, n + 1] = borders[k, i], borders[1 - k, i], 0.0
+        B[n, n], B[n, n + 1] = 0.0, 1.0
+        solve_in_place(B)
+        for i in range(n + 1):
+            out[k, i] = B[i, n + 1]
 
 
 @inlined
-def _determinant(packed: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
-    """Return the bordered determinant g of J; fill row (n + 1,) with its gradient. change : dZ/dOmega."""
+def _determinant(packed: Any, X: Any, J: Any, borders: Any, row: Any, workspace: Any) -> float:
+    """Return the bordered determinant g of J; fill row (n + 1,) with its gradient; overwrite the workspace."""
     n = X.shape[0]
-    x, w = np.empty(n + 1), np.empty(n + 1)
-    _solve_bordered(J, borders[0], borders[1], np.bool_(False), x)
-    _solve_bordered(J, borders[1], borders[0], np.bool_(True), w)
-    v, g = x[:n], float(x[n])
+    solutions = np.empty((2, n + 1))
+    _solve_bordered(J, borders, solutions)
+    v, w, g = solutions[0, :n], solutions[1], float(solutions[0, n])
     along, across = np.empty((n, n)), np.empty((n, n))
-    curvature(packed, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), change, along, across)
+    curvature(packed, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, along, across)
     moved = 0.0
     for j in range(n):
         row[j] = 0.0
@@ -239,13 +240,13 @@ def _fixed_parameter(row: Any) -> float:
     return 0.0
 
 
-@kernel
+@inlined
 def _clearance(packed: Any, which: int, workspace: Any, row: Any) -> float:
     """Return a clearance of the motion in ``workspace.coefficients``, see `spread`; fill row (n + 1,): gradient."""
     orders, c, samples = packed.linear.orders, workspace.space.waves, workspace.space.samples
     breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
     j = packed.laws.owner[breakpoint_]
-    sampled_gap(packed, workspace.coefficients[packed.laws.element[j]], j, c, samples)
+    sampled_gap(packed.piecewise, packed.basis, workspace.coefficients[packed.laws.element[j]], j, c, samples)
     value, theta = highest_gap(packed.piecewise, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.mechanics.laws.c_callback import called
 from hbgear.mechanics.series.fourier_kernels import sampled
 
@@ -55,7 +55,7 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
         out[k] = complex(real / N, imaginary / N)
 
 
-@kernel
+@inlined
 def truncated_sample_harmonics(own: Any, packed: Any, coefficients: Any, omega: float, f: Any) -> None:
     """Fill f (m, L) with the one-sided truncated force harmonics of the compiled laws, if any."""
     H, N, left = packed.basis.shape[0] // 2, packed.basis.shape[1], packed.linear.left

@@ -60,11 +60,11 @@ def sizes_of(piecewise: Any) -> tuple[int, int, int]:
 
 
 @kernel
-def sampled_gap(packed: Any, coefficients: Any, j: int, c: Any, samples: Any) -> None:
+def sampled_gap(piecewise: Any, basis: Any, coefficients: Any, j: int, c: Any, samples: Any) -> None:
     """Call `fill_gap`, and store the samples (N,) of the gap if it has no segments."""
-    fill_gap(packed.piecewise, coefficients, j, c)
-    if not has_segments(packed.piecewise, j):
-        sampled(coefficients, packed.basis, samples)
+    fill_gap(piecewise, coefficients, j, c)
+    if not has_segments(piecewise, j):
+        sampled(coefficients, basis, samples)
 
 
 @kernel

@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.piecewise_kernels import (
     crossings_of,
     crossings_of_moving,
@@ -165,7 +165,7 @@ def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
             continue
         if j != last:
             last, element = j, -1
-            sampled_gap(packed, coefficients[j], j, c, samples)
+            sampled_gap(packed.piecewise, packed.basis, coefficients[j], j, c, samples)
         space.number[i], space.above[i] = crossings_of(
             packed.piecewise, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
         )
@@ -194,7 +194,7 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
         _add_kept(piecewise, j, kappa[j], chi[j])
 
 
-@kernel
+@inlined
 def _add_springs(laws: Any, piecewise: Any, space: Any) -> None:
     """Add the springs of the table to kappa and chi, computed from the crossings of their breakpoints."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above

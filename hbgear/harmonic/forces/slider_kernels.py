@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.switching_times import PHASE_TOLERANCE, VALUE_ROUNDING, crossings
 from hbgear.mechanics.series.fourier_kernels import fill_one_sided, sampled, value_of
 
@@ -111,7 +111,7 @@ def march(sliders: Any, basis: Any, rows: Any, space: Any) -> None:
         _march_slider(sliders.k[i], sliders.limit[i], sliders.residual[i], i, rows[j, 0], turns, space)
 
 
-@kernel
+@inlined
 def _turning_points(basis: Any, row: Any, space: Any) -> int:
     """Store the turning points of a displacement with their levels, and return their number; 0 for a constant."""
     velocity, waves, most = space.row, space.waves, 0.0
@@ -132,7 +132,7 @@ def _turning_points(basis: Any, row: Any, space: Any) -> int:
     return int(count)
 
 
-@kernel
+@inlined
 def _march_slider(k: float, limit: float, z: float, i: int, mean: float, turns: int, space: Any) -> None:
     """Store the intervals of slider i, which starts at the residual position z."""
     turn, level, reach, onset = space.turn, space.level, limit / k, -1.0
@@ -216,7 +216,7 @@ def _indicator(begin: float, end: float, s: Any, length: int) -> None:
         s[n] = (p - q) * complex(0.0, -1.0 / (2 * math.pi * n))
 
 
-@kernel
+@inlined
 def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi: Any) -> None:
     """Add the coefficients of sliders to kappa and chi (m, L)."""
     march(sliders, basis, rows, space)
@@ -258,7 +258,7 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
                     J[at + a, at + b] -= column[a] * line[b]
 
 
-@kernel
+@inlined
 def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int) -> int:
     """Insert the phases in [0, 2 pi) at which sliders stick or slip into n ascending phases; return their number."""
     march(sliders, basis, rows, space)
@@ -274,14 +274,14 @@ def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: 
 
 
 @kernel
-def sticks_at(space: Any, i: int, theta: float) -> bool:
-    """Return whether slider i sticks at a phase."""
+def sticks_at(count: int, begin: Any, kind: Any, theta: float) -> bool:
+    """Return whether a slider with ``count`` intervals sticks at a phase; see `SliderWorkspace`."""
     at = theta % (2 * math.pi)
-    if at < space.begin[i, 0]:
+    if at < begin[0]:
         at += 2 * math.pi
-    for p in range(space.number[i] - 1, -1, -1):
-        if at >= space.begin[i, p]:
-            return bool(space.kind[i, p] == STICK)
+    for p in range(count - 1, -1, -1):
+        if at >= begin[p]:
+            return bool(kind[p] == STICK)
     return True
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.mechanics.series.fourier_kernels import bend_of, value_of
 
 VALUE_ROUNDING = 4e-16
@@ -71,7 +71,7 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     return count
 
 
-@kernel
+@inlined
 def _add_crossings_in_cell(
     c: Any, level: float, bend: float, i: int, step: float, first: float, last: float, theta: Any, sign: Any, count: int
 ) -> int:
@@ -98,7 +98,7 @@ def _add_crossings_in_cell(
     return count
 
 
-@kernel
+@inlined
 def _add_crossings_at_extremum(
     c: Any, level: float, bend: float, i: int, step: float, value_i: float, theta: Any, sign: Any, count: int
 ) -> int:

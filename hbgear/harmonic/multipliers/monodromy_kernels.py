@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.continuation.numerics.gauss_kernels import solve_in_place
 from hbgear.harmonic.forces.piecewise_kernels import (
     add_contact,
@@ -125,7 +125,7 @@ def slider_count(sliders: Any) -> int:
     return int(sliders.element.shape[0])
 
 
-@kernel
+@inlined
 def partition_period(
     packed: Any, coefficients: Any, longest: float, space: Any, theta: Any, segments: Any
 ) -> tuple[int, int]:
@@ -136,7 +136,7 @@ def partition_period(
     return _fill_segments(theta, _fill_breakpoints(packed, coefficients, space, theta), longest, segments)
 
 
-@kernel
+@inlined
 def _fill_breakpoints(packed: Any, coefficients: Any, space: Any, out: Any) -> int:
     """Fill ``out`` with the ascending phases in [0, 2 pi) of all breakpoints, and return their number.
 
@@ -202,7 +202,8 @@ def add_stiffness(packed: Any, c: Any, j: int, phases: Any, T: int, work: Any, o
     laws = packed.laws
     gap, slope, factor, motion = work[2], work[3], work[4], work[5]
     _sum_series(c, phases, T, work, gap)
-    motion[:T] = gap[:T]
+    for n in range(T):
+        motion[n] = gap[n]
     add_segments(packed.piecewise, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
@@ -266,7 +267,7 @@ def _horner_step(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
         y[n] = p * v[n] + q * u[n]
 
 
-@kernel
+@inlined
 def steps_per_segment(packed: Any, coefficients: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """Return an estimate of the largest natural frequency due to the modulations [rad per unit of time]; 0 if none.
 
@@ -298,7 +299,7 @@ def slopes(packed: Any, X: Any, out: Any) -> None:
             add_stiffness(packed, c, j, phases, T, work, out[p, j])
 
 
-@kernel
+@inlined
 def fill_stiffness_modulation(
     packed: Any, coefficients: Any, ports: Any, segments: Any, count: int, x: Any, space: Any, workspace: Any
 ) -> None:
@@ -333,7 +334,7 @@ def _add_stuck(sliders: Any, slides: Any, j: int, segments: Any, count: int, s: 
         at: Any = np.int64(0)
         for i in range(count if sliders.element[q] == j else 0):
             points = int(segments[i, 2]) * s
-            if sticks_at(slides, q, _middle(segments, i)):
+            if sticks_at(slides.number[q], slides.begin[q], slides.kind[q], _middle(segments, i)):
                 for n in range(at, at + points):
                     k[n] += sliders.k[q]
             at += points
@@ -350,7 +351,7 @@ def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: An
     """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors."""
     workspace.memory[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
-        workspace.stuck[i] = sticks_at(slides, i, phase)
+        workspace.stuck[i] = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
         workspace.memory[i, r + i] = 1.0 if slides.slips[i] else 0.0
 
 
@@ -359,10 +360,10 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
     """Set the states of the sliders in a segment, and their forces on the ports."""
     workspace.pull[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
-        sticks = sticks_at(slides, i, phase)
+        sticks = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
         p = _port_of(modes.ports, sliders.element[i])
         if sticks and not workspace.stuck[i]:
-            _observe(modes, p, workspace, workspace.memory[i])
+            _observe(modes.output, p, workspace.state, workspace.memory[i])
         workspace.stuck[i] = sticks
         for n in range(workspace.pull.shape[1] if sticks and p >= 0 else 0):
             workspace.pull[p, n] += sliders.k[i] * workspace.memory[i, n]
@@ -378,13 +379,13 @@ def _port_of(ports: Any, j: int) -> int:
 
 
 @kernel
-def _observe(modes: Any, p: int, workspace: Any, out: Any) -> None:
+def _observe(output: Any, p: int, state: Any, out: Any) -> None:
     """Store the displacement of a port in all columns of the state."""
-    q, state = modes.poles.shape[0], workspace.state
+    q = output.shape[1]
     for n in range(out.shape[0]):
         out[n] = 0.0
     for k in range(q if p >= 0 else 0):
-        a, b = modes.output[p, k].real, modes.output[p, k].imag
+        a, b = output[p, k].real, output[p, k].imag
         for n in range(out.shape[0]):
             out[n] += a * state[k, n] - b * state[q + k, n]
 
@@ -394,21 +395,12 @@ def _end_memory(sliders: Any, modes: Any, r: int, factor: float, workspace: Any,
     """Store the disturbances of the sliders at the end of the period in the last rows of the monodromy matrix."""
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
-            _observe(modes, _port_of(modes.ports, sliders.element[i]), workspace, workspace.memory[i])
+            _observe(modes.output, _port_of(modes.ports, sliders.element[i]), workspace.state, workspace.memory[i])
         for n in range(out.shape[1]):
             out[r + i, n] = factor * workspace.memory[i, n]
 
 
-@kernel
-def _subtract_pull(sliders: Any, workspace: Any) -> None:
-    """Subtract the forces k y of the sliders from D R z_0."""
-    u, pull = workspace.u, workspace.pull
-    for i in range(u.shape[0]):
-        for n in range(u.shape[1]):
-            u[i, n] -= pull[i % pull.shape[0], n]
-
-
-@kernel
+@inlined
 def monodromy(
     sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, workspace: Any,
     out: Any,
@@ -435,7 +427,7 @@ def monodromy(
         moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
         _fill_step_matrices(modes, L, workspace)
         for _ in range(int(segments[i, 2])):
-            _solve_collocation(sliders, workspace, step)
+            _solve_collocation(workspace, step)
             _propagate(turns[s], state)
             _add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
@@ -519,10 +511,11 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[i, j] += a * B[k, j]
 
 
-@kernel
-def _solve_collocation(sliders: Any, workspace: Any, step: int) -> None:
+@inlined
+def _solve_collocation(workspace: Any, step: int) -> None:
     """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``shown`` D R."""
     D, A, R, M, shown, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.shown, workspace.u
+    pull = workspace.pull
     n, g = u.shape[0], D.shape[3]
     for i in range(n):
         for o in range(D.shape[0]):
@@ -535,10 +528,9 @@ def _solve_collocation(sliders: Any, workspace: Any, step: int) -> None:
         for j in range(u.shape[1]):
             u[i, j] = 0.0
     _add_product(shown, workspace.state, 1.0, u)
-    _subtract_pull(sliders, workspace)
     for i in range(n):
         for j in range(u.shape[1]):
-            M[i, n + j] = u[i, j]
+            M[i, n + j] = u[i, j] - pull[i % g, j]
     solve_in_place(M)
     for i in range(n):
         for j in range(u.shape[1]):
@@ -624,8 +616,7 @@ def monodromies(
     work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
     theta, segments = segment_arrays(packed, space)
     number = slider_count(packed.sliders)
-    short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
-    long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
+    workspace = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     for p in range(X.shape[0]):
         coefficients, omega = X[p].reshape(m, -1), Omega[p] / nu
         rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
@@ -635,13 +626,9 @@ def monodromies(
         if count > most:
             return count
         segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)
-        if which == 0 and steps > short.D.shape[1]:
-            short = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1, number)
-        if which == 1 and steps > long.D.shape[1]:
-            long = monodromy_workspace(modes, size, schemes[1][0].shape[0], 2 * steps, 1, number)
-        workspace, x, L = short, schemes[0][0], schemes[0][1]
-        if which == 1:
-            workspace, x, L = long, schemes[1][0], schemes[1][1]
+        x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
+        if steps > workspace.D.shape[1] or x.shape[0] != workspace.D.shape[2]:
+            workspace = monodromy_workspace(modes, size, x.shape[0], 2 * steps, 1, number)
         fill_stiffness_modulation(packed, coefficients, modes.ports, segments, segment_count, x, space, workspace)
         monodromy(packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
     return 0.0

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 
 INVERSE_FACTORIALS = np.array([1.0 / math.factorial(n) for n in range(100)])
 """1 / n! of n = 0, ..., 99."""
@@ -54,7 +54,7 @@ def phi(z: ComplexArray, out: ComplexArray) -> None:
                 out[p + 1, i] = (out[p, i] - INVERSE_FACTORIALS[p]) * inverse
 
 
-@kernel
+@inlined
 def moments(poles: ComplexArray, h: float, c: Array, turns: ComplexArray, work: ComplexArray) -> None:
     """Compute the response of modes to monomials in a step of length h, up to c_i h.
 

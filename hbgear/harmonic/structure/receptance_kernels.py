@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 
 
 @kernel
@@ -129,7 +129,7 @@ def fill_linear_part(
             matrices[0, k, i, i] -= springs[0, i]
 
 
-@kernel
+@inlined
 def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
     """Fill matrices with Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders; nan where G is singular."""
     K, m = orders.shape[0], matrices.shape[2]
