@@ -34,6 +34,19 @@ def test_points_between_two_folds_of_a_stop_are_unstable():
     assert max(one.off - 3 * one.error for one in decided if np.isfinite(one.error)) <= 1e-7
 
 
+def test_errors_of_multipliers_hold_on_a_curve_that_is_steep_in_omega():
+    """The motion changes by a quarter of its size within 2e-5, and refined motions were compared 2e-5 away from Omega.
+
+    Stated errors were up to 500 times too small, where the difference of the multipliers changes its sign.
+    """
+    stop = Stop(0.04, 16.237767391887218, 0.0, 0.1)
+    curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (0.8067, 0.806), special=False, cover=False)
+    held = [one for one in compared(stop, curve, 3) if one.right]
+    assert len(held) > 15 and all(one.verdict == "stable" == one.right for one in held)
+    assert np.mean([one.off > 1e-6 for one in held]) > 0.5
+    assert max(one.off - 3 * one.error for one in held) <= 1e-7
+
+
 def test_a_hard_stop_is_decided_right_or_not_at_all():
     """k = 1e5, where multipliers of the balance are wrong by 3.5 though its motion seems accurate to 1e-4.
 

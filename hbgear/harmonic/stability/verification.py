@@ -19,9 +19,9 @@ For every point of a curve:
    multipliers of hard stops change by more than ten thousand times the relative error of the motion.
 3. **Refinement.** A point is refined if its error reaches the circle, its contacts are too short for H harmonics, or it
    is flagged. With piecewise-linear laws the exact motion is computed (`hbgear.harmonic.instants`), whose multipliers
-   have no truncation error. With other laws, or where that fails, more harmonics are used. Both are solved at the same
-   value of the parameter. Where no motion exists there, because truncation has displaced a fold, the parameter is free,
-   and the refined motion must lie on the same side of the fold as the point.
+   have no truncation error. With other laws, or where that fails, more harmonics are used, and the error covers the
+   change of the multipliers. Both are solved at the same value of the parameter, and must lie on the same side of a
+   fold as the point. Where no motion exists there, because truncation has displaced a fold, the parameter is free.
 4. **Undecided points.** A point that is still uncertain gets a ``modulus_error`` that reaches the circle.
 """
 
@@ -37,7 +37,8 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.events.accuracy import is_under_resolved
-from hbgear.continuation.numerics.linear import norm, norms
+from hbgear.continuation.numerics.linear import norm, norms, solve_linear
+from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
@@ -404,8 +405,10 @@ def _with_more_harmonics(
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
         X, values[name] = _at_fixed_parameter(finer, X, values[name], name, here)
-        problem = finer
-        stability = _stability_at(problem, X, name, values, expected if values[name] != here[name] else 0)
+        problem, coarse = finer, _modulus(stability.multipliers)
+        stability = _stability_at(problem, X, name, values, expected)
+        change = REFINED_ERROR_RATIO * abs(float(_modulus(stability.multipliers) - coarse))
+        stability = stability._replace(error=max(stability.error, change))
         if stability.determined:
             break
     return stability
@@ -429,18 +432,37 @@ def _at_fixed_parameter(
     """Return the motion at the parameter value of the point, if there is one next to a motion X at another value.
 
     Close to a fold, where there may be none, multipliers change so fast with the parameter that the small difference
-    matters.
+    matters. The curve is followed from X by tangent and Newton's method. It may be so steep that the motion changes by
+    a quarter of its size while the parameter changes by 2e-5, where Newton's method from X does not converge.
     """
+    fixed, at, change = X, dict(here), here[name] - value
     try:
-        fixed = solve(problem, X, dict(here)).X
+        for i in range(STEPS_ALONG_CURVE):
+            at[name] = value + change * i / STEPS_ALONG_CURVE
+            now = linearise(problem, fixed, name, at)
+            predicted = fixed - solve_linear(now.dR_dX, now.dR_dp) * (change / STEPS_ALONG_CURVE)
+            at[name] = value + change * (i + 1) / STEPS_ALONG_CURVE
+            fixed = solve(problem, predicted, at).X
+            if not norm(fixed - predicted) <= MAX_CORRECTION * problem.solution_norm(X):
+                return X, value
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return X, value
-    is_near = norm(fixed - X) <= MAX_SHIFT_ALONG_CURVE * problem.solution_norm(X)
-    return (fixed, here[name]) if is_near else (X, value)
+    return fixed, here[name]
 
 
-MAX_SHIFT_ALONG_CURVE = 0.05
-"""Distance of two motions, relative to their size, up to which one lies a little farther along the curve."""
+REFINED_ERROR_RATIO = 1 / 3
+"""Error with 2H harmonics over its change from H to 2H, for errors of order H^-2.
+
+The difference with and without the excited harmonics changes its sign along a curve, so it alone may vanish by chance.
+"""
+
+
+STEPS_ALONG_CURVE = 2
+"""Number of steps from a refined motion to the parameter value of its point; one is too long on the steepest curves."""
+
+
+MAX_CORRECTION = 0.05
+"""Distance of a motion from its prediction by the tangent, relative to its size, up to which it lies on the curve."""
 
 
 def _plain_multipliers(
