@@ -189,6 +189,7 @@ def test_a_collision_on_the_first_segment():
     assert max(outside) == 2
     assert collisions(mu, np.ones(3)) == [(0, (1 + int(np.argmax(outside))) / 8)]
     assert collisions(mu * np.exp(-2 * unit), np.ones(3)) == []  # too far within the circle
+    assert collisions(np.insert(mu, 2, mu[2], axis=0), np.array([1.0, 1.0, 1e-20, 1.0])) == []  # two points coincide
 
 
 # ---- even numbers of crossings between points of a curve

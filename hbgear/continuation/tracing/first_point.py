@@ -19,16 +19,18 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, normal_of, point_along, point_from_solution
+from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.corrector import correct
-from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at, solve
+from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solution_at, solve
 from hbgear.continuation.tracing.state import TraceSetup, TraceState
 
 MIN_STEP_RATIO = 1e-4
@@ -39,6 +41,9 @@ VERTICAL_SLOPE = 1e-10
 
 DOMINANT_TERM_RANGE = 0.5, 3.0
 """Range of s p'(s) / (p(s) - p_0) in which the first non-zero term dominates."""
+
+SAME_SOLUTION = 0.05
+"""Distance, relative to their norm, up to which initial solutions of two searches are the same."""
 
 
 class ArbitrarySolutionError(NoConvergence):
@@ -133,6 +138,9 @@ def _initial_solution(setup: TraceSetup, value: float, X: Array, check_uniquenes
     name, newton, here = setup.name, setup.settings.newton, setup.parameters_at(value)
     original, problem = setup.problem, setup.problem.with_borders_at(X, here)
     solution = solve(problem, X, here, name, newton)
+    if check_uniqueness and problem.changes:
+        problem, solution = _search_resolved(problem, solution, name, here, newton)
+        original = problem
     finer = problem.resolved(solution.X, here)
     if finer is not problem:
         solution = solve(finer, solution.X, here, name, newton)
@@ -141,6 +149,29 @@ def _initial_solution(setup: TraceSetup, value: float, X: Array, check_uniquenes
     if family is not None:
         raise ArbitrarySolutionError(solution.X, here, *family)
     return TraceState(setup, problem, original), solution
+
+
+def _search_resolved(
+    problem: ContinuationProblem, solution: Solution, name: str, here: dict[str, float], newton: NewtonSettings
+) -> tuple[ContinuationProblem, Solution]:
+    """Search an initial solution with more unknowns until it does not depend on their number, and return its problem.
+
+    With an adaptive resolution the search begins with few unknowns, with which there may be other solutions than with
+    many: the solution that is found with more unknowns must be the one that Newton's method finds from the first one.
+    """
+    while True:
+        finer = problem.adapted(problem.observe(solution.X, False, **here))
+        if finer is None or finer.size is None or problem.size is None or finer.size <= problem.size:
+            return problem, solution
+        try:
+            found = solve(finer, finer.start(**here), here, name, newton)
+        except NoConvergence:
+            return problem, solution
+        previous, problem, solution = solution, finer, found
+        with suppress(NoConvergence):
+            refined = solve(finer, finer.resized(previous.X), here, name, newton)
+            if norm(refined.X - found.X) <= SAME_SOLUTION * finer.solution_norm(found.X):
+                return problem, solution
 
 
 def _initial_point(state: TraceState, solution: Solution) -> CurvePoint:

@@ -69,12 +69,12 @@ def collisions(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     points = np.clip(segments - 1, 0, len(mu) - count)[:, None] + np.arange(count)
     sizes = _groups(np.abs(largest)[points])
     sizes[(np.abs(largest[points, 0]) > MAX_MODULUS_RANGE).any(axis=1)] = 0
+    position = np.append(0.0, np.cumsum(length))
+    sizes[(np.diff(position[points], axis=1) <= 0.0).any(axis=1)] = 0  # points that coincide up to rounding
     found = []
     for k in np.unique(sizes[sizes > 0]):
         some = sizes == k
-        between = _interpolated_multipliers(
-            largest[:, :k], np.append(0.0, np.cumsum(length)), segments[some], points[some]
-        )
+        between = _interpolated_multipliers(largest[:, :k], position, segments[some], points[some])
         changed = np.abs(
             np.count_nonzero(np.abs(between) > 1 + STABILITY_TOLERANCE, axis=2) - outside[segments[some], None]
         )

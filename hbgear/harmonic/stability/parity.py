@@ -80,10 +80,12 @@ class Parity:
     ) -> bool:
         """Return whether both determinants at a motion X (n,) agree with its multipliers (r,).
 
-        expected : required parity of the multipliers, unless it is 0; see `expected`.
+        expected : required parity of the multipliers, unless it is 0; see `expected`. A multiplier within
+        `STABILITY_TOLERANCE` of +1 may be on either side.
         """
         beyond = count_beyond(multipliers)
-        if expected and expected != 1 - 2 * (beyond[0] % 2):
+        margins = (-STABILITY_TOLERANCE, STABILITY_TOLERANCE)
+        if expected and all(expected != 1 - 2 * (count_beyond(multipliers, each)[0] % 2) for each in margins):
             return False
         sign = int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", parameters).dR_dX))[0])
         if self.mismatch(multipliers[None], np.array([sign]))[0]:
