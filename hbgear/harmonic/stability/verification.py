@@ -103,7 +103,9 @@ def verify_multipliers(
     flagged = parity.mismatch(multipliers, signs) | np.array(
         [observed[i].get("contradicts", False) for i in known.tolist()]
     )
-    flagged |= _has_hard_short_intervals(problem, X[known], name, values[known], parameters, multipliers)
+    regime = np.array([observed[i]["regime"] for i in known.tolist()])
+    intervals = _shortest_intervals(problem, X[known], regime, {**parameters, name: float(values[known[0]])})
+    flagged |= _is_hard(problem, intervals, name, values[known], parameters, multipliers)
     reachable = may_reach(multipliers, MAX_SENSITIVITY * relative_errors) | flagged
     if not reachable.any():
         return
@@ -114,13 +116,10 @@ def verify_multipliers(
         plain = _plain_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
         return difference_of(multipliers[rows], plain)
 
-    regime = np.array([observed[i]["regime"] for i in selected.tolist()])
-    errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime, differences)
+    errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime[reachable], differences)
     distance = np.abs(_modulus(multipliers) - 1.0)
     uncertain = flagged | (distance <= errors)
-    short = (distance <= wide) & _has_short_intervals(
-        problem, X[selected], {**parameters, name: float(values[selected[0]])}, SHORT_INTERVAL
-    )
+    short = (distance <= wide) & (intervals[reachable] < SHORT_INTERVAL)
     for i, record, error in zip(selected.tolist(), multipliers, errors.tolist(), strict=True):
         observed[i]["multipliers"], observed[i]["modulus_error"] = record, error
     for k in np.flatnonzero(uncertain | short).tolist():
@@ -188,8 +187,9 @@ def _estimate_errors(
     remaining = np.flatnonzero(uncertain)
     if remaining.size:
         estimated[:, remaining] = np.array(differences(remaining))
-    wide = Difference(*(SENSITIVITY_MARGIN * estimated))
-    return estimate_multiplier_error(mu, Difference(*estimated)), estimate_multiplier_error(mu, wide)
+    both = Difference(*np.hstack([estimated, SENSITIVITY_MARGIN * estimated]))
+    errors, wide = np.split(estimate_multiplier_error(np.vstack([mu, mu]), both), 2)
+    return errors, wide
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
@@ -251,12 +251,14 @@ def _has_constant_stiffness(problem: Any, here: Mapping[str, float]) -> bool:
     )
 
 
-def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:
-    """Return whether motions X (k, n) have contacts or flights shorter than some periods of the highest harmonic.
+def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, here: dict[str, float]) -> Array:
+    """Return the shortest contacts or flights (k,) of motions X (k, n), in periods of the highest harmonic.
 
-    The result is False unless all laws are piecewise linear with constant stiffness, because only such motions are
-    refined exactly at little cost.
+    regime (k, m) : number of breakpoints that each element passes. The result is inf if no element passes one, and
+    unless all laws are piecewise linear with constant stiffness, because only such motions are refined exactly at
+    little cost.
     """
+    periods = np.full(len(X), np.inf)
     compiled = problem.compiled(here)
     if (
         compiled.aft_laws
@@ -264,20 +266,22 @@ def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods
         or not len(compiled.breakpoints)
         or not _has_constant_stiffness(problem, here)
     ):
-        return np.zeros(len(X), dtype=bool)
-    short: NDArray[np.bool_] = shortest_intervals(compiled, X) < periods * 2 * np.pi / problem.H
-    return short
+        return periods
+    passes = np.any(regime > 0, axis=1)
+    if passes.any():
+        periods[passes] = shortest_intervals(compiled, X[passes]) * problem.H / (2 * np.pi)
+    return periods
 
 
-def _has_hard_short_intervals(
-    problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float], multipliers: ComplexArray
+def _is_hard(
+    problem: Any, intervals: Array, name: str, values: Array, parameters: Mapping[str, float], multipliers: ComplexArray
 ) -> NDArray[np.bool_]:
-    """Return whether motions X (k, n) have unresolved contacts or flights that can change the stability.
+    """Return whether the shortest contacts or flights (k,) are unresolved and can change the stability.
 
     A contact of stiffness k and duration delta changes multipliers by about (k / m) delta / Omega^2. A soft one at a
     grazing needs no refinement if the multipliers are far from the unit circle.
     """
-    short = _has_short_intervals(problem, X, {**parameters, name: float(values[0])}, UNRESOLVED_INTERVAL)
+    short: NDArray[np.bool_] = intervals < UNRESOLVED_INTERVAL
     if short.any():
         compiled = problem.compiled({**parameters, name: float(values[0])})
         system, Omega = compiled.system, values if name == "Omega" else parameters["Omega"]
@@ -285,7 +289,7 @@ def _has_hard_short_intervals(
             return short
         mobility = np.einsum("ij,ij->j", system.W, np.linalg.solve(dense(system.M), system.W))
         rate = max(abs(k * law.reference) for k, law in zip(mobility.tolist(), compiled.laws, strict=True))
-        effect = rate * problem.nu * shortest_intervals(compiled, X) / np.square(Omega)
+        effect = rate * problem.nu * intervals * (2 * np.pi / problem.H) / np.square(Omega)
         short &= effect > np.abs(_modulus(multipliers) - 1.0)
     return short
 
