@@ -10,13 +10,14 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
 from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Ordinate, usual_measure
-from hbgear.common.text.digits import concise, rounded
+from hbgear.common.text.digits import concise, outward, rounded
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
@@ -122,7 +123,49 @@ def special_table(
          event_description(branch, point)]
         for point in branch.special
     ]  # fmt: skip
-    return ["", *position_headers(branch, dimensionless), height.header(branch), "regime", "event"], rows
+    headers = ["", *position_headers(branch, dimensionless), height.header(branch), "regime", "event"]
+    if any(point.certificate for point in branch.special):
+        headers.append(certified_header(branch, dimensionless))
+        for row, point in zip(rows, branch.special, strict=True):
+            row.append(certified_text(branch, point, dimensionless))
+    return headers, rows
+
+
+def certified_header(branch: Branch, dimensionless: bool = False) -> str:
+    """Return the header of the values of `certified_text`."""
+    speeds = [] if dimensionless else list(speeds_of(branch, branch[0]))
+    return f"certified {speeds[-1] if speeds else 'Omega'}"
+
+
+def certified_text(branch: Branch, point: SpecialPoint, dimensionless: bool = False) -> str:
+    """Return the certified enclosure of the speed of a special point, or of Omega; empty without a certificate.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of the point.
+    point : SpecialPoint
+        Special point.
+    dimensionless : bool, optional
+        Whether Omega is shown although the model has scales; default False.
+
+    Returns
+    -------
+    str
+        Two decimals, rounded outward. A speed is the product of the enclosure and the scale of the model.
+    """
+    if not point.certificate:
+        return ""
+    return " to ".join(certified_bounds(branch, point, point.certificate["Omega"], dimensionless))
+
+
+def certified_bounds(
+    branch: Branch, point: Point, Omega: Sequence[str], dimensionless: bool = False
+) -> tuple[str, str]:
+    """Return the bounds of Omega at a point in the quantity of `certified_header`, rounded outward to 17 digits."""
+    speeds = [] if dimensionless else list(speeds_of(branch, point).values())
+    scale = Decimal(speeds[-1] / point.parameters["Omega"]) if speeds else Decimal(1)
+    return outward(Decimal(Omega[0]) * scale, Decimal(Omega[1]) * scale)
 
 
 def jump_table(

@@ -372,7 +372,7 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, across: Abscissa, height: Ordin
 
 
 def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbered: bool = False) -> None:
-    """Draw symbols of the special points; all but grazing points have labels, folds on the free side of the curve."""
+    """Draw symbols of the special points, filled if certified; all but grazing points have labels."""
     from hbgear.plot.labels import labels_of
 
     labels = labels_of(ax)
@@ -380,8 +380,9 @@ def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbere
     for point in map(named, branch.special):
         x, y = point.parameters[branch.parameter], height.at(point, branch)
         (line,) = ax.plot(
-            across.scale * x, y, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
-            markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
+            across.scale * x, y, point.marker, markersize=4.5, markeredgecolor="black",
+            markerfacecolor="black" if point.certificate else "white", zorder=4, gid=point.label,
+            markeredgewidth=1.6 if point.certificate else 0.9, label=legend_entry(point),
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
@@ -418,7 +419,7 @@ def _enlarge(
     _curve(zoomed, branch, x, amplitude, element, color, None)
     for point in map(named, branch.special):
         at = (across.scale * point.parameters[branch.parameter], float(amplitude[point.index]))
-        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
+        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     points = slice(first, last + 1)
     for values, limits in ((x[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):

@@ -64,7 +64,8 @@ def legend_entry(event: Event | SpecialPoint) -> str:
     'too large (limit)'
     """
     meaning = event.meaning.partition(": ")[0]
-    return meaning if meaning == event.kind else f"{meaning} ({event.kind})"
+    kind = "" if meaning == event.kind else f" ({event.kind})"
+    return f"{meaning}{kind}{', certified' if getattr(event, 'certificate', None) else ''}"
 
 
 MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}

@@ -18,7 +18,15 @@ import numpy as np
 from hbgear.analysis.jump_landings import Landing, landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate, in_figure
 from hbgear.analysis.quantities.engineering_quantities import problem_along
-from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, summary_facts
+from hbgear.analysis.summary import (
+    certified_header,
+    certified_text,
+    jump_table,
+    message_of,
+    reliability_lines,
+    special_table,
+    summary_facts,
+)
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import in_html, unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
@@ -313,6 +321,7 @@ def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[di
         out.append({
             "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
             "index": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "stability": point.stability,
+            "certified": f"{certified_header(branch)}: {certified_text(branch, point)}" if point.certificate else "",
         })  # fmt: skip
     return out
 

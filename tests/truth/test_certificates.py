@@ -7,8 +7,10 @@ stop from a code with 30 digits. A claim whose motion, contact order or model is
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import math
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -262,15 +264,72 @@ def test_the_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, spur: hb.
         certify(spur["LP1"])
 
 
-def test_the_command_saves_proofs_and_states_what_fails(tmp_path: Path) -> None:
+def test_a_certificate_is_saved_with_its_curve(spur: hb.Branch, fold: Certificate, tmp_path: Path) -> None:
+    certified = fold.attached_to(spur)
+    certified.save(tmp_path / "pair.npz")
+    loaded = hb.load(tmp_path / "pair.npz")
+    again = Certificate.from_dict(loaded["LP1"].certificate)
+    assert again.Omega == fold.Omega and again.claim == fold.claim and again.verify().stable
+    assert loaded["LP2"].certificate is None and spur["LP1"].certificate is None
+    with pytest.raises(ValueError, match=r"fold LP1 .* fits no special point"):
+        fold.attached_to(hb.trace(hb.HarmonicBalance(hb.SpurPair(F_m=0.2), 4), "Omega", (0.9, 0.85)))
+
+
+@pytest.mark.parametrize(
+    "change", [{"format": "1"}, {"kind": "XX"}, {"Omega": ["0.7", "nan"]}, {"Omega": ["0.7"]}, {"claim": {}}]
+)
+def test_a_damaged_certificate_in_a_file_is_refused(
+    spur: hb.Branch, fold: Certificate, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    damaged = dataclasses.replace(spur["LP1"], certificate=fold.to_dict() | change)
+    dataclasses.replace(spur, special=(damaged,)).save(tmp_path / "pair.npz")
+    with pytest.raises(ValueError, match="certificate"):
+        hb.load(tmp_path / "pair.npz")
+
+
+def test_tables_figures_and_pages_mark_certified_points(spur: hb.Branch, fold: Certificate) -> None:
+    from hbgear.analysis.summary import special_table
+    from hbgear.io.branches.columns import columns_of
+    from hbgear.web.view import views
+
+    certified = fold.attached_to(spur)
+    headers, rows = special_table(certified)
+    enclosure = "0.70803161872183103 to 0.70803161872183104"
+    assert headers[-1] == "certified Omega" and [row[-1] for row in rows if row[0] in SPUR_FOLDS] == [enclosure, ""]
+    assert special_table(spur)[0] == headers[:-1]
+    lower = columns_of(certified)["certified_lower"].values
+    assert [text for text in lower if text] == [fold.Omega[0]] and "certified_lower" not in columns_of(spur)
+    texts = {point["label"]: point["certified"] for point in views([certified], [""])[0]["special"]}
+    assert texts["LP1"] == f"certified Omega: {enclosure}" and texts["LP2"] == ""
+    axes = hb.plot.response(certified)
+    filled = {line.get_gid(): line.get_markerfacecolor() for line in axes.get_lines() if line.get_gid() in SPUR_FOLDS}
+    assert filled == {"LP1": "black", "LP2": "white"}
+    assert sum("certified" in text for text in axes.get_legend_handles_labels()[1]) == 1
+
+
+def test_the_enclosure_of_a_speed_contains_the_speed() -> None:
+    """A speed is Omega times a scale, rounded outward; the bounds have the width of the last of 17 digits."""
+    from hbgear.common.text.digits import outward
+
+    low, high = outward(Decimal("7080.31618721831030101"), Decimal("7080.31618721831030102"))
+    assert (low, high) == ("7080.3161872183103", "7080.3161872183104")
+    assert outward(Decimal(-2), Decimal(-2)) == ("-2", "-2")
+
+
+def test_the_command_writes_proofs_into_the_file_and_states_what_fails(tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
     from hbgear.cli.app import app
 
     hb.trace(hb.HarmonicBalance(hb.SpurPair(), 16), "Omega", (0.9, 0.6)).save(tmp_path / "pair.npz")
-    done = CliRunner().invoke(app, ["certify", str(tmp_path / "pair.npz"), "LP1"])
+    before = hb.load(tmp_path / "pair.npz")
+    done = CliRunner().invoke(app, ["certify", str(tmp_path / "pair.npz"), "LP1", "-o", str(tmp_path / "LP1.json")])
     assert done.exit_code == 0 and "Proved:" in done.output and "0.70803161872183103" in done.output
-    assert Certificate.load(tmp_path / "pair.LP1.json").verify().stable
+    after = hb.load(tmp_path / "pair.npz")
+    assert (after.X == before.X).all() and after.meta == before.meta
+    assert Certificate.from_dict(after["LP1"].certificate).verify().stable
+    assert Certificate.load(tmp_path / "LP1.json").to_dict() == after["LP1"].certificate
+    assert "certified Omega" in CliRunner().invoke(app, ["info", str(tmp_path / "pair.npz")]).output
     hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6)).save(tmp_path / "duffing.npz")
     refused = CliRunner().invoke(app, ["certify", str(tmp_path / "duffing.npz"), "LP1"])
     assert refused.exit_code == 1 and not (tmp_path / "duffing.LP1.json").exists()

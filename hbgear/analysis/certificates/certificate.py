@@ -6,20 +6,35 @@ all that the proof needs; enclosures, multipliers and the sentence follow from t
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from hbgear.analysis.certificates.proof import prove
 from hbgear.common.atomic_write import atomic_write
+from hbgear.common.text.messages import shortened
+from hbgear.continuation.results.branch import Branch
 
 FORMAT = "hbgear certificate, version 1"
 """First entry of a file."""
 
 NAMES = {"motion": "periodic motion", "LP": "fold", "PD": "period doubling", "GR": "grazing point"}
 """Names of the kinds of points."""
+
+
+MAX_FREQUENCY_CHANGE = 1e-2
+"""Largest relative distance of the certified Omega from that of the point: beyond it, it is another point."""
+
+
+def _decimals(texts: Any, count: int) -> Any:
+    """Return decimals as texts; raises if one of them is no finite decimal."""
+    if len(texts) != count or not all(isinstance(text, str) and Decimal(text).is_finite() for text in texts):
+        raise ValueError(f"{shortened(repr(texts))} are not {count} decimals")
+    return tuple(texts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,6 +137,45 @@ class Certificate:
         proof = prove(claim)
         return Certificate(kind=claim["kind"], label=label, claim=claim, **proof._asdict())
 
+    def attached_to(self, branch: Branch) -> Branch:
+        """Return a branch whose special point has this certificate; files, tables and figures then show it.
+
+        Parameters
+        ----------
+        branch : Branch
+            Branch with the special point that was certified.
+
+        Returns
+        -------
+        Branch
+            The same branch; ``branch["LP1"].certificate`` is the certificate as plain data, see `from_dict`.
+
+        Raises
+        ------
+        ValueError
+            If the branch has no special point of this label, kind and frequency.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> curve = hb.trace(hb.ContactInstants(hb.SpurPair()), "Omega", (0.9, 0.6))
+        >>> curve = hb.analysis.certify(curve["LP1"]).attached_to(curve)
+        >>> hb.analysis.Certificate.from_dict(curve["LP1"].certificate).stable
+        True
+        """
+        Omega = float(self.Omega[0])
+        for i, point in enumerate(branch.special):
+            distance = abs(point.parameters.get("Omega", float("inf")) - Omega)
+            if (point.label, point.kind) == (self.label, self.kind) and distance <= MAX_FREQUENCY_CHANGE * Omega:
+                certified = dataclasses.replace(point, certificate=self.to_dict())
+                special = (*branch.special[:i], certified, *branch.special[i + 1 :])
+                return dataclasses.replace(branch, special=special)
+        labels = ", ".join(point.label for point in branch.special) or "none"
+        raise ValueError(
+            f"the certificate of a {NAMES[self.kind]} {self.label or 'without a label'} at Omega = {Omega:.8g} fits no "
+            f"special point of the branch ({labels}); attach it to the branch of the point"
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Return the certificate as plain data."""
         return {
@@ -140,14 +194,20 @@ class Certificate:
         ValueError
             If the data are not those of a certificate.
         """
-        if data.get("format") != FORMAT:
-            raise ValueError(f"format = {data.get('format')!r}: need '{FORMAT}'")
-        return Certificate(
-            kind=data["kind"], label=data["label"], Omega=(data["Omega"][0], data["Omega"][1]),
-            instants=tuple((a, b) for a, b in data["instants"]),
-            multipliers=tuple((a, b, c) for a, b, c in data["multipliers"]),
-            stable=data["stable"], uniqueness=data["uniqueness"], claim=data["claim"],
-        )  # fmt: skip
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            found = data.get("format") if isinstance(data, dict) else data
+            raise ValueError(f"format = {shortened(repr(found))}: need '{FORMAT}'")
+        try:
+            made = Certificate(
+                kind=data["kind"], label=str(data["label"]), Omega=_decimals(data["Omega"], 2),
+                instants=tuple(_decimals(each, 2) for each in data["instants"]),
+                multipliers=tuple(_decimals(each, 3) for each in data["multipliers"]),
+                stable=data["stable"], uniqueness=float(data["uniqueness"]), claim=dict(data["claim"]),
+            )  # fmt: skip
+            _ = NAMES[made.kind], made.statement  # which needs the rest of the data
+        except (KeyError, TypeError, InvalidOperation, ValueError) as error:
+            raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
+        return made
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the certificate to a JSON file.

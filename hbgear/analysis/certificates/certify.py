@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.certificates.ball_system import BallSystem, balls
-from hbgear.analysis.certificates.certificate import NAMES, Certificate
+from hbgear.analysis.certificates.certificate import MAX_FREQUENCY_CHANGE, NAMES, Certificate
 from hbgear.analysis.certificates.coefficients import coefficients_of, decimal
 from hbgear.analysis.certificates.conditions import NotCertifiedError
 from hbgear.analysis.certificates.krawczyk import Krawczyk, newton
@@ -33,9 +33,6 @@ from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import state_at
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.stability.exact_motion import exact_iterate
-
-MAX_FREQUENCY_CHANGE = 1e-2
-"""Largest relative distance of the certified Omega from that of the point: beyond it, it is another point."""
 
 DIGITS = 48
 """Digits of the center of a box."""

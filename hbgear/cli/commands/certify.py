@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 import hbgear as hb
+from hbgear.analysis.summary import certified_bounds, certified_header
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import check_writable, outputs
-from hbgear.cli.options import File, OwnModel
+from hbgear.cli.options import Dimensionless, File, OwnModel
 from hbgear.cli.output import print_message, print_table
 from hbgear.cli.support import load_with_problem, point_of
 
@@ -36,13 +37,15 @@ def certify(
     model: OwnModel = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help=".json, for a single point.", show_default="FILE.POINT.json"),
+        typer.Option("-o", "--output", help=".json: a single proof as a file of its own, for other programs."),
     ] = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Prove by ball arithmetic that points of a saved curve exist, are unique, and are stable or not.
 
-    Each proof is saved as exact decimals. Exit codes: 0 all points are certified, 1 a point is not certified (the
-    message states which condition fails), 2 bad input.
+    Proofs of special points are written into FILE as exact decimals; tables, figures, reports and the explorer then
+    show them. Exit codes: 0 all points are certified, 1 a point is not certified (the message states which condition
+    fails), 2 bad input.
     """
     check_writable(output, (".json",))
     branch = load_with_problem(file, model)
@@ -50,7 +53,7 @@ def certify(
     if output is not None and len(names) != 1:
         raise ValueError(f"--output {output}: {len(names)} points; give one POINT")
     chosen = [(name, point_of(branch, name, "POINT")) for name in names]
-    rows, failed = [], False
+    rows, failed, certified = [], False, branch
     with outputs() as out:
         for name, point in chosen:
             try:
@@ -59,12 +62,19 @@ def certify(
                 failed = True
                 print_message("error", f"{name}: {error}")
                 continue
-            out.write(output or file.with_suffix(f".{name}.json"), proof.save)
+            if output is not None:
+                out.write(output, proof.save)
+            if point.label:
+                certified = proof.attached_to(certified)
             stability = {True: "stable", False: "unstable", None: "undecided"}[proof.stable]
-            rows.append([name, *proof.Omega, stability, f"{proof.uniqueness:.0e}"])
+            bounds = certified_bounds(branch, point, proof.Omega, dimensionless)
+            rows.append([name, *bounds, stability, f"{proof.uniqueness:.0e}"])
             print(f"{name}: {proof.statement}")
+        if certified is not branch:
+            out.write(file, certified.save)
         if rows:
             print(proof.assumptions)
-            print_table(["point", "Omega from", "to", "multipliers", "unique within"], rows)
+            header = certified_header(branch, dimensionless).removeprefix("certified ")
+            print_table(["point", f"{header} from", "to", "multipliers", "unique within"], rows)
     if failed:
         raise typer.Exit(NOT_PROVED)

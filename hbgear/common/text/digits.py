@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 
 def rounded(value: float, digits: int) -> str:
@@ -35,3 +36,15 @@ def concise(value: float, error: float, most: int = 8) -> str:
     if place < 0:
         return f"{value:.{-place}f}({units})"
     return f"{round(value, -place):.0f}({units * 10**place})"
+
+
+def outward(low: Decimal, high: Decimal, digits: int = 17) -> tuple[str, str]:
+    """Return two decimals with a given count of significant digits that enclose an interval.
+
+    Examples
+    --------
+    >>> outward(Decimal("0.70803161"), Decimal("0.70803162"), 4)
+    ('0.7080', '0.7081')
+    """
+    down, up = Context(prec=digits, rounding=ROUND_FLOOR), Context(prec=digits, rounding=ROUND_CEILING)
+    return f"{down.plus(low):f}", f"{up.plus(high):f}"

@@ -272,6 +272,8 @@ class SpecialPoint(Point):
         Estimated error of its parameter value, nan if unknown.
     truncation : float
         Estimated truncation error of its solution, nan if unknown.
+    certificate : dict or None
+        Certificate of the point as plain data, see `hbgear.analysis.Certificate.attached_to`. None without one.
 
     Examples
     --------
@@ -292,6 +294,7 @@ class SpecialPoint(Point):
     marker: str = ""
     event: Any = None
     truncation: float = math.nan
+    certificate: dict[str, Any] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without the event, which may hold a function that cannot be pickled."""

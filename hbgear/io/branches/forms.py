@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.analysis.certificates.certificate import Certificate
 from hbgear.common.arrays import Array
 from hbgear.continuation.events.event import MARKERS, is_marker
 from hbgear.continuation.results.branch import Branch
@@ -223,6 +224,14 @@ def _plain(archive: Archive, value: Any, place: str) -> Any:
     return _object(*_FORMS)(archive, value, place) if "__class__" in value else _table(_plain)(archive, value, place)
 
 
+def _certificate(archive: Archive, value: Any, place: str) -> dict[str, Any]:
+    """Return the certificate of a special point; its proof is not repeated."""
+    try:
+        return Certificate.from_dict(_table(_plain)(archive, value, place)).to_dict()
+    except ValueError as error:
+        raise ValueError(f"{place}: {error}") from None
+
+
 _FLOATS = _tuple(_finite)
 
 
@@ -240,7 +249,8 @@ _FORMS: dict[type, dict[str, Form]] = {
                   "labels": _table(_text), "odd": _flag, "dense": _whole(1, 100)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
+                   "note": _text, "meaning": _text, "marker": _marker, "truncation": _number,
+                   "certificate": _optional(_certificate)},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
            "landing": _one_of((*LANDINGS, BIFURCATING)), "note": _text,

@@ -1,6 +1,6 @@
 """Branches as .npz files: a JSON header with all values except the arrays, which are stored under their path.
 
-header.npy    {"format": "hbgear branch", "schema": 4, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+header.npy    {"format": "hbgear branch", "schema": 5, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
 
 The header also has "motions", one entry for each curve of the span: names and coefficients of all coordinates, or null
@@ -29,12 +29,13 @@ from hbgear.harmonic.models import model_registry
 from hbgear.io.branches import forms
 from hbgear.io.branches.archive import Archive, archive_of
 
-SCHEMA = 4
+SCHEMA = 5
 """Number of the file format that `Branch.save` writes; `load` reads this and all earlier ones.
 
 1: special points without meaning and marker. 2: with them.
 3: with the other curves of the span, and statuses of later versions.
 4: with errors of special points, which may have more unknowns than their curve, and of multipliers.
+5: with certificates of special points.
 """
 
 

@@ -147,13 +147,15 @@ const hbgear = (() => {
     state.curves.forEach((curve, n) => {
       const y = sizes(curve);
       for (const point of curve.special) {
-        if (!kinds.has(point.kind)) kinds.set(point.kind, { point, x: [], y: [], text: [], hover: [], points: [] });
-        const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.index];
+        const key = `${point.kind} ${!!point.certified}`; // certified points have filled symbols and an entry of their own
+        if (!kinds.has(key)) kinds.set(key, { point, x: [], y: [], text: [], hover: [], points: [] });
+        const k = kinds.get(key), v = size(curve, point.sizes) ?? y[point.index];
         k.x.push(point.x); k.y.push(v); k.points.push([n, point.index]);
         k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // grazing points are many and have no label
         k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}${curve.xUnit || ""}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
-                     `<br>${state.measure} = ${short(v)}${unitOf(curve)}`);
+                     `<br>${state.measure} = ${short(v)}${unitOf(curve)}` +
+                     (point.certified ? `<br>${escaped(point.certified)}` : ""));
       }
     });
     placeLabels([...kinds.values()]);
@@ -161,12 +163,12 @@ const hbgear = (() => {
       x: k.x, y: k.y, text: k.text, hovertext: k.hover, customdata: k.points, mode: "markers+text", hoverinfo: "text",
       textposition: k.side, textfont: { size: 11, color: ink.text }, name: escaped(k.point.meaning),
       cliponaxis: false,
-      marker: markerOf(SYMBOL[k.point.marker] || "circle", ink),
+      marker: markerOf(SYMBOL[k.point.marker] || "circle", ink, k.point.certified),
     }));
   }
 
-  const markerOf = (symbol, ink) => ({ symbol, size: 9, color: symbol.endsWith("open") ? ink.text : ink.paper,
-                                       line: { color: ink.text, width: 1.4 } });
+  const markerOf = (symbol, ink, filled) => ({ symbol, size: 9, color: filled || symbol.endsWith("open") ? ink.text : ink.paper,
+                                       line: { color: ink.text, width: filled ? 2.4 : 1.4 } });
 
   const SIDES = [["top center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0], ["bottom center", 0, -1],
                  ["top right", 1, 1], ["top left", -1, 1], ["bottom right", 1, -1], ["bottom left", -1, -1]];
