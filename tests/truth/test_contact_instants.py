@@ -6,6 +6,8 @@ from the same physical model; the folds of the spur pair were enclosed in interv
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -129,3 +131,23 @@ def test_curve_from_a_file_is_solved_again(curve: hb.Branch, tmp_path) -> None:
 def test_smooth_law_is_refused() -> None:
     with pytest.raises(NotPiecewiseLinear, match="is not piecewise linear"):
         hb.ContactInstants(hb.Duffing())
+
+
+@pytest.mark.parametrize("model", [stop(), hb.SpurPair(eps=(0.1,), e=(0.05,))], ids=["constant", "varying"])
+def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
+    """Central differences of the residual; the stop has a short contact whose equation is divided."""
+    from hbgear.harmonic.instants.corrector import CurveState
+    from hbgear.harmonic.instants.shooting import divided_equations, linearise
+
+    branch = hb.trace(hb.ContactInstants(model, 8), "Omega", (0.9, 0.84))
+    family = branch.problem.family("Omega", dict(branch.fixed))
+    states = [s for s in branch.problem.known.states if s.pattern.count > 1]
+    state = min(states, key=lambda s: abs(s.iterate.durations(2 * np.pi).min() - 0.05))
+    state = CurveState(state.pattern, state.z * (1 + 1e-3 * np.cos(np.arange(len(state.z)))), state.fixed)
+    at = family(state.value)
+    now = linearise(at, state.iterate)
+    assert divided_equations(state.iterate, at.period) or isinstance(model, hb.SpurPair)
+    for k in range(len(now.R)):
+        h = 1e-6
+        up, down = (linearise(at, state.moved(state.z + d * np.eye(len(state.z))[k]).iterate, False).R for d in (h, -h))
+        assert (up - down) / (2 * h) == pytest.approx(now.J[:, k], abs=1e-6 * np.abs(now.J).max())

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.harmonic.instants.equations import EquationsAt
+from hbgear.harmonic.instants.equations import Contacts, EquationsAt, Flow
 from hbgear.harmonic.instants.pattern import Switch
-from hbgear.harmonic.instants.propagation import growth, rates
+from hbgear.harmonic.instants.propagation import growth, growths, path, rates
 from hbgear.harmonic.instants.shooting import Iterate
 
 MAX_STEP_OF_FLOW = 0.5
@@ -46,27 +46,40 @@ class Samples(NamedTuple):
 def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list[MissedCrossing]]:
     """Return the gaps over a period, and the crossings for which the iterate has no switches."""
     durations, phases, gaps, missed = iterate.durations(equations.period), [], [], []
+    contacts = iterate.pattern.contacts
+    y = np.concatenate(
+        [iterate.x, equations.equations.functions(iterate.tau, [one.section for one in contacts])], axis=1
+    )
+    flows = [equations.flow(one) for one in contacts]
+    steps = [
+        min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(d * flow.rate / MAX_STEP_OF_FLOW)))
+        for d, flow in zip(durations, flows, strict=True)
+    ]
+    growing = growths(flows, iterate.tau, durations / steps)
     for i in range(iterate.pattern.count):
-        tau, segment_gaps, segment_missed = _sample_segment(equations, iterate, i, float(durations[i]))
+        tau = float(iterate.tau[i]) + float(durations[i]) * np.arange(steps[i] + 1) / steps[i]
+        states = _varying_states(flows[i], tau, y[i]) if flows[i].stiffness else path(growing[i], y[i], steps[i])
+        segment_gaps, segment_missed = _missed_crossings(equations, contacts[i], flows[i], tau, states)
+        tau, segment_gaps = tau[:-1], segment_gaps[:-1]
         phases.append(tau)
         gaps.append(segment_gaps)
         missed += segment_missed
     return Samples(np.concatenate(phases), np.concatenate(gaps)), missed
 
 
-def _sample_segment(
-    equations: EquationsAt, iterate: Iterate, i: int, duration: float
-) -> tuple[Array, Array, list[MissedCrossing]]:
-    """Return phases and gaps of segment i, and its missed crossings."""
-    contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
-    flow = equations.flow(contacts)
-    steps = min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(duration * flow.rate / MAX_STEP_OF_FLOW)))
-    tau, h = start + duration * np.arange(steps + 1) / steps, duration / steps
-    y = np.empty((steps + 1, len(flow.A)))
-    y[0] = equations.extended(iterate.x[i], start, contacts.section)
-    constant_growth = None if flow.stiffness else growth(flow, start, h)
-    for s in range(steps):
-        y[s + 1] = y[s] + (growth(flow, float(tau[s]), h) if constant_growth is None else constant_growth) @ y[s]
+def _varying_states(flow: Flow, tau: Array, start: Array) -> Array:
+    """Return the states (T, N) at equidistant phases (T,) from the first one, with varying stiffness."""
+    y = np.empty((len(tau), len(start)))
+    y[0], h = start, float(tau[1] - tau[0])
+    for s in range(len(tau) - 1):
+        y[s + 1] = y[s] + growth(flow, float(tau[s]), h) @ y[s]
+    return y
+
+
+def _missed_crossings(
+    equations: EquationsAt, contacts: Contacts, flow: Flow, tau: Array, y: Array
+) -> tuple[Array, list[MissedCrossing]]:
+    """Return the gaps (T, m) at phases (T,) of a segment with states (T, N), and its missed crossings."""
     rows = equations.gaps(contacts.section)
     gaps, slopes = y @ rows.T, rates(flow, tau, y) @ rows.T
     missed = []
@@ -79,7 +92,7 @@ def _sample_segment(
                 interval = _first_positive_interval(tau, beyond, side * slopes[:, j], rounding)
                 if interval is not None:
                     missed.append(MissedCrossing(*interval, Switch(j, breakpoint, side)))
-    return tau[:-1], gaps[:-1], missed
+    return gaps, missed
 
 
 def _first_positive_interval(tau: Array, h: Array, slope: Array, rounding: float) -> tuple[float, float] | None:

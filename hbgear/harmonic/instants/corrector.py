@@ -10,7 +10,8 @@ one radian, the parameter by the width of its span.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,8 +27,12 @@ Family = Callable[[float], EquationsAt]
 MAX_CORRECTOR_ITERATIONS = 12
 """Largest number of corrector iterations; a good prediction needs two to four."""
 
-CORRECTOR_TOLERANCE = 1e-10
-"""Scaled size of the last Newton step; the error after it is a thousandth of it or less."""
+CORRECTOR_TOLERANCE = 1e-7
+"""Scaled size of a Newton step after which the equations are linearised once more, and the state has one more step; its
+size is 1e-13 or less on the curves of hard stops."""
+
+MAX_FINAL_STEP = 1e-10
+"""Scaled size of the last step: the linearised equations of a point differ from its state by this distance."""
 
 PARAMETER_STEP = 1e-6
 """Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
@@ -59,7 +64,7 @@ class CurveState:
         """The parameter."""
         return float(self.z[-1])
 
-    @property
+    @cached_property
     def iterate(self) -> Iterate:
         """States and phases of the switches."""
         K = self.pattern.count
@@ -79,7 +84,7 @@ class CurveState:
 
     def moved(self, z: Array) -> CurveState:
         """Return the state with other values."""
-        return replace(self, z=z)
+        return CurveState(self.pattern, z, self.fixed)
 
     def phase_column(self, i: int) -> int:
         """Return the entry of z that is the phase of switch i."""
@@ -107,7 +112,7 @@ def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
     iterate, value = state.iterate, state.value
     now = linearise(family(value), iterate)
     h = PARAMETER_STEP * max(abs(value), 1e-3)
-    up, down = (linearise(family(value + d), iterate).R for d in (h, -h))
+    up, down = (linearise(family(value + d), iterate, False).R for d in (h, -h))
     return now, np.column_stack([now.J, (up - down) / (2 * h)])
 
 
@@ -136,7 +141,7 @@ def correct(
         bordered[:-1, :-1] = now.J
         if iteration <= UPDATES:
             h = FORWARD_STEP * max(abs(state.value), 1e-3)
-            bordered[:-1, -1] = (linearise(family(state.value + h), state.iterate).R - now.R) / h
+            bordered[:-1, -1] = (linearise(family(state.value + h), state.iterate, False).R - now.R) / h
         rhs = -np.append(now.R, row @ ((state.z - start) / scale))
         try:
             step = np.linalg.solve(bordered * scale, rhs) * scale
@@ -149,7 +154,10 @@ def correct(
         state = state.moved(state.z + factor * step)
         if factor == 1.0 and size <= CORRECTOR_TOLERANCE:
             now = linearise(family(state.value), state.iterate)
-            return state, now, np.column_stack([now.J, bordered[:-1, -1]]), iteration
+            bordered[:-1, :-1] = now.J
+            step = np.linalg.solve(bordered * scale, -np.append(now.R, row @ ((state.z - start) / scale))) * scale
+            if float(np.abs(step / scale).max()) <= MAX_FINAL_STEP:
+                return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
     raise _failed(state)
 
 

@@ -122,14 +122,16 @@ class Equations:
         """Return the number of the section at a phase; at a breakpoint the section that follows."""
         return (int(np.searchsorted(self.starts, tau % TURN, side="right")) - 1) % len(self.starts)
 
-    def functions(self, tau: float, section: int) -> Array:
-        """Return c at a phase of a section."""
-        s = (tau - self.starts[section] + math.pi) % TURN - math.pi if self.degree else 0.0
-        if s < -1e-9:
-            s += TURN
-        angles = np.multiply(self.orders, tau)
-        pairs = np.stack([np.cos(angles), np.sin(angles)], axis=-1).ravel()
-        return np.concatenate([[1.0], s ** np.arange(1, self.degree + 1), pairs])
+    def functions(self, tau: Array, sections: Sequence[int]) -> Array:
+        """Return c (K, count) at phases tau (K,), each in its section."""
+        out, d = np.ones((len(tau), self.count)), self.degree
+        if d:
+            s = (tau - self.starts[list(sections)] + math.pi) % TURN - math.pi
+            s = np.where(s < -1e-9, s + TURN, s)
+            out[:, 1 : d + 1] = s[:, None] ** np.arange(1, d + 1)
+        angles = np.multiply.outer(tau, self.orders)
+        out[:, d + 1 :: 2], out[:, d + 2 :: 2] = np.cos(angles), np.sin(angles)
+        return out
 
     @cached_property
     def generator(self) -> Array:
@@ -216,6 +218,7 @@ class StateSpace:
         D = np.concatenate([W.T * s, np.zeros((len(references), n))], axis=1)
         L = np.diag(np.concatenate([1 / s, 1 / (s * clock)]))
         self.A, self.input, self.D, self.reduce = _observable_part(A, force, D, L)
+        self.gaps: dict[int, Array] = {}  # of each section, see `EquationsAt.gaps`
 
 
 class EquationsAt:
@@ -236,11 +239,15 @@ class EquationsAt:
 
     def extended(self, x: Array, tau: float, section: int) -> Array:
         """Return y = (x, c)."""
-        return np.concatenate([x, self.equations.functions(tau, section)])
+        return np.concatenate([x, self.equations.functions(np.array([tau]), [section])[0]])
 
     def gaps(self, section: int) -> Array:
         """Return the rows (m, N) that map y to the gaps of all elements."""
-        return np.concatenate([self.structure.D, -self.equations.displacements(section)], axis=1)
+        found = self.structure.gaps.get(section)
+        if found is None:
+            rows = [self.structure.D, -self.equations.displacements(section)]
+            found = self.structure.gaps[section] = np.concatenate(rows, axis=1)
+        return found
 
     def flow(self, contacts: Contacts) -> Flow:
         """Return the flow for the contacts of all elements."""

@@ -34,7 +34,7 @@ SLOPE_ORDER = 18
 
 def growth(flow: Flow, tau: float, h: float) -> Array:
     """Return Z (N, N) with y(tau + h) = (1 + Z) y(tau); Z keeps its accuracy in short segments."""
-    if not len(flow.stiffness):
+    if not flow.stiffness:
         return exponential(flow.A * h)
     fastest = max((x.order for x in flow.stiffness if isinstance(x, Series)), default=0)
     steps = max(1, math.ceil(abs(h) * max(flow.rate / MAX_STEP_NORM, fastest)))
@@ -46,23 +46,45 @@ def growth(flow: Flow, tau: float, h: float) -> Array:
 
 def growths(flows: Sequence[Flow], tau: Array, h: Array) -> Array:
     """Return `growth` (K, N, N) of K flows from phases tau (K,) on, each over its own interval h (K,)."""
-    if any(len(flow.stiffness) for flow in flows):
-        return np.array([growth(flow, float(t), float(d)) for flow, t, d in zip(flows, tau, h, strict=True)])
+    if not flows or any(flow.stiffness for flow in flows):
+        found = [growth(flow, float(t), float(d)) for flow, t, d in zip(flows, tau, h, strict=True)]
+        return np.array(found) if found else np.zeros((0, 0, 0))
     return exponential(np.array([flow.A for flow in flows]) * np.asarray(h)[:, None, None])
 
 
-def growth_rate_slope(flow: Flow, tau: float, h: float, Z: Array) -> Array:
-    """Return the derivative (N, N) of Z(h) / h in h, without cancellation in short intervals.
+def growth_rate_slopes(flows: Sequence[Flow], tau: Array, h: Array, Z: Array) -> Array:
+    """Return the derivatives (K, N, N) of Z(h) / h in h, without cancellation in short intervals.
 
     d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 constant stiffness, |A h| <= 1
     """
-    if not len(flow.stiffness) and float(np.abs(flow.A).sum(axis=0).max()) * abs(h) <= 1.0:
-        M, total = flow.A * h, np.zeros_like(flow.A)
+    A, d, unit = np.array([flow.A for flow in flows]), h[:, None, None], np.eye(Z.shape[-1])
+    varying = np.array([bool(flow.stiffness) for flow in flows])
+    short = (np.abs(A).sum(axis=1).max(axis=1) * np.abs(h) <= 1.0) & ~varying
+    out = np.empty_like(Z)
+    if short.any():
+        a, M = A[short], A[short] * d[short]
+        total = np.zeros_like(M)
         for k in range(SLOPE_ORDER, 0, -1):
-            total = total @ M + np.eye(len(M)) * (k / math.factorial(k + 1))
-        return flow.A @ flow.A @ total
-    end = rates(flow, tau + h, (Z + np.eye(len(Z))).T).T
-    return (end - Z / h) / h
+            total = total @ M + unit * (k / math.factorial(k + 1))
+        out[short] = a @ a @ total
+    if not short.all():
+        end = A @ (Z + unit)
+        for i in np.flatnonzero(varying).tolist():
+            end[i] = rates(flows[i], tau[i] + h[i], (Z[i] + unit).T).T
+        out[~short] = ((end - Z / d) / d)[~short]
+    return out
+
+
+def path(Z: Array, y: Array, steps: int) -> Array:
+    """Return the states (steps + 1, N) after 0, 1, ... steps of one growth Z from y, by doubling the known part."""
+    out = np.empty((steps + 1, len(y)))
+    out[0], known, power = y, 1, Z
+    while known <= steps:
+        more = min(known, steps + 1 - known)
+        out[known : known + more] = out[:more] + out[:more] @ power.T
+        known += more
+        power = 2 * power + power @ power
+    return out
 
 
 def exponential(A: Array) -> Array:
@@ -112,6 +134,14 @@ def _taylor_coefficients(stiffness: Phased, tau: float, h: float) -> Array:
         [math.factorial(n) for n in range(TAYLOR_ORDER + 1)], dtype=float
     )
     return series
+
+
+def rates_of_each(flows: Sequence[Flow], tau: Array, y: Array) -> Array:
+    """Return `rates` (K, N) of K flows, each at its own phase and state (K, N)."""
+    if any(flow.stiffness for flow in flows):
+        return np.array([rates(*each) for each in zip(flows, tau, y, strict=True)])
+    out: Array = (np.array([flow.A for flow in flows]) @ y[..., None])[..., 0]
+    return out
 
 
 def rates(flow: Flow, tau: float | Array, y: Array) -> Array:

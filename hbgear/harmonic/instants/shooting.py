@@ -22,7 +22,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern
-from hbgear.harmonic.instants.propagation import growth_rate_slope, growths, rates
+from hbgear.harmonic.instants.propagation import growth_rate_slopes, growths, rates_of_each
 
 SHORT_SEGMENT_RATIO = 0.25
 """Duration of a segment, over its shorter neighbour, below which its second equation is divided by it."""
@@ -46,7 +46,10 @@ class Iterate:
 
     def durations(self, period: float) -> Array:
         """Return the durations (K,) of the segments."""
-        return np.diff(np.append(self.tau, self.tau[0] + period))
+        out = np.empty(len(self.tau))
+        out[:-1] = self.tau[1:] - self.tau[:-1]
+        out[-1] = self.tau[0] + period - self.tau[-1]
+        return out
 
 
 def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
@@ -61,46 +64,73 @@ def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
     return out
 
 
-def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
-    """Return the residual of the equations at an iterate, its derivatives and the flows."""
+def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
+    """Return the residual of the equations at an iterate, its derivatives and the flows.
+
+    Parameters
+    ----------
+    equations : EquationsAt
+        Equations at one Omega.
+    iterate : Iterate
+        States and phases of the switches.
+    derivatives : bool, optional
+        Whether J is computed; if False it is empty. Default: True.
+    """
     r, K, pattern = equations.size, iterate.pattern.count, iterate.pattern
     free = [i for i, switch in enumerate(pattern.switches) if not switch.is_fixed]
     column = {i: K * r + n for n, i in enumerate(free)}
     short = divided_equations(iterate, equations.period)
-    duration = iterate.durations(equations.period)
-    R, J, flows = np.zeros(K * r + len(free)), np.zeros((K * r + len(free),) * 2), []
+    duration, sections = iterate.durations(equations.period), [contacts.section for contacts in pattern.contacts]
     segments = [equations.flow(contacts) for contacts in pattern.contacts]
-    growing = growths(segments, iterate.tau, duration)
-    for i in range(K):
-        j, contacts, tau = (i + 1) % K, pattern.contacts[i], float(iterate.tau[i])
-        flow, y, Z = segments[i], equations.extended(iterate.x[i], tau, contacts.section), growing[i]
-        rate = rates(flow, tau, y)
-        change = Z @ y
-        end = rates(flow, tau + duration[i], y + change)
-        here, there = slice(i * r, i * r + r), slice(j * r, j * r + r)
-        R[here] += iterate.x[j] - iterate.x[i] - change[:r]
-        J[here, there] += np.eye(r)
-        J[here, here] -= np.eye(r) + Z[:r, :r]
-        back = np.concatenate([rate[:r], np.zeros(len(y) - r)])
-        if i in column:
-            J[here, column[i]] += rate[:r] + Z[:r] @ back
-        if j in column:
-            J[here, column[j]] -= end[:r]
-        flows.append(np.eye(r) + Z[:r, :r])
-        if i in column and i not in short:
-            row = equations.gaps(contacts.section)[pattern.switches[i].element]
-            level = equations.equations.breakpoints[pattern.switches[i].element][pattern.switches[i].breakpoint]
-            R[column[i]] = row @ y - level
-            J[column[i], here] = row[:r]
-            J[column[i], column[i]] = row[r:] @ rate[r:]
-        if short.get(j) == i:
-            row, delta = equations.gaps(contacts.section)[pattern.switches[j].element], duration[i]
-            slope = float(row @ growth_rate_slope(flow, tau, float(delta), Z) @ y)
-            R[column[j]] = float(row @ change) / delta
-            J[column[j], here] = row @ Z[:, :r] / delta
-            J[column[j], column[j]] += slope
-            J[column[j], column[i]] += float(row @ Z @ (rate - back)) / delta - slope
-    return Linearisation(R, J, flows)
+    Z = growths(segments, iterate.tau, duration)
+    y = np.concatenate([iterate.x, equations.equations.functions(iterate.tau, sections)], axis=1)
+    change = (Z @ y[..., None])[..., 0]
+    rows, levels = _switching_rows(equations, pattern, free)
+    whole = np.array([n for n, i in enumerate(free) if i not in short], dtype=int)
+    at = np.array(free, dtype=int)[whole]
+    R, each = np.empty(K * r + len(free)), np.arange(K)
+    following = (each + 1) % K
+    R[: K * r] = (iterate.x[following] - iterate.x - change[:, :r]).ravel()
+    R[K * r + whole] = (rows[whole] * y[at]).sum(axis=1) - levels[whole]
+    ends = np.array(list(short), dtype=int)
+    begins = np.array(list(short.values()), dtype=int)
+    own = np.array([column[j] for j in short], dtype=int)
+    row, delta = rows[own - K * r], duration[begins]
+    R[own] = (row * change[begins]).sum(axis=1) / delta
+    if not derivatives:
+        return Linearisation(R, np.zeros((0, 0)), [])
+    J, unit = np.zeros((len(R), len(R))), np.eye(r)
+    states, phases = J[: K * r, : K * r].reshape(K, r, K, r), J[: K * r].reshape(K, r, -1)
+    states[each, :, following] += unit
+    states[each, :, each] -= unit + Z[:, :r, :r]
+    rate, end = (rates_of_each(segments, *where) for where in ((iterate.tau, y), (iterate.tau + duration, y + change)))
+    moved = rate[:, :r] + (Z[:, :r, :r] @ rate[:, :r, None])[..., 0]
+    columns, switched = K * r + np.arange(len(free)), np.array(free, dtype=int)
+    phases[switched, :, columns] += moved[switched]
+    phases[switched - 1, :, columns] -= end[switched - 1, :r]
+    equation = J[:, : K * r].reshape(-1, K, r)
+    equation[K * r + whole, at] = rows[whole, :r]
+    J[K * r + whole, K * r + whole] = (rows[whole, r:] * rate[at, r:]).sum(axis=1)
+    if len(ends):
+        chosen = [segments[i] for i in begins]
+        slope = growth_rate_slopes(chosen, iterate.tau[begins], delta, Z[begins])
+        slopes = (row * (slope @ y[begins, :, None])[..., 0]).sum(axis=1)
+        carried = (row[:, None] @ Z[begins])[:, 0] / delta[:, None]
+        equation[own, begins] = carried[:, :r]
+        J[own, own] += slopes
+        J[own, [column[i] for i in begins]] += (carried[:, r:] * rate[begins, r:]).sum(axis=1) - slopes
+    return Linearisation(R, J, list(unit + Z[:, :r, :r]))
+
+
+def _switching_rows(equations: EquationsAt, pattern: Pattern, free: list[int]) -> tuple[Array, Array]:
+    """Return the rows (F, N) that map y to the gap of each free switch, and the breakpoints (F,)."""
+    rows = np.empty((len(free), equations.size + equations.equations.count))
+    levels = np.empty(len(free))
+    for n, i in enumerate(free):
+        element, breakpoint, _ = pattern.switches[i]
+        rows[n] = equations.gaps(pattern.contacts[i].section)[element]
+        levels[n] = equations.equations.breakpoints[element][breakpoint]
+    return rows, levels
 
 
 def residual_scale(iterate: Iterate) -> float:

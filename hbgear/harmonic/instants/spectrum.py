@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.harmonic.instants.equations import EquationsAt
-from hbgear.harmonic.instants.propagation import growth, growths
+from hbgear.harmonic.instants.equations import EquationsAt, Flow
+from hbgear.harmonic.instants.propagation import growth, growths, path
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.mechanics.series.fourier import to_real, waves
 
@@ -27,42 +27,51 @@ PANEL_ANGLE = 3.0
 
 def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
     """Return the real coefficients (m, 2H + 1) of all gaps, and the rms of the harmonics above H, the largest gap's."""
-    c, square, nu = np.zeros((at.equations.m, H + 1), dtype=complex), np.zeros(at.equations.m), at.equations.nu
-    durations = iterate.durations(at.period)
-    for i in range(iterate.pattern.count):
-        if durations[i] <= 0:
-            continue
-        tau, weights, gaps = _nodes(at, iterate, i, float(durations[i]), H / nu)
-        c += np.einsum("tm,tk->mk", gaps * weights[:, None], waves(tau / nu, H).conj())  # small: threads cost more
-        square += weights @ gaps**2
-    c /= at.period
+    nu, (tau, weights, gaps) = at.equations.nu, _nodes(at, iterate, H / at.equations.nu)
+    c = np.einsum("tm,tk->mk", gaps * weights[:, None], waves(tau / nu, H).conj()) / at.period
     power = np.abs(c[:, 0]) ** 2 + 2 * (np.abs(c[:, 1:]) ** 2).sum(axis=1)
-    rest = math.sqrt(max(0.0, float((square / at.period - power).max(initial=0.0))))
+    rest = math.sqrt(max(0.0, float((weights @ gaps**2 / at.period - power).max(initial=0.0))))
     c[:, 1:] *= 2  # one-sided amplitudes
     return to_real(c), rest
 
 
-def _nodes(at: EquationsAt, iterate: Iterate, i: int, duration: float, highest: float) -> tuple[Array, Array, Array]:
-    """Return phases (T,), weights (T,) and gaps (T, m) at the nodes of segment i."""
-    contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
-    flow = at.flow(contacts)
-    panels = max(1, math.ceil(duration * max(flow.rate, highest) / PANEL_ANGLE))
-    h = duration / panels
-    offsets = 0.5 * h * (1 + GAUSS_NODES)
-    y = at.extended(iterate.x[i], start, contacts.section)
-    if flow.stiffness:
-        state, values = y, []
-        for p in range(panels):
-            phase = start + p * h
-            values += [state + growth(flow, phase, float(o)) @ state for o in offsets]
-            state = state + growth(flow, phase, h) @ state
-        nodes = np.array(values)
-    else:
-        Z = growths([flow] * (len(offsets) + 1), np.zeros(len(offsets) + 1), np.append(offsets, h))
-        states = np.empty((panels, len(y)))
-        for p in range(panels):
-            states[p] = y
-            y = y + Z[-1] @ y
-        nodes = (states[:, None] + np.einsum("gij,pj->pgi", Z[:-1], states)).reshape(-1, len(y))
-    tau = (start + h * np.arange(panels)[:, None] + offsets).ravel()
-    return tau, np.tile(0.5 * h * GAUSS_WEIGHTS, panels), nodes @ at.gaps(contacts.section).T
+def _nodes(at: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, Array, Array]:
+    """Return phases (T,), weights (T,) and gaps (T, m) at the nodes of all segments."""
+    durations = iterate.durations(at.period)
+    used = np.flatnonzero(durations > 0)
+    contacts = [iterate.pattern.contacts[i] for i in used]
+    flows, sections = [at.flow(one) for one in contacts], [one.section for one in contacts]
+    panels = np.array([
+        max(1, math.ceil(d * max(flow.rate, highest) / PANEL_ANGLE))
+        for d, flow in zip(durations[used], flows, strict=True)
+    ])  # fmt: skip
+    h, starts = durations[used] / panels, iterate.tau[used]
+    y = np.concatenate([iterate.x[used], at.equations.functions(starts, sections)], axis=1)
+    offsets = np.append(0.5 * (1 + GAUSS_NODES), 1.0)
+    constant = [k for k, flow in enumerate(flows) if not flow.stiffness]
+    parts = np.multiply.outer(h[constant], offsets)
+    found = growths([flows[k] for k in constant for _ in offsets], np.zeros(parts.size), parts.ravel())
+    growing = dict(zip(constant, found.reshape(*parts.shape, *found.shape[1:]), strict=True))
+    gaps = []
+    for k, flow in enumerate(flows):
+        if k in growing:
+            states = path(growing[k][-1], y[k], int(panels[k]) - 1)
+            nodes = states[:, None] + np.einsum("gij,pj->pgi", growing[k][:-1], states)
+        else:
+            nodes = _varying_nodes(flow, float(starts[k]), float(h[k]), int(panels[k]), y[k])
+        gaps.append(nodes.reshape(-1, y.shape[1]) @ at.gaps(sections[k]).T)
+    panel = np.concatenate([np.arange(count) for count in panels])
+    tau = np.repeat(starts, panels)[:, None] + np.repeat(h, panels)[:, None] * (panel[:, None] + offsets[:-1])
+    weights = 0.5 * np.multiply.outer(np.repeat(h, panels), GAUSS_WEIGHTS)
+    return tau.ravel(), weights.ravel(), np.concatenate(gaps)
+
+
+def _varying_nodes(flow: Flow, start: float, h: float, panels: int, y: Array) -> Array:
+    """Return the states (panels, nodes, N) at the nodes of a segment with varying stiffness."""
+    nodes = np.empty((panels, len(GAUSS_NODES), len(y)))
+    for p in range(panels):
+        phase = start + p * h
+        for g, offset in enumerate(0.5 * h * (1 + GAUSS_NODES)):
+            nodes[p, g] = y + growth(flow, phase, float(offset)) @ y
+        y = y + growth(flow, phase, h) @ y
+    return nodes
