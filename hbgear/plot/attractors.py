@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, OmegaAxis, factor_of, in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text, layout_of
-from hbgear.harmonic.models.frequency_units import model_of, scales
+from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
@@ -42,7 +44,8 @@ _MAX_VECTOR_DOTS = 1000
 @checked_arguments()
 def bifurcation_diagram(
     found: BifurcationDiagram, measure: str = "", element: int | str = 0, ax: Axes | None = None, *,
-    curves: Sequence[Branch] = (), rate: bool = False, legend: bool = True,
+    curves: Sequence[Branch] = (), rate: bool = False, legend: bool = True, model: Model | None = None,
+    dimensionless: bool = False,
 ) -> Axes:  # fmt: skip
     """Draw a bifurcation diagram: stroboscopic points, or an amplitude, coloured by the kind of the motion.
 
@@ -66,6 +69,10 @@ def bifurcation_diagram(
         Whether the rate at tau = 0 is drawn instead of the displacement; default False.
     legend : bool, optional
         Whether to add a legend; default True.
+    model : Model, optional
+        Model, whose scales convert Omega to r/min and displacements to um; default that of the first curve.
+    dimensionless : bool, optional
+        Whether Omega and displacements keep the unit of the model; default False.
 
     Returns
     -------
@@ -93,13 +100,19 @@ def bifurcation_diagram(
             )
     own, first = ax is None, found.sweeps[0]
     name = first.elements[first.index(element)] or f"element {first.index(element)}"
+    model = model or (model_of(curves[0]) if curves else None)
+    length = None if dimensionless or rate else length_scale(model, {})
+    factor = factor_of(measure, length) if measure else factor_of("max", length)
+    known = scales(model, {}) if found.parameter == "Omega" else {}
+    across = OmegaAxis(known, first.labels.get(found.parameter, found.parameter), dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for curve in curves:
             if measure:
-                response(curve, measure, element, ax, color=GREY, label="periodic motions", jumps=False, legend=False)
+                response(curve, measure, element, ax, color=GREY, label="periodic motions", jumps=False, legend=False,
+                         speeds=False, dimensionless=dimensionless)  # fmt: skip
             else:
-                _section_lines(ax, curve, element, rate)
+                _section_lines(ax, curve, element, rate, across.scale, factor)
         for verdict, colour in VERDICTS.items():
             x, y = (np.concatenate(parts) for parts in zip(*(
                 _dots(sweep, kinds == verdict, measure, element, rate)
@@ -108,13 +121,17 @@ def bifurcation_diagram(
             if not len(x):
                 continue
             size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
-            ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=verdict.value, zorder=5,
-                    gid=verdict.value, rasterized=len(x) > _MAX_VECTOR_DOTS)  # fmt: skip
-        ax.set_xlabel(first.labels.get(found.parameter, found.parameter))
-        section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$"
-        ax.set_ylabel(axis_text(measure, name) if measure else section)
+            ax.plot(
+                across.scale * x, factor * y, "o", color=colour, markersize=size, markeredgewidth=0, zorder=5,
+                label=verdict.value, gid=verdict.value, rasterized=len(x) > _MAX_VECTOR_DOTS,
+            )  # fmt: skip
+        ax.set_xlabel(across.label)
+        motion = name if length is None else f"{name} [{MICROMETRE}]"
+        section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$" + motion.removeprefix(name)
+        ax.set_ylabel(in_figure(axis_text(measure, motion) if measure else section))
+        ax.margins(y=0.08)  # space for labels
         dress(ax)
-        if own and curves and found.parameter == "Omega" and scaled_axes(ax, scales(model_of(curves[0]), {})):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -134,21 +151,21 @@ def _dots(sweep: Sweep, which: np.ndarray, measure: str, element: int | str, rat
     )
 
 
-def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool) -> None:
+def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scale: float, factor: float) -> None:
     """Draw the displacement, or its rate, at tau = 0 after each period along a curve."""
     layout = layout_of(curve)
     if layout is None:
         raise ValueError("the curve has no Fourier coefficients of motions; give a curve of a harmonic balance")
     theta = 2 * np.pi * np.arange(layout.nu) / layout.nu
-    height = evaluate(layout.rows(curve.X, element), theta, int(rate))
+    height = factor * evaluate(layout.rows(curve.X, element), theta, int(rate))
     if rate:
         Omega = np.array([curve.parameters_at(i)["Omega"] for i in range(len(curve))])
         height = height * (Omega / layout.nu)[:, None]
     for (_, stable), i, j in sections(curve, element):
         for column in height.T:
             ax.plot(
-                curve.values[i : j + 1], column[i : j + 1], "--" if stable is False else "-", color=GREY, linewidth=0.9,
-                zorder=1, gid="unstable" if stable is False else "stable",
+                scale * curve.values[i : j + 1], column[i : j + 1], "--" if stable is False else "-", color=GREY,
+                linewidth=0.9, zorder=1, gid="unstable" if stable is False else "stable",
                 label=f"curve, {'unstable' if stable is False else 'stable'}",
             )  # fmt: skip
 

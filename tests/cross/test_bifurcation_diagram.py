@@ -121,3 +121,16 @@ def test_bad_input():
         hb.time.bifurcation_diagram(hb.Duffing(), "Omega", (0.5, 0.5))
     with pytest.raises(ValueError, match="needs a fixed Omega"):
         hb.time.bifurcation_diagram(hb.Duffing(), "F", (0.1, 0.2))
+
+
+def test_figure_of_a_machine_with_scales_is_in_its_units() -> None:
+    pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+    found = hb.time.bifurcation_diagram(pair, "Omega", (0.9, 0.95), "up", values=2)
+    curve = hb.trace(hb.HarmonicBalance(pair, 3), "Omega", (0.95, 0.9))
+    speed, length = pair.scales.pinion_speed(1.0), 1e6 * pair.scales.length
+    for measure in ("", "pp2"):
+        physical = hb.plot.bifurcation_diagram(found, measure, curves=[curve])
+        bare = hb.plot.bifurcation_diagram(found, measure, curves=[curve], dimensionless=True)
+        for one, other in zip(physical.lines, bare.lines, strict=True):
+            np.testing.assert_allclose(one.get_xydata(), other.get_xydata() * (speed, length), rtol=1e-9)
+        assert "r/min" in physical.get_xlabel() and "\N{MICRO SIGN}m" in physical.get_ylabel()

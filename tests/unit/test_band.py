@@ -82,7 +82,7 @@ def test_monte_carlo_of_whole_curves(curve):
 
 def test_held_frequency_and_held_amplitude(curve):
     """Away from folds the scatter of the amplitude is that of `sensitivity`; at the fold there is none."""
-    band = hb.design.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4})
+    band = hb.design.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4}, unit="Omega", length="")
     for i in (5, 20, len(curve) - 4):
         row = hb.analysis.sensitivity(curve[i], ["zeta", "e[0]"], measure="pp2")
         assert band.at_frequency[i] == pytest.approx(row.scatter({"zeta": 1e-3, "e[0]": 5e-4}, "pp2"), rel=1e-6)
@@ -110,9 +110,10 @@ def test_band_of_a_fit(curve):
 
 
 def test_figure(curve, tmp_path):
-    band = hb.design.response_band(curve, {"zeta": 2e-3}, unit="pinion r/min", length="um")
+    band = hb.design.response_band(curve, {"zeta": 2e-3})
+    assert (band.unit, band.length) == ("pinion r/min", "um")
     ax = hb.plot.band(band, sigmas=3)
-    assert "r/min" in ax.get_xlabel() and "[um]" in ax.get_ylabel()
+    assert "r/min" in ax.get_xlabel() and "[\N{MICRO SIGN}m]" in ax.get_ylabel()
     (shade,) = ax.patches
     upper, lower = band.edges(3)
     corners = shade.get_path().vertices
@@ -146,6 +147,20 @@ def test_what_has_no_band(curve):
         hb.design.response_band(folds, {"b": 0.1})
 
 
+def test_jumps_in_revolutions_per_minute(curve):
+    """The natural frequency moves jumps in r/min only, in proportion; other parameters by the scale of the speed."""
+    spread = {"reference[0]": 10.0, "zeta": 1e-4}
+    bare, speed = (hb.design.jump_tolerance(curve, spread, draws=50, unit=unit)[0] for unit in ("Omega", None))
+    scale = PAIR.scales.pinion_speed(1.0)
+    assert speed.unit == "pinion r/min" and speed.value == pytest.approx(scale * bare.value, rel=1e-12)
+    assert speed.effects["zeta"] == pytest.approx(scale * bare.effects["zeta"], rel=1e-9)
+    assert abs(bare.effects["reference[0]"]) < 1e-9
+    assert speed.effects["reference[0]"] == pytest.approx(speed.value * 10.0 / 38000.0, rel=1e-6)
+    assert speed.sampled == pytest.approx(speed.first, rel=0.3)
+    with pytest.raises(ValueError, match="unit = 'rpm' is unknown"):
+        hb.design.jump_tolerance(curve, spread, unit="rpm")
+
+
 def test_command(curve, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     path = str(tmp_path / "pair.npz")
@@ -157,10 +172,13 @@ def test_command(curve, tmp_path, capsys, monkeypatch):
         return end.value.code, capsys.readouterr()
 
     code, said = run("zeta=0.001", "e[0]=0.0005", "--draws", "20", "--plot", str(tmp_path / "band.png"))
-    assert code == 0 and "LP1" in said.out and "the curve is displaced most at Omega" in said.out
+    assert code == 0 and "LP1" in said.out and "the curve is displaced most at pinion r/min" in said.out
+    assert "Omega" not in said.out
     assert (tmp_path / "band.png").stat().st_size > 10_000
     first = hb.design.jump_tolerance(curve, {"zeta": 0.001, "e[0]": 0.0005}, draws=20)[0].first
     assert f"{first:.3g}" in said.out
+    code, said = run("zeta=0.001", "--draws", "2", "--dimensionless")
+    assert code == 0 and "displaced most at Omega" in said.out and "r/min" not in said.out
     code, said = run("zetta=0.001")
     assert code == 2 and "did you mean 'zeta'" in said.err
     code, said = run("zeta")

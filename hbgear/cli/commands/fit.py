@@ -15,6 +15,7 @@ from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.options import (
     Changes,
+    Dimensionless,
     Element,
     Figure,
     File,
@@ -36,7 +37,9 @@ from hbgear.cli.support import (
     problem_of,
     span_of,
 )
+from hbgear.common.text.symbols import unit_of
 from hbgear.design.fitting.measurements import FREQUENCIES
+from hbgear.io.branches.columns import bracketed
 
 
 def register(app: typer.Typer) -> None:
@@ -95,13 +98,17 @@ def scatter(
     model: OwnModel = None,
     draws: Annotated[int, typer.Option(min=2, help="Size of the Monte Carlo sample.")] = 300,
     sigmas: Annotated[float, typer.Option(help="Half width of the band in standard deviations.")] = 2.0,
-    unit: Annotated[str, typer.Option(help=f"Unit of the frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
+    unit: Annotated[
+        str | None,
+        typer.Option(help=f"Unit of the frequencies: {', '.join(FREQUENCIES)}.", show_default="r/min if known"),
+    ] = None,
     length: Annotated[
-        str, typer.Option(help="Unit of the amplitudes, such as um.", show_default="from the model")
-    ] = "",
+        str | None, typer.Option(help="Unit of the amplitudes, such as mm.", show_default="um if known")
+    ] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute the scatter of the jumps of a saved curve for scattered parameters; --plot draws the band of the curve.
 
@@ -112,8 +119,13 @@ def scatter(
     labels = branch.problem.model.labels
     pairs = assignments("NAME=DEVIATION", spread)
     deviations = {name: parameter_value(labels, "NAME=DEVIATION", name, text) for name, text in pairs}
+    if dimensionless:
+        unit, length = unit or "Omega", length or ""
     with bar("scatter") as progress:
-        jumps = hb.design.jump_tolerance(branch, deviations, draws=draws, progress=progress) if branch.jumps() else ()
+        jumps = (
+            hb.design.jump_tolerance(branch, deviations, draws=draws, unit=unit, progress=progress)
+            if branch.jumps() else ()
+        )  # fmt: skip
         band = hb.design.response_band(
             branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
         )
@@ -126,7 +138,7 @@ def scatter(
                 for one in jumps
             ]  # fmt: skip
             title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
-            print_table(["jump", "sweep", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+            print_table(["jump", "sweep", jumps[0].unit, "+-", "drawn", "lost", *deviations], rows, title)
             for one in jumps:
                 if one.lost:
                     print(f"{one.label} vanishes in {one.lost} of {draws} draws")
@@ -136,7 +148,8 @@ def scatter(
             if not np.nanmax(np.abs(effect)) > SHARE_ROUNDING:
                 print(f"{name} has no effect on the curve")
         i = int(np.nanargmax(band.deviation))
-        print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "
+        size = f"{measure} = {band.amplitude[i]:.6g}{f' {band.length}' if band.length else ''}"
+        print(f"the curve is displaced most at {band.unit} = {band.frequency[i]:.6g}, {size}: "
               f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip
 
 
@@ -193,8 +206,10 @@ def fit(
         found = hb.design.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
     rows = [
-        [name, f"{start[name]:.6g}", f"{x:.6g}", _known(found.errors[name], ".2g")] for name, x in found.values.items()
-    ]
+        [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", f"{start[name]:.6g}", f"{x:.6g}",
+         _known(found.errors[name], ".2g")]
+        for name, x in found.values.items()
+    ]  # fmt: skip
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.fitted(found))

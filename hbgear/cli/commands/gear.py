@@ -20,7 +20,7 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import problem_along
-from hbgear.analysis.summary import message_of, text_at
+from hbgear.analysis.summary import message_of, position_headers, position_texts
 from hbgear.cli.commands.assumptions import (
     FACTOR_CANDIDATES,
     JUMPS,
@@ -233,16 +233,18 @@ def results(
     with outputs() as out:
         out.write(output, found.save)
         out.figure(plot, lambda drawing: drawing.response(branch, quantity, which, dof=at))
-        print_table(["quantity", "largest of stable motions", "at Omega", "at r/min"], list(_largest(branch, found)))
+        print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
+                    list(_largest(branch, found)))  # fmt: skip
         rows = []
         for jump in branch.jumps():
             ends = (float(hb.analysis.machine_quantities(end, which, at)[quantity][0]) if end else np.nan
                     for end in (jump.before, jump.after))  # fmt: skip
             direction = "increasing" if jump.direction > 0 else "decreasing"
-            rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
+            rows.append([jump.label, position_texts(branch, jump.before)[0], direction,
                          *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
         if rows:
-            print_table(["", branch.parameter, "sweep", f"{title} before", "after"], rows, "jumps of a slow sweep")
+            headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after"]
+            print_table(headers, rows, "jumps of a slow sweep")
     raise typer.Exit(0)
 
 
@@ -252,16 +254,14 @@ def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterato
     stable = columns.get("stable", np.ones(len(branch))).astype(bool)
     if not stable.any():
         stable[:] = True
-    rpm = columns.get("pinion [r/min]")
     for name, values in columns.items():
         if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
             continue
         if not np.isfinite(values[stable]).any():
-            yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-", "-"]
+            yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-"]
             continue
         i = int(np.nanargmax(np.where(stable, values, -np.inf)))
-        yield [name, rounded(float(values[i]), 4), rounded(float(columns["Omega [-]"][i]), 5),
-               "-" if rpm is None else f"{rpm[i]:.0f}"]  # fmt: skip
+        yield [name, rounded(float(values[i]), 4), position_texts(branch, branch[i])[0]]
 
 
 # ---- output of hbgear gear

@@ -8,10 +8,12 @@ import numpy as np
 import typer
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.options import (
     Changes,
+    Dimensionless,
     Element,
     Figure,
     File,
@@ -34,6 +36,9 @@ from hbgear.cli.support import (
     longer_span,
     range_of,
 )
+from hbgear.common.text.symbols import unit_of
+from hbgear.harmonic.models.frequency_units import length_scale
+from hbgear.io.branches.columns import bracketed, label_of
 
 ROWS = 8
 """Number of rows of the tables of backbones, limit cycles and tori."""
@@ -59,6 +64,7 @@ def backbone(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Trace the backbone of a mode: its frequency and damping ratio over the amplitude, without excitation.
 
@@ -71,17 +77,19 @@ def backbone(
         raise ValueError(f"--amplitudes {amplitudes}: need FROM:TO, such as 0.01:1")
     span = number_of("--amplitudes", low), number_of("--amplitudes", high)
     which = element_of(element)
-    found = hb.analysis.backbone(chosen_model(model, changes), mode, span, harmonics=_fixed(harmonics))
+    machine = chosen_model(model, changes)
+    found = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
+    across, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
     with outputs() as out:
         out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which))
+        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which, dimensionless=dimensionless))
         print(f"backbone of mode {mode}: {len(found)} points; {found.message}")
-        heights = found.amplitude(measure, which)
+        heights = factor_of(measure, length) * found.amplitude(measure, which)
         rows = [
-            [f"{found.tracked['Omega'][i]:.6g}", f"{found.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
+            [across.number(found.tracked["Omega"][i]), f"{found.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
             for i in _some(len(found))
         ]
-        print_table(["Omega", "damping ratio", measure], rows)
+        print_table([across.name, "damping ratio", f"{measure}{'' if length is None else ' [um]'}"], rows)
     raise typer.Exit(exit_code(found))
 
 
@@ -165,6 +173,7 @@ def follow(
     model: OwnModel = None,
     output: Output = None,
     plot: Figure = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Trace the curve of a special point of a saved curve in a second parameter, with its special points.
 
@@ -177,16 +186,19 @@ def follow(
     found = hb.follow(branch, label, name, span)
     with outputs() as out:
         out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.special_curves([found]))
+        out.figure(plot, lambda drawing: drawing.special_curves([found], dimensionless=dimensionless))
         print(f"{label} of {file} in {name}: {len(found)} points; {found.message}")
         first = branch.parameter
-        rows = [[f"{found.values[i]:.6g}", f"{found.tracked[first][i]:.6g}"] for i in _some(len(found))]
-        print_table([name, first], rows)
+        across = OmegaAxis.of_ends([found] if first == "Omega" else [], first, dimensionless)
+        headers = [f"{name}{bracketed(unit_of(label_of(found, name)))}", across.name if across.is_speed else first]
+        rows = [[f"{found.values[i]:.6g}", across.number(found.tracked[first][i])] for i in _some(len(found))]
+        print_table(headers, rows)
         special = [
-            [p.label, f"{p.parameters[name]:.9g}", f"{p.parameters[first]:.9g}", p.meaning] for p in found.special
+            [p.label, f"{p.parameters[name]:.9g}", across.number(p.parameters[first], 9), p.meaning]
+            for p in found.special
         ]
         if special:
-            print_table(["", name, first, "event"], special, "special points")
+            print_table(["", *headers, "event"], special, "special points")
         else:
             print("no special points")
     raise typer.Exit(exit_code(found))

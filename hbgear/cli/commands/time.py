@@ -197,6 +197,7 @@ def basins(
     ] = 3000,
     output: Table = None,
     plot: Figure = None,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute basins of attraction over the coordinate and rate of an element.
 
@@ -220,8 +221,13 @@ def basins(
     with outputs() as out:
         out.write(output, found.export)
         out.figure(plot, lambda drawing: drawing.basins(found))
-        rows = [[str(a.period or "not periodic"), f"{a.rms:.5g}", f"{a.share:.2%}"] for a in found.attractors]
-        print_table(["period", "rms", "fraction of initial states"], rows, f"motions at Omega = {omega:g}")
+        length = None if dimensionless else length_scale(machine, {})
+        size, at = f"rms{'' if length is None else ' [um]'}", OmegaAxis.of(machine, dimensionless).text(omega)
+        rows = [
+            [str(a.period or "not periodic"), f"{factor_of('rms', length) * a.rms:.5g}", f"{a.share:.2%}"]
+            for a in found.attractors
+        ]
+        print_table(["period", size, "fraction of initial states"], rows, f"motions at {at}")
         print(found.message)
     raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
 

@@ -21,8 +21,10 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, checked, counted
+from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,6 +47,8 @@ class JumpTolerance:
         Frequencies of the jump in the draws.
     lost : int
         Number of draws without this jump.
+    unit : str
+        Unit of the frequencies: "pinion r/min", "mesh Hz", or "Omega".
 
     Examples
     --------
@@ -62,10 +66,12 @@ class JumpTolerance:
     first: float
     draws: Array
     lost: int
+    unit: str = "Omega"
 
     def __repr__(self) -> str:
         drawn = f"{self.sampled:.3g} of {len(self.draws)} draws, {self.lost} lost"
-        return f"<JumpTolerance of {self.label} at {self.value:.6g}: +- {self.first:.3g} to first order, {drawn}>"
+        where = f"{self.label} at {self.unit} = {self.value:.6g}"
+        return f"<JumpTolerance of {where}: +- {self.first:.3g} to first order, {drawn}>"
 
     @property
     def sampled(self) -> float:
@@ -80,7 +86,7 @@ class JumpTolerance:
 
 @checked_arguments(spread="standard deviations by name, such as {'zeta': 0.002}")
 def jump_tolerance(
-    branch: Branch, spread: Mapping[str, float], *, draws: int = 300, seed: int = 0,
+    branch: Branch, spread: Mapping[str, float], *, draws: int = 300, seed: int = 0, unit: str | None = None,
     progress: ProgressCallback | None = None,
 ) -> tuple[JumpTolerance, ...]:  # fmt: skip
     """Compute the scatter of jump frequencies for independent, normally distributed parameters.
@@ -95,6 +101,9 @@ def jump_tolerance(
         Number of draws of the Monte Carlo sample.
     seed : int, default 0
         Seed of the Monte Carlo sample.
+    unit : {"Omega", "mesh Hz", "pinion r/min"}, optional
+        Unit of the frequencies; default "pinion r/min" if the model has scales, else the parameter of the branch. If a
+        parameter changes the unit, this effect is included.
     progress : ProgressCallback or None, optional
         Function that is called with a `Progress`, such as ``print``.
 
@@ -108,7 +117,7 @@ def jump_tolerance(
     KeyError
         If the model has no such parameter.
     ValueError
-        If a deviation is negative, or the curve has no jumps or no problem.
+        If a deviation is negative, the curve has no jumps or no problem, or the model does not know the unit.
 
     Examples
     --------
@@ -132,7 +141,12 @@ def jump_tolerance(
     xi = np.random.default_rng(seed).normal(size=(draws, len(names)))
     found = []
     for number, jump in enumerate(branch.jumps()):
-        slopes = sensitivity(jump.before, names).slopes[0]
+        derivatives = sensitivity(jump.before, names)
+        physical = branch.parameter == "Omega" and PINION in derivatives.quantities
+        own = unit or (PINION if physical else branch.parameter)
+        if own not in (branch.parameter, *([MESH, PINION] if physical else [])):
+            raise ValueError(f"jump_tolerance: unit = {quoted(own)} is unknown for this curve; leave it out")
+        slopes = derivatives.slopes[derivatives.quantities.index(own)]
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
         frequencies: list[float] = []
         lost = 0
@@ -143,11 +157,14 @@ def jump_tolerance(
                 progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
             try:
                 with np.errstate(all="ignore"):  # in draws without such a point
-                    frequencies.append(again.at(s * row))
+                    U, here = again.solved(s * row)
+                p = float(U[-1])
+                speeds = {} if own == branch.parameter else speeds_at(branch.problem.model, {**here, "Omega": p})
+                frequencies.append(speeds.get(own, p))
             except (NoConvergence, ValueError, np.linalg.LinAlgError):
                 lost += 1
         found.append(JumpTolerance(
-            jump.label, jump.direction, jump.value, effects, float(np.linalg.norm(slopes * s)), np.array(frequencies),
-            lost,
+            jump.label, jump.direction, derivatives.size(own), effects, float(np.linalg.norm(slopes * s)),
+            np.array(frequencies), lost, own,
         ))  # fmt: skip
     return tuple(found)

@@ -25,7 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, units_at
+from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, units_at, units_of
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
@@ -37,6 +38,7 @@ from hbgear.design.fitting.fit import Fit
 from hbgear.design.fitting.measurements import FREQUENCIES
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import PINION
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,8 +134,8 @@ def response_band(
     *,
     measure: str = "pp2",
     element: int | str = 0,
-    unit: str = "Omega",
-    length: str = "",
+    unit: str | None = None,
+    length: str | None = None,
 ) -> ResponseBand:
     """Compute the first-order scatter of a response curve due to scattering parameters.
 
@@ -147,9 +149,10 @@ def response_band(
     measure, element : str and int or str, optional
         Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
     unit : {"Omega", "mesh Hz", "pinion r/min"}, optional
-        Unit of the frequency. If a scattering parameter changes the unit, this effect is included.
-    length : str, default ""
-        Unit of the amplitude, such as "um"; "" for the unit of the model.
+        Unit of the frequency; default "pinion r/min" if the model has scales, else "Omega". If a scattering parameter
+        changes the unit, this effect is included.
+    length : str, optional
+        Unit of the amplitude; "" for the unit of the model. Default "um" if the model has scales.
 
     Raises
     ------
@@ -179,6 +182,9 @@ def response_band(
         raise ValueError(
             "a band needs a response curve with its problem; load it: load(path, problem=HarmonicBalance(...))"
         )
+    physical = branch.parameter == "Omega" and bool(units_of(problem.model))
+    unit = unit or (PINION if physical else "Omega")
+    length = length if length is not None else MICROMETRE if physical and dimension_of(measure) == 1 else ""
     if unit not in FREQUENCIES:
         raise ValueError(f"response_band: unit = {quoted(unit)}{did_you_mean(unit, FREQUENCIES)}")
     names, covariance = _covariance(scatter)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
@@ -77,7 +78,7 @@ def band(
             layout = layout_of(found.branch)
             if found.length and layout:
                 element = layout.elements[layout.index(found.element)]
-                ax.set_ylabel(axis_text(found.measure, f"{element} [{found.length}]"))
+                ax.set_ylabel(in_figure(axis_text(found.measure, f"{element} [{found.length}]")))
             dress(ax)
         if legend:
             add_legend(ax)

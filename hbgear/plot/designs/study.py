@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of, in_figure, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.models.frequency_units import same_scales, scales
+from hbgear.harmonic.models.frequency_units import length_scale, same_scales, scales
 from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ _MAX_VECTOR_CASES = 2000
 
 
 @checked_arguments()
-def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
+def envelope(
+    found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True, dimensionless: bool = False
+) -> Axes:
     """Draw the response of slow sweeps over Omega in all cases: full range, 5 to 95 percent, and median.
 
     Each limit is the motion of one of the cases. Where sweeps up and down agree in every case, they are drawn once, in
@@ -59,6 +62,8 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         Number of frequencies; default 600.
     legend : bool, optional
         Whether to add a legend; default True.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model although all models have the same scales; default False.
 
     Returns
     -------
@@ -83,31 +88,32 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     """
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
     swept = {direction: sweep_responses(found, Omega, direction) for direction in (1, -1)}
-    up, down = swept[1].amplitude, swept[-1].amplitude
-    own = ax is None
+    across, factor = _axis(found, dimensionless), _factor(found, dimensionless)
+    up, down = factor * swept[1].amplitude, factor * swept[-1].amplitude
+    x, own = across.scale * Omega, ax is None
     same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
     with styled():
         ax = axes_or_new(ax, (5.4, 4.2))
-        _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
+        _bands(ax, x, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
         if not same.all():
             names = {1: "sweep up: 5 to 95 %", -1: "sweep down: 5 to 95 %"}
             for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
                 here, wide = swept[direction], _widened(~same)
-                parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
-                _bands(ax, Omega, parts, colour, line, ("_", names[direction], "_median of most cases"))
+                parts = [np.where(wide & part, factor * here.amplitude, np.nan) for part in _parts(here.jumped)]
+                _bands(ax, x, parts, colour, line, ("_", names[direction], "_median of most cases"))
         none = np.isnan(up).all(axis=0) & np.isnan(down).all(axis=0)
         if none.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
-                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
+                x, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
                 hatch="////", linewidth=0, label="no stable motion",
             )  # fmt: skip
-        ax.set_xlim(Omega[0], Omega[-1])
+        ax.set_xlim(x[0], x[-1])
         ax.set_ylim(bottom=0.0)
-        ax.set_xlabel(_label(found, "Omega"))
-        ax.set_ylabel(f"{_measure(found)},\nslow sweeps")
+        ax.set_xlabel(across.label)
+        ax.set_ylabel(f"{_measure(found, dimensionless)},\nslow sweeps")
         dress(ax)
-        top = _shares(ax, Omega, swept) if any(here.jumped.any() for here in swept.values()) else ax
-        if own and scaled_axes(top, _common(found)):
+        top = _shares(ax, x, swept) if any(here.jumped.any() for here in swept.values()) else ax
+        if own and scaled_axes(top, across.above):
             heighten(ax)
         if legend:
             ax.legend(loc="best")
@@ -211,13 +217,26 @@ def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
     return top
 
 
-def _common(found: Cases) -> dict[str, float]:
-    """Return mesh frequency [Hz] and pinion speed [r/min] at Omega = 1 if they are equal in all cases."""
-    return same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
+def _axis(found: Cases, dimensionless: bool) -> OmegaAxis:
+    """Return the axis of Omega: the speed of the pinion if its scale is equal in all cases."""
+    known = same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
+    return OmegaAxis(known, _label(found, "Omega"), dimensionless)
+
+
+def _factor(found: Cases, dimensionless: bool) -> float:
+    """Return the unit of amplitudes [um], or 1 if it is unknown or not equal in all cases."""
+    return factor_of(found.work.measure, _length(found, dimensionless))
+
+
+def _length(found: Cases, dimensionless: bool) -> float | None:
+    """Return the unit of length [m]; None if it is unknown, or differs between cases."""
+    lengths = [length_scale(found.model_of(int(case)), {}) for case in found.table["case"]]
+    first = lengths[0] if lengths and not dimensionless else None
+    return first if first and all(one is not None and np.isclose(one, first) for one in lengths) else None
 
 
 @checked_arguments()
-def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -> Axes:
+def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, dimensionless: bool = False) -> Axes:
     """Draw a histogram of the frequency of the largest jump, for each direction of a slow sweep.
 
     Parameters
@@ -228,6 +247,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         Axes to draw on; new ones by default, with axes of the speeds above if the models have common scales.
     bins : int, optional
         Largest number of bins; default 30.
+    dimensionless : bool, optional
+        Whether Omega is kept although all models have the same scales; default False.
 
     Returns
     -------
@@ -252,7 +273,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
     """
     if "jump_rising" not in found.table:
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
-    columns = {name: _finite(found.table[name]) for name in JUMPS}
+    across = _axis(found, dimensionless)
+    columns = {name: across.scale * _finite(found.table[name]) for name in JUMPS}
     every = np.concatenate(list(columns.values()))
     own = ax is None
     with styled():
@@ -271,16 +293,18 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         else:
             ax.text(0.5, 0.5, "no jump in any case", transform=ax.transAxes, ha="center")
         ax.locator_params(axis="y", integer=True)
-        ax.set_xlabel(f"jump frequency, {_label(found, 'Omega')}")
+        ax.set_xlabel(f"jump, {across.label}")
         ax.set_ylabel("cases")
         dress(ax)
-        if own and scaled_axes(ax, _common(found)):
+        if own and scaled_axes(ax, across.above):
             heighten(ax)
     return ax
 
 
 @checked_arguments()
-def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
+def against_parameters(
+    found: Cases, figure: Figure | SubFigure | None = None, *, dimensionless: bool = False
+) -> Figure | SubFigure:
     """Draw the largest peak, the jump frequencies and critical values of each case against each varied parameter.
 
     Parameters
@@ -289,6 +313,8 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
         Cases of a study.
     figure : Figure or SubFigure, optional
         Figure to draw on; a new one by default.
+    dimensionless : bool, optional
+        Whether Omega and amplitudes keep the unit of the model although all models have the same scales; default False.
 
     Returns
     -------
@@ -312,7 +338,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
     >>> figure = hb.plot.against_parameters(found)
     """
     names = [name for name in found.names if np.issubdtype(found.table[name].dtype, np.number)]
-    rows = _rows(found)
+    rows = _rows(found, dimensionless)
     if not (names and rows):
         raise ValueError("there is no number to draw against a parameter")
     with styled():
@@ -321,10 +347,10 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
 
             figure = plt.figure(figsize=(1.0 + 1.9 * len(names), 0.6 + 2.1 * len(rows)), layout="constrained")
         axes: Any = figure.subplots(len(rows), len(names), sharex="col", sharey="row", squeeze=False)
-        for line, (label, columns) in zip(axes, rows, strict=True):
+        for line, (label, columns, scale) in zip(axes, rows, strict=True):
             for ax, name in zip(line, names, strict=True):
                 for column in columns:
-                    _dots(ax, found, name, column)
+                    _dots(ax, found, name, column, scale)
                 dress(ax)
             line[0].set_ylabel(_wrapped(label, 27))
         for ax, name in zip(axes[-1], names, strict=True):
@@ -371,19 +397,21 @@ def figures(found: Cases) -> dict[str, Any]:
     return drawn
 
 
-def _rows(found: Cases) -> list[tuple[str, list[str]]]:
-    """Return the axis label of each row of panels, and the table columns drawn there."""
+def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], float]]:
+    """Return the axis label of each row of panels, the table columns drawn there, and the unit of their values."""
     rows = []
     if "peak" in found.table:
-        rows.append((f"largest {_measure(found)}", ["peak"]))
+        rows.append((f"largest {_measure(found, dimensionless)}", ["peak"], _factor(found, dimensionless)))
     if "jump_rising" in found.table:
-        rows.append((f"jumps, {_label(found, 'Omega')}", list(JUMPS)))
-    return rows + [(f"critical {name}", [f"critical_{name}"]) for name in found.work.critical]
+        across = _axis(found, dimensionless)
+        rows.append((f"jumps, {across.label}", list(JUMPS), across.scale))
+    critical = [(f"critical {_label(found, name)}", [f"critical_{name}"], 1.0) for name in found.work.critical]
+    return rows + critical
 
 
-def _dots(ax: Axes, found: Cases, name: str, column: str) -> None:
+def _dots(ax: Axes, found: Cases, name: str, column: str, scale: float) -> None:
     marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
-    x, y = found.table[name], found.table[column]
+    x, y = found.table[name], scale * found.table[column]
     which = np.isfinite(y)
     ax.plot(x[which], y[which], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
             markeredgewidth=0, label=label, rasterized=len(x) > _MAX_VECTOR_CASES, gid=column)  # fmt: skip
@@ -412,9 +440,11 @@ def _finite(column: Array) -> Array:
     return np.asarray(column[np.isfinite(column)])
 
 
-def _measure(found: Cases) -> str:
+def _measure(found: Cases, dimensionless: bool) -> str:
     """Return the name of the measure and of the measured coordinate."""
-    return axis_text(found.work.measure, found.model.labels.get("amplitude", "gap (model units)"))
+    motion = found.model.labels.get("amplitude", "gap (model units)")
+    length = _length(found, dimensionless)
+    return in_figure(axis_text(found.work.measure, motion if length is None else in_micrometres(motion)))
 
 
 def _label(found: Cases, name: str) -> str:
