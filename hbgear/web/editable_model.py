@@ -44,6 +44,9 @@ class Parameter:
         Upper end of the slider.
     map : bool
         Whether a jump map can be drawn over the parameter.
+    limits : tuple of float or None
+        Smallest and largest value that the model accepts, None without a limit. The page sets the ends of a slider by
+        these if a value outside of the slider is typed.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Parameter:
     low: float
     high: float
     map: bool = True
+    limits: tuple[float | None, float | None] = (None, None)
 
 
 class EditableModel(ABC):
@@ -244,7 +248,8 @@ def _parameter(
         low = max(low, allowed.low)
     low, high = max(low, allowed.low), min(high, allowed.high)
     text = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", in_html(label)) if unit_of(label) else in_html(label)
-    return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, map)
+    limits = tuple(end if math.isfinite(end) else None for end in (allowed.low, allowed.high))
+    return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, map, (limits[0], limits[1]))
 
 
 def _call(name: str, thing: Any, **given: str) -> str:

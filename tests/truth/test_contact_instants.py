@@ -151,3 +151,22 @@ def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
         h = 1e-6
         up, down = (linearise(at, state.moved(state.z + d * np.eye(len(state.z))[k]).iterate, False).R for d in (h, -h))
         assert (up - down) / (2 * h) == pytest.approx(now.J[:, k], abs=1e-6 * np.abs(now.J).max())
+
+
+def test_multipliers_of_a_contracting_pair_are_no_second_frequency() -> None:
+    """Two masses with a soft stop: a modulus that passed .3 changed the sign of the test function."""
+    from studies.contact.discretisations import Results, compare, machine
+
+    results = Results()
+    compare(results, "two masses", *machine("two masses", np.random.default_rng([41, 3, 0])))
+    assert results.machines["two masses"] == 1 and not results.ended and not results.alone
+
+
+def test_both_discretisations_have_the_same_special_points() -> None:
+    """One machine of each kind of the study; the study itself compares a thousand."""
+    from studies.contact.discretisations import SAME, report, run
+
+    results = run(quick=True)
+    assert sum(results.machines.values()) == 4 and not results.ended and not results.alone
+    assert len(results.pairs) >= 8 and max(distance for _, distance, _ in results.pairs) < SAME
+    assert "| pair, rectangular | 1 | 4 |" in report(results)

@@ -512,6 +512,26 @@ def test_a_slider_draws_another_curve(shown):
     assert complaints(shown) == []
 
 
+def test_a_slider_has_a_sensible_range_after_typed_values(shown):
+    """The ends are .2 and 2.5 times a value outside of the range; a value inside of it restores the range."""
+    from selenium.webdriver.common.keys import Keys
+
+    def typed(text):
+        before = shown.execute_script("return explorer.timings.length")
+        shown.find_element("id", "p-zeta").send_keys(Keys.CONTROL, "a")
+        shown.find_element("id", "p-zeta").send_keys(text, Keys.ENTER)
+        waited_for(shown, f"explorer.timings.length > {before}")
+        ends = "[Number(s.min), Number(s.max), Number(s.value)]"
+        return shown.execute_script(
+            f"const s = document.querySelector(\"[aria-label='zeta as a slider']\"); return {ends}"
+        )
+
+    assert typed("0.4") == pytest.approx([0.08, 1.0, 0.4], rel=1e-2)
+    assert typed("0.06") == pytest.approx([0.2 * MODEL.zeta, 2.5 * MODEL.zeta, 0.06], rel=1e-2)
+    assert typed("0.001") == pytest.approx([0.0002, 0.0025, 0.001], rel=1e-2)
+    assert complaints(shown) == []
+
+
 @pytest.fixture
 def slow(monkeypatch):
     """Curves that take until nobody wants them, for the values that are put in."""

@@ -23,6 +23,9 @@ from hbgear.harmonic.instants.shooting import Linearisation
 REAL_PAIR_TOLERANCE = 1e-6
 """Imaginary part up to which two multipliers of product one are a real pair and no Neimark-Sacker point."""
 
+UNIT_CIRCLE_DISTANCE = 1e-6
+"""Distance of the modulus of a located Neimark-Sacker pair from 1; rounding leaves 1e-10."""
+
 EXACT_BRANCH_POINT_TOLERANCE = 1e-7
 """Fraction of a segment up to which a branch point is located; closer to it the equations are nearly singular."""
 
@@ -58,11 +61,10 @@ class ExactPoint:
         P, mu = self.monodromy, self.multipliers
         first, second = np.triu_indices(len(mu), 1)
         pairs = mu[first] * mu[second]
-        near = pairs[np.abs(mu[first]) > 0.3]  # strongly contracting pairs do not reach the circle
         return {
             "LP": float(self.tangent[-1]),
             "PD": float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min()),
-            "NS": float(np.prod(near - 1).real) if len(mu) > 2 else 1.0,
+            "NS": float(np.prod(pairs - 1).real) if len(mu) > 2 else 1.0,
             "BP": float(np.linalg.slogdet(np.vstack([self.J * self.scale, self.tangent]))[0])
             * float(np.linalg.svd(np.vstack([self.J * self.scale, self.tangent]), compute_uv=False)[-1]),
         }
@@ -120,4 +122,4 @@ def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> Exa
 def _is_complex_pair(mu: ComplexArray) -> bool:
     """Return whether the multipliers nearest to the unit circle are a complex pair."""
     near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
-    return bool(abs(near.imag) > REAL_PAIR_TOLERANCE)
+    return bool(abs(near.imag) > REAL_PAIR_TOLERANCE and abs(abs(near) - 1) < UNIT_CIRCLE_DISTANCE)

@@ -110,21 +110,32 @@ const explorer = (() => {
     row.querySelector(".unit").textContent = p.unit.replace(/\bum\b/g, "µm").replace(/\^2/g, "²").replace(/\^3/g, "³");
     const slider = row.querySelector("input[type=range]"), field = row.querySelector("input[type=number]");
     slider.setAttribute("aria-label", `${p.name} as a slider`);
-    Object.assign(slider, { min: p.low, max: p.high, step: (p.high - p.low) / 400 || "any" });
+    p.slider = slider; p.field = field;
+    fitSlider(p, p.value);
     slider.addEventListener("input", () => { remember(); set(p.name, Number(slider.value)); moved(); });
     slider.addEventListener("change", () => settle(p.name));
     field.addEventListener("change", () => {
       if (field.value === "" || !isFinite(field.value)) { showValue(p.name); return; }
+      fitSlider(p, Number(field.value));
       remember(); set(p.name, Number(field.value)); moved(); settle();
     });
-    p.slider = slider; p.field = field;
     return row;
+  }
+
+  function fitSlider(p, value) { // the range of the model; for a value outside of it, .2 to 2.5 times the value
+    let [low, high] = [p.low, p.high];
+    if (value < low || value > high) {
+      [low, high] = value ? [0.2 * value, 2.5 * value].sort((a, b) => a - b) : [Math.min(low, 0), Math.max(high, 0)];
+      low = Math.max(low, p.limits[0] ?? -Infinity, -Number.MAX_VALUE);
+      high = Math.min(high, p.limits[1] ?? Infinity, Number.MAX_VALUE);
+      if (value < low || value > high) return; // the model refuses the value
+    }
+    Object.assign(p.slider, { min: low, max: high, step: (high - low) / 400 || "any" });
   }
 
   function showValue(name) { // in the slider and the field
     const p = data.parameters.find((each) => each.name === name), value = now.values[name];
-    if (value < Number(p.slider.min)) p.slider.min = value;
-    if (value > Number(p.slider.max)) p.slider.max = value;
+    if (value < Number(p.slider.min) || value > Number(p.slider.max)) fitSlider(p, value);
     p.slider.value = value;
     if (document.activeElement !== p.field || Number(p.field.value) !== value) p.field.value = written(value);
   }
