@@ -161,6 +161,13 @@ def test_jumps_in_revolutions_per_minute(curve):
         hb.design.jump_tolerance(curve, spread, unit="rpm")
 
 
+def test_derivatives_are_shown_in_physical_units(curve):
+    found = hb.analysis.sensitivity(curve["LP1"], ["zeta", "reference[0]"], measure="pp2")
+    assert found.shown(dimensionless=True) == found.quantities
+    assert found.shown() == ("pinion r/min", "mesh Hz", "pp2 m")
+    assert "change of pinion r/min of LP1" in hb.plot.tornado(found).get_xlabel()
+
+
 def test_command(curve, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     path = str(tmp_path / "pair.npz")

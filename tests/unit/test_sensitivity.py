@@ -151,7 +151,9 @@ def test_scatter_of_a_jump_at_a_neimark_sacker_point():
     """Each draw is the point solved for with its values."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
-    one = next(one for one in hb.design.jump_tolerance(curve, {"zeta": 2e-4}, draws=5) if one.label == "NS1")
+    one = next(
+        one for one in hb.design.jump_tolerance(curve, {"zeta": 2e-4}, draws=5, unit="Omega") if one.label == "NS1"
+    )
     xi = np.random.default_rng(0).normal(size=(5, 1))[:, 0]
     assert one.lost == 0 and one.first > 1e-4
     np.testing.assert_allclose(one.draws - one.value, xi * one.effects["zeta"], atol=0.2 * one.first)

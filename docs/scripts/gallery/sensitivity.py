@@ -14,7 +14,7 @@ curve = hb.trace(
     hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 12), "Omega", (1.2, 0.7)
 )
 found = hb.analysis.sensitivity(curve["LP1"])
-hb.plot.tornado(found, "Omega", most=8)
+hb.plot.tornado(found, most=8)
 plt.show()
 
 # %%

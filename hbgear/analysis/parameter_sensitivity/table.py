@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.analysis.parameter_sensitivity.units import LENGTH
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.harmonic.models.frequency_units import PINION
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,6 +60,26 @@ class Sensitivity:
         largest = next(iter(self.percent()), "")
         quantities = ", ".join(self.quantities)
         return f"<Sensitivity of {self.label}: {quantities} in {len(self.parameters)} parameters; {largest}>"
+
+    @checked_arguments()
+    def shown(self, dimensionless: bool = False) -> tuple[str, ...]:
+        """Return the quantities in physical units if they are known, with the speed of the pinion instead of Omega.
+
+        Parameters
+        ----------
+        dimensionless : bool, optional
+            Whether all quantities are returned; default False.
+
+        Returns
+        -------
+        tuple of str
+            Names of quantities.
+        """
+        if dimensionless or PINION not in self.quantities:
+            return self.quantities
+        hidden = {name for name in self.quantities if f"{name} {LENGTH}" in self.quantities}
+        shown = [PINION if name == "Omega" else name for name in self.quantities if name not in hidden]
+        return tuple(dict.fromkeys(shown))
 
     @checked_arguments()
     def size(self, quantity: str = "") -> float:

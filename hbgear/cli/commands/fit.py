@@ -64,7 +64,7 @@ def sensitivity(
     quantity: Annotated[
         str,
         typer.Option(
-            "--sort-by", help="Quantity by which the table is sorted, such as 'pinion r/min'.", show_default="Omega"
+            "--sort-by", help="Quantity by which the table is sorted, such as 'mesh Hz'.", show_default="r/min if known"
         ),
     ] = "",
     max_rows: MaxRows = 15,
@@ -75,6 +75,7 @@ def sensitivity(
     multipliers: Annotated[
         bool, typer.Option("--multipliers", help="Include the largest modulus of the Floquet multipliers, |mu|.")
     ] = False,
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute the derivatives of the frequency and amplitude of a point of a saved curve by all parameters.
 
@@ -86,7 +87,7 @@ def sensitivity(
     branch = load_with_problem(file, model)
     chosen = _chosen(branch, point, measure, which)
     found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    show_shares(found, quantity, max_rows, output, plot)
+    show_shares(found, quantity, max_rows, output, plot, dimensionless)
 
 
 def scatter(

@@ -29,7 +29,8 @@ def tornado(
     found : Sensitivity
         Result of `hbgear.analysis.sensitivity`.
     quantity : str, optional
-        One of ``found.quantities``; default the first.
+        One of ``found.quantities``; default the first of `Sensitivity.shown`: the speed of the pinion if the model has
+        scales.
     ax : Axes, optional
         Axes to draw on; new ones by default.
     percent : float, optional
@@ -55,7 +56,7 @@ def tornado(
     """
     checked("tornado", "percent", percent, POSITIVE)
     counted("tornado: most", most)
-    quantity = quantity or found.quantities[0]
+    quantity = quantity or found.shown()[0]
     effects = {name: effect for name, effect in found.percent(quantity).items() if effect and np.isfinite(effect)}
     if not effects:
         raise ValueError(f"no parameter that is not zero changes {quantity} of {found.label}")
