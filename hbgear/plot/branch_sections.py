@@ -42,12 +42,17 @@ HEADROOM = 2.0
 """Ratio of the upper limit of the axes to the largest bounded amplitude, for a curve that goes to infinity."""
 
 
-def bounded(branch: Branch, amplitude: Array) -> float:
-    """Return the largest amplitude of a branch up to its last special points before it goes to infinity."""
+def bounded_points(branch: Branch) -> slice:
+    """Return the points of a branch up to its last special points before it goes to infinity."""
     marks = [point.index for point in branch.special]
     first = min(marks, default=len(branch) - 1) if "first" in branch.asymptotes else 0
     last = max(marks, default=0) if "last" in branch.asymptotes else len(branch) - 1
-    return float(amplitude[min(first, last) : max(first, last) + 1].max())
+    return slice(min(first, last), max(first, last) + 1)
+
+
+def bounded(branch: Branch, amplitude: Array) -> float:
+    """Return the largest amplitude of the `bounded_points` of a branch."""
+    return float(amplitude[bounded_points(branch)].max())
 
 
 class SmoothCurve:

@@ -67,6 +67,8 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
     curves, called = [], []
     for branch, name in zip(branches, names, strict=True):
         for number, curve in enumerate((branch, *branch.others), 1):
+            with suppress(ValueError):  # points of special points and jumps need it for the transmission error
+                curve = curve if curve.problem is not None else replace(curve, problem=problem_along(curve))
             curves.append(curve)
             called.append(f"{name}, branch {number}" if branch.others else name)
     for curve, name in zip(curves, called, strict=True):

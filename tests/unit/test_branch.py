@@ -1,6 +1,7 @@
 """Branch: measures against closed forms, files that give back what was written, errors that say what to do."""
 
 import csv
+import dataclasses
 import json
 import os
 import zipfile
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+import hbgear as hb
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -501,3 +503,17 @@ def test_mat_of_a_bare_branch(tmp_path):
     b.export(tmp_path / "b.mat")
     m = loadmat(tmp_path / "b.mat", simplify_cells=True)
     assert "multipliers" not in m and "amplitude" not in m and np.array_equal(m["X"], b.X) and len(m["special"]) == 0
+
+
+def test_motions_without_bound_are_not_the_largest_ones() -> None:
+    """Tables of loads end at the last special point of a branch that goes to infinity."""
+    from hbgear.cli.commands.assumptions import largest_motions
+
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (0.6, 1.0))  # from LP2 over LP1 to the upper part
+    assert max(point.amplitude("max") for point in largest_motions(curve)) == curve.amplitude("max").max()
+    last = max(point.index for point in curve.special)
+    assert last < curve.amplitude("max").argmax()
+    endless = dataclasses.replace(curve, meta={**curve.meta, "asymptotes": {"last": 1.1}})
+    largest = max(point.amplitude("max") for point in largest_motions(endless))
+    stable = np.where(curve.stable, curve.amplitude("max"), 0.0)
+    assert largest == stable[: last + 1].max() < curve.amplitude("max").max()

@@ -22,6 +22,7 @@ from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script
 from hbgear.web.studies import lines_of, study_section
+from hbgear.web.view import views
 
 pytest.importorskip("plotly")
 
@@ -480,3 +481,15 @@ def test_page_fits_a_phone(shown):
     shown.refresh()
     shown.execute_async_script("hbgear.ready.then(() => requestAnimationFrame(arguments[0]))")
     assert shown.execute_script("return document.documentElement.scrollWidth") <= 390
+
+
+def test_jumps_of_a_saved_machine_have_arrows_in_its_units(tmp_path):
+    """The points of a file do not know their problem: jumps had no transmission error, and no arrow in the report."""
+    pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+    curve = hb.trace(hb.HarmonicBalance(pair, 5), "Omega", (0.9, 0.6))
+    curve.save(tmp_path / "pair.npz")
+    (fresh,), (loaded,) = (views([one], ["pair"]) for one in (curve, hb.load(tmp_path / "pair.npz")))
+    assert len(loaded["jumps"]) == 2
+    for one, other in zip(loaded["jumps"], fresh["jumps"], strict=True):
+        for end in ("before", "after"):
+            assert one[end]["dte"][0] > 0 and one[end]["dte"] == pytest.approx(other[end]["dte"], rel=1e-9)

@@ -19,6 +19,7 @@ from hbgear.cli.commands.machine_report import ACCURACY_GRADE
 from hbgear.cli.output import print_table
 from hbgear.common.process.threads import begun
 from hbgear.common.text.digits import rounded
+from hbgear.plot.branch_sections import bounded_points
 
 if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
@@ -172,9 +173,13 @@ def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
 
 
 def largest_motions(curve: hb.Branch) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others."""
+    """Return the stable points with the largest amplitudes of a curve and of each of its others.
+
+    A part that goes to infinity is left out, because its largest motion is where the curve ends.
+    """
     points = []
     for one in (curve, *curve.others):
         size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
-        points += [one[int(i)] for i in np.argsort(size)[-FACTOR_CANDIDATES:]]
+        part = bounded_points(one)
+        points += [one[part.start + int(i)] for i in np.argsort(size[part])[-FACTOR_CANDIDATES:]]
     return points

@@ -415,6 +415,10 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
     speed = float(scales.pinion_speed(point.parameters["Omega"]))
     yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
            f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
+    limits = {float(scales.pinion_speed(x)) for one in (curve, *curve.others) for x in one.asymptotes.values()}
+    if limits:
+        speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
+        yield ["not included", f"motions that grow without bound near {speeds} r/min"]
     pairs = len(loads.force)
     which = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
     yield ["it acts on", f"{which}, {position:.2f} mesh periods after the pair enters contact"]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import hbgear as hb
+from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, text_at
 from hbgear.cli.output import print_table, print_text
@@ -217,15 +218,23 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
     scales, pair = model.scales, getattr(model, "pair", None)
     assert scales is not None
     rows = []
-    for branch in (curve, *curve.others):
-        for jump in branch.jumps():
+    branches = (curve, *curve.others)
+    for number, found in enumerate(landings(branches), 1):
+        for jump in (landing.jump for landing in found):
             digits = digits_of(jump.before, 6)
             factors = [factor_text(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
             rpm = fixed_point(float(scales.pinion_speed(jump.value)), digits)
             hertz = fixed_point(float(scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
             Omega = [text_at(jump.before, "Omega")] if dimensionless else []
-            row = [jump.label, rpm, hertz, *Omega, direction, *factors]
+            row = [
+                f"{jump.label} ({number})" if len(branches) > 1 else jump.label,
+                rpm,
+                hertz,
+                *Omega,
+                direction,
+                *factors,
+            ]
             if pair is not None:
                 speed = float(scales.pinion_speed(jump.value))
                 row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
