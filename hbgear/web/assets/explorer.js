@@ -63,7 +63,6 @@ const explorer = (() => {
       fill();
       for (const id of ["mapx", "mapy"]) if ($(id).value === "Omega") mapRange(id);
     }
-    $("range").textContent = hbgear.state.units ? `Ω = ${hbgear.short(now.from)} to ${hbgear.short(now.to)}; Ω = 1 is ${hbgear.short(perOmega())} r/min` : "";
   }
 
   async function rest(found, serial) { // when no slider moves: motion and tables of the curve
