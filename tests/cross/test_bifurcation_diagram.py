@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
 from hbgear.mechanics import Cubic, model
-from hbgear.time.attractors.verdicts import Verdict, birkhoff_weights, verdict_of
+from hbgear.time.attractors.verdicts import Verdict, verdict_of
 
 OMEGA = 1.2
 PD1, PD2 = 0.265582, 0.286693

@@ -136,15 +136,16 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
     list of Solution
         Solutions in the order of the branch; a crossing at which the corrector fails is left out.
     """
-    found = []
+    found, problem = [], as_problem(branch.problem)
     for crossing in crossings_at(branch, value):
         if crossing.index in skip:
             continue
         here = {**branch.parameters_at(crossing.index), branch.parameter: value}
+        unknown = {name: float(crossing.interpolate(branch.tracked[name])) for name in problem.unknown_parameters}
+        here = {name: x for name, x in here.items() if name not in unknown}
+        U = problem.join(crossing.interpolate(branch.X), unknown)
         try:
-            found.append(
-                solve(as_problem(branch.problem), crossing.interpolate(branch.X), here, branch.parameter, settings)
-            )
+            found.append(solve(problem.with_borders_at(U, here), U, here, branch.parameter, settings))
         except NoConvergence:
             continue
     return found
@@ -168,15 +169,18 @@ def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[
     every = [solution for group in groups for solution in group]
     if not every:
         return [[] for _ in groups]
-    fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
-    here = [{**fixed, branch.parameter: solution.value} for solution in every]
+    problem = as_problem(branch.problem)
+    left_out = {branch.parameter, *problem.unknown_parameters}
+    fixed = {k: v for k, v in branch.parameters_at(0).items() if k not in left_out}
+    parts = [problem.split(solution.X) if problem.unknown_parameters else (solution.X, {}) for solution in every]
+    here = [{**fixed, branch.parameter: solution.value, **own} for solution, (_, own) in zip(every, parts, strict=True)]
     u = np.array([np.append(solution.X, solution.value) for solution in every])
-    observed = observe_all(as_problem(branch.problem), u, branch.parameter, fixed, True)
+    observed = observe_all(problem, u, branch.parameter, fixed, True)
     points = iter([
         Point(
-            solution.X, p, solution.residual, solution.iterations, one.get("multipliers"),
+            X, p, solution.residual, solution.iterations, one.get("multipliers"),
             one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout, problem=branch.problem,
-        ) for solution, p, one in zip(every, here, observed, strict=True)
+        ) for solution, (X, _), p, one in zip(every, parts, here, observed, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]
 

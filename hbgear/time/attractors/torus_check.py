@@ -19,7 +19,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
-from hbgear.time.attractors.verdicts import birkhoff_weights, growth_rates
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
+from hbgear.time.attractors.verdicts import growth_rates
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 
 _MAX_PERIODS = 100_000

@@ -28,6 +28,7 @@ from enum import StrEnum
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 
 AVERAGED = 1000
@@ -62,14 +63,6 @@ class Verdict(StrEnum):
     QUASI_PERIODIC = "quasi-periodic"
     CHAOTIC = "chaotic"
     UNDECIDED = "undecided"
-
-
-def birkhoff_weights(count: int) -> Array:
-    """Return the weights (count,) of a weighted average, with the sum 1."""
-    t = (np.arange(count) + 0.5) / count
-    w = np.exp(-1.0 / (t * (1.0 - t)))
-    out: Array = w / w.sum()
-    return out
 
 
 def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Array:

@@ -16,6 +16,9 @@ from hbgear.common.arrays import Array, ComplexArray
 _OVERSAMPLING = 4
 """Samples per highest harmonic [-]. Products of three functions of the basis are exact with more than four."""
 
+_INNER_FRACTION = 0.9
+"""Distance from the origin over the largest one, in the diamond [-], from which an index is one of the outermost."""
+
 
 class TorusBasis:
     """Indices, grid and products of functions of two phases.
@@ -51,6 +54,12 @@ class TorusBasis:
         self._mirrored = (-self.k[1:, 0]) % self.shape[0], self.k[1:, 1] == 0
         minus, plus = (self.k[:, None] + sign * self.k for sign in (-1, 1))
         self._minus, self._plus = ((n[..., 0] % self.shape[0], n[..., 1] % self.shape[1]) for n in (minus, plus))
+
+    @property
+    def outermost(self) -> np.ndarray:
+        """Whether an index (K,) lies in the outermost tenth of the diamond."""
+        distance = np.abs(self.k[:, 0]) / self.H1 + self.k[:, 1] / self.H2
+        return np.asarray(distance > _INNER_FRACTION * distance[self.k[:, 1] > 0].max())
 
     @property
     def width(self) -> int:

@@ -28,6 +28,7 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
+from hbgear.harmonic.autonomous.tori.stability import with_stability_message
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.series.fourier import to_complex
@@ -76,8 +77,10 @@ def torus(
 
     The second frequency Omega_2 is an unknown. The branch leaves the point in the direction in which the modulation
     grows, and ends at another Neimark-Sacker point, at an end of the span, or where the spectrum no longer decays
-    (loss of smoothness, locking); `Branch.message` names the end. The stability of tori is not computed: verify it by
-    `hbgear.time.verify_torus`.
+    (loss of smoothness, locking); `Branch.message` names the end. A torus is stable if disturbances other than a shift
+    of its second phase decay: the only multiplier is the mean factor by which the slowest one changes in a period
+    2 pi nu / Omega. Where its error is too large, the stability is undecided, and the message states the reason. Points
+    at which tori gain or lose stability are not located.
 
     Parameters
     ----------
@@ -152,8 +155,8 @@ def torus(
     U, start = _first_torus(problem, first, along, Omega_2, at, name, modulation)
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
-    usual = {"cover": False, "stability": False, "accuracy": None}
-    return named_end(trace(problem, name, ends, begin, **(usual | options)), name)
+    usual = {"cover": False, "accuracy": None}
+    return with_stability_message(named_end(trace(problem, name, ends, begin, **(usual | options)), name))
 
 
 def _disturbance(balance: HarmonicBalance, X: Array, at: dict[str, float], name: str) -> tuple[ComplexArray, float]:

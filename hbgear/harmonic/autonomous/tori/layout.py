@@ -100,11 +100,9 @@ class TorusLayout:
 
     def spectrum_end(self, X: Array) -> float:
         """Return the norm of the outermost tenth of the diamond of coefficients over the norm of the modulation."""
-        k, c = self.basis.k, self.basis.to_complex(X.reshape(len(self.elements), -1))
-        distance = np.abs(k[:, 0]) / self.basis.H1 + k[:, 1] / self.basis.H2
-        moving = k[:, 1] > 0
+        moving, c = self.basis.k[:, 1] > 0, self.basis.to_complex(X.reshape(len(self.elements), -1))
         whole = float(np.linalg.norm(c[:, moving]))
-        return float(np.linalg.norm(c[:, moving & (distance > 0.9)])) / max(whole, 1e-300)
+        return float(np.linalg.norm(c[:, moving & self.basis.outermost])) / max(whole, 1e-300)
 
 
 _basis = lru_cache(maxsize=8)(TorusBasis)

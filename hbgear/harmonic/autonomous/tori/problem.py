@@ -16,6 +16,7 @@ Guskov & Thouverez (2012), J. Vib. Acoust. 134(3), https://doi.org/10.1115/1.400
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -30,12 +31,17 @@ from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
+from hbgear.harmonic.autonomous.tori.stability import growth_of
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model, describe
 
 SECOND = "Omega_2"
 """Name of the second frequency."""
+
+
+_MAX_GROWTH = 300.0
+"""Logarithm of the largest growth in a period that is represented [-]."""
 
 
 class _Forces(NamedTuple):
@@ -72,6 +78,8 @@ class TorusProblem(ContinuationProblem):
     ('Omega_2',)
     """
 
+    free_phase = True
+    """Whether the second phase of a motion is arbitrary: the second frequency is not prescribed."""
     usual_parameter = "Omega"
     unknown_parameters = (SECOND,)
     singular_hint = "the two frequencies lock"
@@ -177,15 +185,19 @@ class TorusProblem(ContinuationProblem):
 
     # ---- equations
 
+    def evaluator_at(self, parameters: Mapping[str, float]) -> Evaluator:
+        """Return the model at some parameters, of which the second frequency is left out."""
+        return self.balance.compiled({name: x for name, x in parameters.items() if name != SECOND})
+
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual, its Jacobian, its derivative in a parameter and the size of its terms."""
         d, own = self.split(X)
-        basis, evaluator = self.basis, self.balance.compiled(parameters)
+        basis, evaluator = self.basis, self.evaluator_at(parameters)
         m, n = evaluator.m, len(d)
         omega = np.array([parameters["Omega"] / self.balance.nu, own[SECOND]])
         w = basis.k @ omega
         c = basis.to_complex(d.reshape(m, -1))
-        forces = self._forces(evaluator, c, w)
+        forces = self.forces(evaluator, c, w)
         G, dG = evaluator.structure.transfer(1j * w)
         dG = 1j * dG  # in w
         kr = evaluator.structure.kr
@@ -234,24 +246,48 @@ class TorusProblem(ContinuationProblem):
         out[:, K:] = product[:, 1:K] * w[1:]
         return out
 
-    def _forces(self, evaluator: Evaluator, c: ComplexArray, w: Array) -> _Forces:
+    def forces(self, evaluator: Evaluator, c: ComplexArray, w: Array) -> _Forces:
         """Return forces and slopes of the laws at a motion with coefficients (m, K) and frequencies (K,)."""
         basis, m = self.basis, len(c)
         d, v = basis.samples(np.stack([c, 1j * w * c]))
-        found = [
-            [
-                np.broadcast_to(x, tau.size).reshape(tau.shape)
-                for x in law.force(d[j].ravel(), v[j].ravel(), tau.ravel())
-            ]
-            for j, (law, tau) in enumerate(zip(evaluator.laws, self._phases(evaluator), strict=True))
-        ]
-        p, stiffness, damping = (np.array([one[i] for one in found]).reshape(m, *basis.shape) for i in range(3))
+        grid = np.meshgrid(*(2 * np.pi * np.arange(N) / N for N in basis.shape), indexing="ij")
+        p, stiffness, damping = (
+            x.reshape(m, *basis.shape)
+            for x in self._laws(evaluator, d.reshape(m, -1), v.reshape(m, -1), np.stack(grid, axis=-1).reshape(-1, 2))
+        )
         return _Forces(basis.coefficients(p), stiffness, damping if damping.any() else None)
 
-    def _phases(self, evaluator: Evaluator) -> list[Array]:
-        """Return the phase tau (N1, N2) of the law of each element at the samples."""
-        theta = 2 * np.pi * np.arange(self.basis.shape[0])[:, None] / self.basis.shape[0]
-        return [np.broadcast_to(self.balance.nu * theta, self.basis.shape)] * evaluator.m
+    def _laws(self, evaluator: Evaluator, d: Array, v: Array, theta: Array) -> list[Array]:
+        """Return the forces and their slopes in d and v, (m, T) each, at T points with phases theta (T, 2)."""
+        found = [
+            [np.broadcast_to(x, len(theta)) for x in law.force(d[j], v[j], tau)]
+            for j, (law, tau) in enumerate(zip(evaluator.laws, self._phases(evaluator, theta), strict=True))
+        ]
+        return [np.array([one[i] for one in found]) for i in range(3)]
+
+    def slopes(self, X: Array, parameters: Mapping[str, float], t: Array, phi: Array) -> tuple[Array, Array | None]:
+        """Return the slopes of the laws in d and d' along a motion (B, m, T); None without the latter.
+
+        The motion begins at the phases 0 and phi (B,), and t (T,) are instants.
+        """
+        d, own = self.split(X)
+        basis, evaluator = self.basis, self.evaluator_at(parameters)
+        omega = np.array([parameters["Omega"] / self.balance.nu, own[SECOND]])
+        w, c = basis.k @ omega, basis.to_complex(d.reshape(self.balance.m, -1))
+        table = np.zeros((2, len(c), len(t), basis.H2 + 1), dtype=complex)
+        turned = np.stack([c, 1j * w * c])[:, :, None] * np.exp(1j * np.outer(t, w))
+        for k2 in range(basis.H2 + 1):
+            table[..., k2] = turned[..., basis.k[:, 1] == k2].sum(axis=-1)
+        gap, rate = (table @ np.exp(1j * np.outer(np.arange(basis.H2 + 1), phi))).real.transpose(0, 1, 3, 2)
+        theta = np.stack(np.broadcast_arrays(omega[0] * t, phi[:, None] + omega[1] * t), axis=-1).reshape(-1, 2)
+        shape = len(c), len(phi), len(t)
+        _, k, b = self._laws(evaluator, gap.reshape(len(c), -1), rate.reshape(len(c), -1), theta)
+        k, b = (x.reshape(shape).transpose(1, 0, 2) for x in (k, b))
+        return k, b if b.any() else None
+
+    def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
+        """Return the phase tau (T,) of the law of each element at phases theta (T, 2)."""
+        return [self.balance.nu * theta[:, 0]] * evaluator.m
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the loads (K, n) on the coordinates with the second phase; zero for a torus of unknown frequency."""
@@ -274,18 +310,26 @@ class TorusProblem(ContinuationProblem):
     # ---- quantities of a motion
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
-        """Return the regime and the size of the outermost coefficients, which estimates the truncation error."""
-        return {"regime": np.zeros(self.balance.m, dtype=np.int8), "error": self.layout.spectrum_end(X[:-1])}
+        """Return the regime, the size of the outermost coefficients, which estimates the error, and the stability.
+
+        The only multiplier is the factor by which disturbances grow in a period 2 pi nu / Omega.
+        """
+        out = {"regime": np.zeros(self.balance.m, dtype=np.int8), "error": self.layout.spectrum_end(X[:-1])}
+        if not stability:
+            return out
+        growth = growth_of(self, X, parameters)
+        factor = math.exp(min(growth.rate, _MAX_GROWTH)) if growth.rate == growth.rate else math.nan
+        error = factor * math.expm1(min(growth.error, _MAX_GROWTH)) if growth.rate == growth.rate else math.nan
+        return out | {"multipliers": np.array([factor + 0j]), "modulus_error": error}
 
     def motion(self, X: Array, **parameters: float) -> ComplexArray:
         """Return the coefficients (n, K) of all coordinates of a motion X (n,), with Omega and Omega_2 given."""
         basis = self.basis
-        here = {name: value for name, value in parameters.items() if name != SECOND}
-        evaluator = self.balance.compiled(here)
+        evaluator = self.evaluator_at(parameters)
         structure, receptance = evaluator.structure, evaluator.receptance
         w = basis.k @ np.array([parameters["Omega"] / self.balance.nu, parameters[SECOND]])
         c = basis.to_complex(X.reshape(self.balance.m, -1))
-        u = (self._forces(evaluator, c, w).p - structure.kr[:, None] * c).T
+        u = (self.forces(evaluator, c, w).p - structure.kr[:, None] * c).T
         rhs = -(u @ structure.W.T)
         F, e = receptance.loads(parameters["Omega"]), receptance.e
         for i in np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] < len(F))):

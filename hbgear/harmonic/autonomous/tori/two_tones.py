@@ -31,6 +31,7 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import smoothness_event
 from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
+from hbgear.harmonic.autonomous.tori.stability import with_stability_message
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
@@ -97,6 +98,7 @@ class TwoToneProblem(TorusProblem):
     'H = (3, 3)'
     """
 
+    free_phase = False
     singular_hint = "a gap that stays open without load: load the system"
 
     @checked_arguments()
@@ -164,10 +166,9 @@ class TwoToneProblem(TorusProblem):
         now.dR_dp[n] = -weight * self.ratio if name == "Omega" else 0.0
         return now
 
-    def _phases(self, evaluator: Evaluator) -> list[Array]:
-        first, theta = super()._phases(evaluator), 2 * np.pi * np.arange(self.basis.shape[1]) / self.basis.shape[1]
-        return [np.broadcast_to(theta, self.basis.shape) if own else tau
-                for own, tau in zip(self._second, first, strict=True)]  # fmt: skip
+    def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
+        return [theta[:, 1] if own else tau
+                for own, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)]  # fmt: skip
 
     def _displacements(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the harmonics (K, m) of the prescribed displacements of the second frequency."""
@@ -192,7 +193,7 @@ class TwoToneProblem(TorusProblem):
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the loads (K, n) of the second frequency, with those of prescribed displacements."""
-        structure = self.balance.compiled({n: x for n, x in parameters.items() if n != SECOND}).structure
+        structure = self.evaluator_at(parameters).structure
         out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
         at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
         power = parameters[SECOND] ** self.load.power
@@ -207,7 +208,7 @@ class TwoToneProblem(TorusProblem):
 
     def _second_response(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the displacements (m, K) of the linear structure by the second excitation."""
-        structure = self.balance.compiled({n: x for n, x in parameters.items() if n != SECOND}).structure
+        structure = self.evaluator_at(parameters).structure
         F, out = self._second_loads(parameters), -self._displacements(parameters).T
         for i in np.flatnonzero(np.abs(F).max(axis=1)):
             w = float(self.basis.k[i, 1]) * parameters[SECOND]
@@ -270,7 +271,8 @@ def two_tones(
     -------
     Branch
         Curve of tori, with ``tracked["Omega_2"]``. `Branch.amplitude` has the measures "rms", "pp2", "max" and "mean".
-        Stability is not computed.
+        The only multiplier is the mean factor by which the slowest disturbance changes in a period 2 pi / Omega; the
+        stability is undecided where its error is too large.
 
     Raises
     ------
@@ -288,4 +290,4 @@ def two_tones(
     True
     """
     problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense)
-    return trace(problem, parameter, span, **({"cover": False, "stability": False, "accuracy": None} | options))
+    return with_stability_message(trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options)))
