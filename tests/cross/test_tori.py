@@ -14,7 +14,8 @@ import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.autonomous.tori import ends
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.branch import named_end, require_free_rotation
+from hbgear.harmonic.autonomous.tori.branch import require_free_rotation
+from hbgear.harmonic.autonomous.tori.ends import named_end
 
 CIRCLES = {
     1.12: (0.08538421776875502, 0.3573361101504505, 1.4217762117117727),
@@ -156,6 +157,31 @@ def test_saved_tori_have_the_same_numbers_measures_and_figures(tori, tmp_path):
     plt.close("all")
 
 
+def test_saved_tori_are_continued(curve, tori, tmp_path):
+    """The continued branch is the branch that is traced at once; a file holds the problem."""
+    part = hb.analysis.torus(curve, "NS1", (1.1, 1.14), harmonics=(8, 12))
+    part.save(tmp_path / "part.npz")
+    loaded = hb.load(tmp_path / "part.npz")
+    whole = hb.extend(loaded, (1.1, 1.27))
+    assert whole.status is hb.Status.MERGED and len(whole) > len(part) and "stability" not in whole.message
+    np.testing.assert_array_equal(whole.X[: len(part)], part.X)
+    assert whole["EP1"].parameters["Omega"] == pytest.approx(tori["EP1"].parameters["Omega"], abs=1e-7)
+    assert at(whole, 1.2)[-1] == pytest.approx(at(tori, 1.2)[-1], abs=1e-10)
+    assert hb.time.verify_torus(hb.load(tmp_path / "part.npz"), periods=50).deviation < 1e-3
+
+
+def test_a_damaged_description_of_tori_is_refused(tori, tmp_path):
+    from hbgear.harmonic.models.model_registry import rebuild_problem
+
+    for damaged in (
+        {"harmonics": [8], "odd": True, "dense": 1},
+        {"odd": True},
+        {"harmonics": [8, 12], "odd": 1, "dense": 1},
+    ):
+        with pytest.raises(ValueError, match="tori"):
+            rebuild_problem({**tori.meta, "torus": damaged})
+
+
 def test_bad_input(curve, tori):
     with pytest.raises(ValueError, match="LP1 is no Neimark-Sacker point"):
         hb.analysis.torus(curve, "LP1")
@@ -188,8 +214,8 @@ def test_an_end_near_a_simple_rotation_number_is_named_as_locking(tori):
     assert abs(turns - 1 / 11) < 1e-3
     failed = replace(tori, status=hb.Status.STEP_TOO_SMALL, tracked={
         "Omega_2": np.append(tori.tracked["Omega_2"][:-1], turns * tori.values[-1])})  # fmt: skip
-    assert "locking at 1/11" in named_end(failed, "Omega").message
-    assert "locking" not in named_end(tori, "Omega").message
+    assert "locking at 1/11" in named_end(failed).message
+    assert "locking" not in named_end(tori).message
 
 
 def test_no_torus_leaves_at_a_strong_resonance():

@@ -113,6 +113,16 @@ def test_figures_of_tori_accept_the_curve():
     assert hb.plot.torus_spectrum(curve, -1)
 
 
+def test_a_saved_curve_is_continued(tmp_path):
+    load = hb.Load(cosine={1: [0.1]}, power=1)
+    part = hb.analysis.two_tones(duffing(0.05, 0.1, 0.1), RATIO, (0.5, 0.6), load=load, harmonics=(4, 4))
+    part.save(tmp_path / "part.npz")
+    whole = hb.extend(hb.load(tmp_path / "part.npz"), (0.5, 0.7))
+    direct = hb.analysis.two_tones(duffing(0.05, 0.1, 0.1), RATIO, (0.5, 0.7), load=load, harmonics=(4, 4))
+    np.testing.assert_allclose(whole.X[-1], direct.X[-1], atol=1e-10)
+    assert whole.problem.ratio == RATIO and whole.problem.load.power == 1
+
+
 def test_bad_input():
     system, load = duffing(0.05, 0.1, 0.1), hb.Load(cosine={1: [0.1]})
     with pytest.raises(ValueError, match=r"3/2: both frequencies have the common base Omega / 2.*orders 2, 4"):

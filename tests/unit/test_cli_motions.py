@@ -84,6 +84,10 @@ def test_torus(folder):
     assert ratio == pytest.approx(0.08538421776875502, abs=1e-4)  # invariant circle
     assert (folder / "t.png").stat().st_size > 1000
     assert run("info", f"{folder}/t.npz").exit_code == 0
+    done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to", "1.14", "-o",
+               f"{folder}/longer.npz")  # fmt: skip
+    assert done.exit_code == 0 and f"{len(saved)} points of {folder}/t.npz continued" in done.output, done.output
+    assert hb.load(folder / "longer.npz").values[-1] == 1.14
 
 
 def test_follow(folder):

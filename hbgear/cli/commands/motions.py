@@ -141,22 +141,21 @@ def torus(
 ) -> None:
     """Trace the quasi-periodic motions that leave a saved curve at a Neimark-Sacker point; --plot draws both.
 
+    If the file holds tori, they are continued from their last point.
+
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     branch, which = load_with_problem(file, model), element_of(element)
     span = None if first is None and last is None else longer_span(branch, None, first, last)
-    found = hb.analysis.torus(branch, label, span)
+    loaded = isinstance(branch.problem, hb.harmonic.TorusProblem)
+    found = hb.extend(branch, span) if loaded else hb.analysis.torus(branch, label, span)
     with outputs() as out:
         out.branch(output, found)
-        out.figure(
-            plot,
-            lambda drawing: drawing.torus(
-                found, measure, which, drawing.response(branch, measure, which, dimensionless=True)
-            ),
-        )
-        print(f"tori from {label} of {file}: {len(found)} points; {found.message}")
+        out.figure(plot, lambda drawing: drawing.responses([found] if loaded else [branch, found], measure, which))
+        origin = f"{len(branch)} points of {file} continued" if loaded else f"tori from {label} of {file}"
+        print(f"{origin}: {len(found)} points; {found.message}")
         _show_frequencies(found, "Omega_2", measure, which)
     raise typer.Exit(exit_code(found))
 

@@ -29,6 +29,9 @@ from hbgear.gears import (
     Train,
     Wheel,
 )
+from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.autonomous.tori.problem import TorusProblem
+from hbgear.harmonic.autonomous.tori.two_tones import TwoToneProblem
 from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -212,6 +215,8 @@ def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
 def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> HarmonicBalance:
     """Return the harmonic balance of a branch from the header of its file (``Branch.meta``); see `rebuild_model`.
 
+    Branches of tori have a `TorusProblem` or `TwoToneProblem`.
+
     Raises
     ------
     KeyError, ValueError
@@ -225,8 +230,26 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
     auto = settings.pop("auto")
     if settings["orders"] is not None:
         settings["orders"] = HarmonicSelection(**{name: tuple(some) for name, some in settings["orders"].items()})
-    out = HarmonicBalance(rebuild_model(meta["model"], cls), **settings)
+    model = rebuild_model(meta["model"], cls)
+    if "torus" in meta:
+        return _torus_problem(meta["torus"], model, settings)  # type: ignore[return-value]
+    out = HarmonicBalance(model, **settings)
     return out if auto is None else out.with_tolerance(auto)
+
+
+def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusProblem:
+    """Return the problem of tori from its description; raise ValueError if it is invalid."""
+    known = {"odd", "dense", "harmonics"}
+    valid = isinstance(torus, Mapping) and set(torus) in (known, known | {"ratio", "load", "elements"})
+    if not valid or not (type(torus["odd"]) is bool and type(torus["dense"]) is int and 1 <= torus["dense"] <= 100):
+        raise ValueError(f"tori are described by {', '.join(sorted(known))}, got {str(torus)[:80]}")
+    H = torus["harmonics"]
+    if not (isinstance(H, list) and len(H) == 2 and all(type(each) is int and 1 <= each <= 200 for each in H)):
+        raise ValueError(f"the harmonics of tori are two whole numbers, got {str(H)[:40]}")
+    if "ratio" not in torus:
+        return TorusProblem(HarmonicBalance(model, **settings), TorusBasis(*H, odd=torus["odd"], dense=torus["dense"]))
+    load = from_plain(torus["load"], _PART_CLASSES)
+    return TwoToneProblem(model, torus["ratio"], load, torus["elements"], tuple(H), torus["dense"])
 
 
 _MAX_FILE_SAMPLES = 2**22

@@ -18,7 +18,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
+from hbgear.harmonic.autonomous.tori.layout import SECOND
+from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
 from hbgear.time.attractors.verdicts import growth_rates
 from hbgear.time.exponential.integrator import ExponentialIntegrator
@@ -101,7 +102,7 @@ def verify_torus(tori: Branch, point: int = -1, *, periods: int = 1000) -> Torus
     >>> check.stable, check.deviation < 2e-2
     (True, True)
     """
-    problem = tori.problem
+    problem = tori.require_problem()
     if not isinstance(problem, TorusProblem):
         raise ValueError("the branch has no tori: give the branch of hb.analysis.torus(curve, 'NS1')")
     counted("periods", periods, _MAX_PERIODS, least=20)

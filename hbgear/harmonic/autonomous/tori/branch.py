@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -23,24 +22,17 @@ from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual,
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
-from hbgear.harmonic.autonomous.tori.stability import with_stability_message
+from hbgear.harmonic.autonomous.tori.layout import SECOND
+from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.series.fourier import to_complex
 
 _MAX_EVEN_PART = 1e-8
 """Even harmonics of a motion and its disturbance, over the whole, below which they are rounding."""
-
-LOCKING_DENOMINATOR = 12
-"""Largest denominator q of rotation numbers p/q that are named as the locking at which a branch ends."""
-
-LOCKING_DISTANCE = 2e-3
-"""Distance of the rotation number from p/q within which an end is named as locking."""
 
 
 class _StartEquations(MinimallyAugmentedProblem):
@@ -156,7 +148,7 @@ def torus(
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
     usual = {"cover": False, "accuracy": None}
-    return with_stability_message(named_end(trace(problem, name, ends, begin, **(usual | options)), name))
+    return trace(problem, name, ends, begin, **(usual | options))
 
 
 def _disturbance(balance: HarmonicBalance, X: Array, at: dict[str, float], name: str) -> tuple[ComplexArray, float]:
@@ -217,16 +209,3 @@ def _first_torus(
     equations = _StartEquations(started, name, along, float(along @ guess))
     U = solve(equations, np.concatenate([guess, [Omega_2, at[name]]]), fixed).X
     return U, {**at, name: float(U[-1]), SECOND: float(U[-2])}
-
-
-def named_end(tori: Branch, name: str) -> Branch:
-    """Return the branch with a message that names locking as the reason of its end, if it ended near a resonance."""
-    last = tori[-1].parameters
-    turns = last[SECOND] * tori.problem.balance.nu / last["Omega"]
-    near = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
-    failed = tori.status in (Status.STEP_TOO_SMALL, Status.EVENT)
-    if not failed or abs(turns - near) > LOCKING_DISTANCE:
-        return tori
-    where = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
-    locking = f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"
-    return replace(tori, message=f"{tori.message}; {locking}")

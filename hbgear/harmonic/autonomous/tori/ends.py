@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -10,11 +12,19 @@ import numpy as np
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
+from hbgear.harmonic.autonomous.tori.layout import SECOND
 
 MAX_SPECTRUM_END = 3e-2
 """Outermost coefficients over the modulation above which a torus is not resolved: its spectrum does not decay."""
+
+LOCKING_DENOMINATOR = 12
+"""Largest denominator q of rotation numbers p/q that are named as the locking at which a branch ends."""
+
+LOCKING_DISTANCE = 2e-3
+"""Distance of the rotation number from p/q within which an end is named as locking."""
 
 _SMALLEST_MODULATION = 1e-7
 """Modulation over the whole motion below which it is rounding of a periodic motion."""
@@ -65,3 +75,16 @@ def smoothness_event() -> Event:
         return math.log(max(layout.spectrum_end(point.X), 1e-300) / MAX_SPECTRUM_END)
 
     return _SmoothnessEvent("SM", margin, "end: the spectrum of the torus does not decay", "x", terminal=True)
+
+
+def named_end(tori: Branch) -> Branch:
+    """Return the branch with a message that names locking as the reason of its end, if it ended near a resonance."""
+    last, name = tori[-1].parameters, tori.parameter
+    turns = last[SECOND] * tori.problem.balance.nu / last["Omega"]
+    near = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
+    failed = tori.status in (Status.STEP_TOO_SMALL, Status.EVENT)
+    if not failed or abs(turns - near) > LOCKING_DISTANCE:
+        return tori
+    where = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
+    locking = f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"
+    return replace(tori, message=f"{tori.message}; {locking}")

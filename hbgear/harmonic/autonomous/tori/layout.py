@@ -9,14 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.facade import call
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 
+SECOND = "Omega_2"
+"""Name of the second frequency."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True)
 class TorusLayout:
     """Meaning of the unknowns of a torus.
 
@@ -97,6 +102,13 @@ class TorusLayout:
         """Return the unknowns of a derivative in time, for rows (P, 2K - 1) and frequencies (P,)."""
         omega = np.stack([parameters["Omega"] / self.nu, parameters["Omega_2"]], axis=-1)
         return self.basis.to_real(self.basis.to_complex(rows) * (1j * (omega @ self.basis.k.T)) ** order)
+
+    def problem_of(self, meta: Mapping[str, Any]) -> Any:
+        """Return the problem of tori that the header of a file describes; None for a model outside hbgear."""
+        try:
+            return call("hbgear.harmonic.models.model_registry.rebuild_problem", meta)
+        except (KeyError, TypeError, ValueError):
+            return None
 
     def spectrum_end(self, X: Array) -> float:
         """Return the norm of the outermost tenth of the diamond of coefficients over the norm of the modulation."""

@@ -28,17 +28,14 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_event
-from hbgear.harmonic.autonomous.tori.layout import TorusLayout
-from hbgear.harmonic.autonomous.tori.stability import growth_of
+from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, named_end, smoothness_event
+from hbgear.harmonic.autonomous.tori.layout import SECOND, TorusLayout
+from hbgear.harmonic.autonomous.tori.stability import growth_of, with_stability_message
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model, describe
-
-SECOND = "Omega_2"
-"""Name of the second frequency."""
-
 
 _MAX_GROWTH = 300.0
 """Logarithm of the largest growth in a period that is represented [-]."""
@@ -342,13 +339,16 @@ class TorusProblem(ContinuationProblem):
         """Return the ends of a branch of tori: a periodic motion, or a spectrum that does not decay."""
         return TorusMergeEvent(), smoothness_event()
 
+    def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """Return the branch with a message that names locking, and points without stability."""
+        return with_stability_message(named_end(branch) if self.free_phase else branch)
+
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
         return {
             "model": describe(self.excited_model),
             "balance": self.balance.discretization.describe(None),
-            "curve": {
-                "of": type(self).__name__,
+            "torus": {
                 "harmonics": [self.basis.H1, self.basis.H2],
                 "odd": self.basis.odd,
                 "dense": self.basis.dense,

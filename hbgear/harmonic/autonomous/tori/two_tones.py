@@ -30,12 +30,13 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import smoothness_event
-from hbgear.harmonic.autonomous.tori.problem import SECOND, TorusProblem
-from hbgear.harmonic.autonomous.tori.stability import with_stability_message
+from hbgear.harmonic.autonomous.tori.layout import SECOND
+from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.serialization import to_plain
 from hbgear.mechanics.series.fourier import Series, to_complex
 
 COMMON_BASE_TOLERANCE = 1e-6
@@ -148,6 +149,12 @@ class TwoToneProblem(TorusProblem):
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return the end at which the spectrum does not decay."""
         return (smoothness_event(),)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the data for the header of a file, with the second excitation."""
+        out = super().describe()
+        load = to_plain(self.load)
+        return out | {"torus": out["torus"] | {"ratio": self.ratio, "load": load, "elements": list(self.elements)}}
 
     # ---- equations
 
@@ -290,4 +297,4 @@ def two_tones(
     True
     """
     problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense)
-    return with_stability_message(trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options)))
+    return trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options))
