@@ -22,6 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.analysis.summary import message_of, summary_facts, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
@@ -530,15 +531,22 @@ def plot_command(
             autocompletion=cli_complete.labels,
         ),
     ] = None,
+    also: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="FILE", help="Also draw these saved curves, tori or backbones; repeatable."),
+    ] = None,
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
+    others = [hb.load(each) for each in also or ()]
+    measure = measure or ("pp2" if any(kind_of(each) != "periodic" for each in others) else None)
     branch, which, measure = loaded(file, measure, element, dimensionless)
     chosen = None if point is None else point_of(branch, point)
     path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     check_writable(path, FIGURES)
     with outputs() as out:
         if chosen is None:
-            out.figure(path, lambda drawing: drawing.response(branch, measure, which, dimensionless=dimensionless))
+            out.figure(path, lambda drawing: drawing.responses([branch, *others], measure, which,
+                                                               dimensionless=dimensionless))  # fmt: skip
         else:
             out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
             print_text(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel
 from hbgear.cli.output import STOPPED_EARLY, bar, print_message
@@ -40,7 +41,9 @@ def register(app: typer.Typer) -> None:
 
 
 def report(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o; also tori and backbones.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="The page, .html.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
     validate: Annotated[
@@ -63,7 +66,7 @@ def report(
     check_installed()
     branches = [hb.load(file) for file in files]
     checks = []
-    for branch in branches if validate else ():
+    for branch in (each for each in branches if validate and kind_of(each) == "periodic"):
         known = dataclasses.replace(branch, problem=problem_in(branch, model))
         with bar("points") as progress:
             checks.append(hb.validate(known, validate, progress=progress))
@@ -91,6 +94,10 @@ def explore(
         int | None, typer.Option(min=1, max=256, help="H at the start.", show_default="16, or from the curve")
     ] = None,
     model: OwnModel = None,
+    also: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="FILE", help="Also draw these saved tori or backbones; repeatable."),
+    ] = None,
     allow_code: AllowCode = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any free port.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
@@ -112,7 +119,9 @@ def explore(
     model_shown = subject.model({})
     span = (span[0] if first is None else Omega_of(model_shown, "--from", first),
             span[1] if last is None else Omega_of(model_shown, "--to", last))  # fmt: skip
-    server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
+    server = Server(
+        Explorer(subject, span, harmonics or H, saved, [hb.load(each) for each in also or ()]), Path(what).stem, port
+    )
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
     if browser and not webbrowser.open(server.address):
         print_message("warning", "no browser could be opened; open the address above in one")

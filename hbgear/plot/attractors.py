@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, OmegaAxis, factor_of, in_figure
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, Abscissa, OmegaAxis, Ordinate, factor_of, in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
@@ -18,7 +18,7 @@ from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
-from hbgear.plot.style import GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import GREY, LINES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
 from hbgear.time.frequency_sweep import Sweep
@@ -185,9 +185,11 @@ def _torus_layout(tori: Branch) -> TorusLayout:
 @checked_arguments()
 def torus(
     tori: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *,
-    label: str = "quasi-periodic", **style: Any,
+    label: str = "quasi-periodic", dimensionless: bool = False, **style: Any,
 ) -> Axes:  # fmt: skip
     """Draw an amplitude of tori over the parameter, also on the axes of a response curve.
+
+    Stable sections are solid, unstable ones dashed and undecided ones dotted.
 
     Parameters
     ----------
@@ -201,6 +203,9 @@ def torus(
         Axes to draw on, such as those of `response`; new ones by default.
     label : str, optional
         Text of the legend; default "quasi-periodic". No legend if it is empty.
+    dimensionless : bool, optional
+        Whether the axes are in the units of the model. By default they are the speed of the pinion [r/min] and the
+        amplitude [um] if the model has scales, as in `response`.
     **style
         Properties of the line, such as ``color``.
 
@@ -223,15 +228,27 @@ def torus(
     ValueError: the branch has no tori
     """
     layout, own = _torus_layout(tori), ax is None
-    height = tori.amplitude(measure, element)
+    across, height = Abscissa([tori], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
+    layout.check_measure(measure, element)
+    x, y = across.along(tori), height.along(tori)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
-        line: dict[str, Any] = {"color": VERDICTS[Verdict.QUASI_PERIODIC], "linewidth": 1.4}
-        ax.plot(tori.values, height, **(line | style), label=label or "_", zorder=4, gid="tori")
+        for i, ((_, stable), first, last) in enumerate(sections(tori, element)):
+            kind, width = LINES[stable]
+            line: dict[str, Any] = {
+                "color": VERDICTS[Verdict.QUASI_PERIODIC], "linewidth": width, "linestyle": kind,
+                "marker": "." if first == last else None,
+            }  # fmt: skip
+            ax.plot(x[first : last + 1], y[first : last + 1], **(line | style),
+                    label=label if label and not i else "_", zorder=4, gid="tori")  # fmt: skip
         if own:
-            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter))
-            ax.set_ylabel(axis_text(measure, _element_name(layout, element)))
+            name = _element_name(layout, element)
+            physical = height.header(tori) != measure
+            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter) if across.scale == 1 else across.label)
+            ax.set_ylabel(in_figure(axis_text(measure, f"{name} [um]" if physical else name)))
             dress(ax)
+            if scaled_axes(ax, across.above):
+                heighten(ax)
         if label:
             add_legend(ax)
     return ax

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import landings
-from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, usual_measure
+from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, kind_of, usual_measure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
@@ -63,7 +63,7 @@ def response(
     Parameters
     ----------
     branch : Branch
-        Branch to draw.
+        Branch to draw, also of tori or a backbone; see `torus` and `backbone`.
     measure : str, optional
         Measure of amplitude, see `Branch.amplitude`, or the name of an engineering quantity: "dte", "dynamic factor",
         "force", "acceleration" or another one of `hbgear.analysis.machine_quantities`. Default: "dte", the dynamic
@@ -113,11 +113,16 @@ def response(
     """
     from matplotlib.colors import is_color_like
 
+    from hbgear.plot.free_motions import with_other_kinds
+
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
         return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                          dimensionless=dimensionless)  # fmt: skip
+    if kind_of(branch) != "periodic":
+        return with_other_kinds([branch], measure, element, ax, names=[label] if label else None, legend=legend,
+                                dimensionless=dimensionless)  # fmt: skip
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
     branch, across = height.prepared(branch), Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
@@ -158,7 +163,8 @@ def responses(
     """Draw several branches on the same axes; the colour is the branch, the line width the impact regime.
 
     Labels of special points contain the number of their branch, such as "LP1 (2)"; the legend has the same numbers.
-    A jump may land on any of the branches. Where a branch goes to infinity, an arrow marks its end and a dotted line
+    A jump may land on any of the branches. Branches of tori and backbones may be among them; the default measure is
+    then "pp2". Where a branch goes to infinity, an arrow marks its end and a dotted line
     its asymptote. One branch alone is drawn as by `response`.
 
     Parameters
@@ -201,10 +207,15 @@ def responses(
     >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
     >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
+    from hbgear.plot.free_motions import with_other_kinds
+
     if not len(branches):
         raise ValueError("no branch to draw")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
+    if any(kind_of(branch) != "periodic" for branch in branches):
+        return with_other_kinds(branches, measure, element, ax, names=names, legend=legend, speeds=speeds, dof=dof,
+                                dimensionless=dimensionless)  # fmt: skip
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                         dimensionless=dimensionless)  # fmt: skip

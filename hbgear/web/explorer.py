@@ -9,7 +9,7 @@ import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -30,7 +30,7 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.io.branches.npz import packed
 from hbgear.mechanics.models import Model
 from hbgear.web.editable_model import EditableInstance, EditableModel
-from hbgear.web.overlay import dots
+from hbgear.web.overlay import dots, lines_of_motions
 from hbgear.web.reporting import report
 from hbgear.web.view import plain, tables, views
 
@@ -133,12 +133,16 @@ class Explorer:
         Initial number of harmonics; default 16.
     saved : Branch, optional
         Saved branch drawn in the background.
+    motions : sequence of Branch, optional
+        Tori and backbones drawn on the curves.
     """
 
     def __init__(
-        self, subject: EditableModel, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None
-    ) -> None:
+        self, subject: EditableModel, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None,
+        motions: Sequence[Branch] = (),
+    ) -> None:  # fmt: skip
         self.subject, self.span, self.harmonics, self.saved = subject, span, harmonics, saved
+        self.lines = [lines_of_motions(branch) for branch in motions]
         self._jobs: dict[tuple[str, str], Job] = {}
         self._curves: OrderedDict[str, Branch] = OrderedDict()
         self._lock = threading.Lock()
@@ -152,7 +156,7 @@ class Explorer:
             "span": list(self.span),
             "harmonics": self.harmonics,
             "Omega": in_html(str(model.labels.get("Omega", "Omega"))),
-            "behind": [] if self.saved is None else [_line(self.saved)],
+            "behind": [*([] if self.saved is None else [_line(self.saved)]), *self.lines],
         }
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Measured points of a table as dots on the figure of a page, in the units of the axes."""
+"""Lines and dots on the figure of a page: measured points of a table, tori and backbones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hbgear.analysis.parameter_sensitivity.units import units_of
+from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.symbols import unit_of
 from hbgear.continuation.results.branch import Branch
@@ -84,6 +85,66 @@ def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: s
                 "jumps": plain([x for x, own in jumps if own == direction]),
             })  # fmt: skip
     return groups
+
+
+_LINES = {"tori": ("quasi-periodic", "dash"), "backbone": ("backbone", "dashdot")}
+"""Name in the legend, and dash of the line, of each kind of motions."""
+
+
+def lines_of_motions(branch: Branch, name: str = "") -> dict[str, Any]:
+    """Return the line of tori or of a backbone over Omega, for all measures and elements.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of `hbgear.analysis.torus`, `two_tones` or `backbone`.
+    name : str, optional
+        Name in the legend; by default the kind of the motions.
+
+    Returns
+    -------
+    dict
+        Line, as JSON of the page: ``sizes`` by measure and element.
+
+    Raises
+    ------
+    ValueError
+        If it has no Omega, or consists of periodic motions.
+    """
+    kind = kind_of(branch)
+    if kind == "periodic" or (kind == "tori" and branch.parameter != "Omega"):
+        raise ValueError("lines are drawn for backbones, and for tori in Omega")
+    layout: Any = branch.layout
+    sizes = {
+        measure: [plain(branch.amplitude(measure, j)) for j in range(len(layout.elements))]
+        for measure in ("pp2", "rms", "max", "mean")
+    }
+    x = branch.values if kind == "tori" else branch.tracked["Omega"]
+    text, dash = _LINES[kind]
+    return {"name": name or text, "mode": "lines", "x": plain(x), "sizes": sizes, "dash": dash, "legend": True}
+
+
+def facts_of_motions(branch: Branch) -> list[list[str]]:
+    """Return name and value of the facts on tori or a backbone: kind, range of frequencies, stability, message.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of `hbgear.analysis.torus`, `two_tones` or `backbone`.
+
+    Returns
+    -------
+    list of list of str
+        Rows of a table.
+    """
+    rows = [["motions", _LINES[kind_of(branch)][0]], ["points", f"{len(branch)} points, {branch.parameter} from "
+             f"{branch.values[0]:.6g} to {branch.values[-1]:.6g}"]]  # fmt: skip
+    for name, values in branch.tracked.items():
+        rows.append([name.replace("_", " "), f"from {values.min():.6g} to {values.max():.6g}"])
+    if branch.multipliers is not None:
+        counts = {state: branch.stability.count(state) for state in dict.fromkeys(branch.stability)}
+        rows.append(["stability", ", ".join(f"{count} points {state}" for state, count in counts.items())])
+    return [*rows, ["end", branch.message]]
 
 
 def _units(branches: Sequence[Branch]) -> dict[str, float]:

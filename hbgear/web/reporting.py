@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.analysis.summary import title_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
@@ -17,7 +18,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.results import read_results
 from hbgear.time.validation.report import Report as Validation
-from hbgear.web.overlay import dots_of
+from hbgear.web.overlay import dots_of, facts_of_motions, lines_of_motions
 from hbgear.web.page import page, plotly_script
 from hbgear.web.studies import lines_of, study_section
 from hbgear.web.view import views
@@ -93,7 +94,8 @@ def report(
     Parameters
     ----------
     branches : Branch or sequence of Branch
-        Branches to show, with the other branches of their ranges.
+        Branches to show, with the other branches of their ranges. Tori and backbones may be among them: their
+        amplitudes are drawn as lines on the response curves.
     title : str, optional
         Title of the page; default the model.
     names : sequence of str, optional
@@ -115,8 +117,8 @@ def report(
     Raises
     ------
     ValueError
-        If there are no branches, the names are not one for each branch, a branch does not consist of periodic
-        motions, a file is not a study, or Plotly is not installed.
+        If there are no response curves, the names are not one for each branch, a branch has other motions, a file is
+        not a study, or Plotly is not installed.
 
     Examples
     --------
@@ -129,6 +131,11 @@ def report(
         raise ValueError("no curve to report on")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
+    lines = [(branch, names[i] if names else "") for i, branch in enumerate(branches) if kind_of(branch) != "periodic"]
+    names = names and [name for branch, name in zip(branches, names, strict=True) if kind_of(branch) == "periodic"]
+    branches = tuple(branch for branch in branches if kind_of(branch) == "periodic")
+    if not branches:
+        raise ValueError("a report needs a response curve; tori and backbones are drawn on it")
     models = [title_of(branch) for branch in branches]
     alike = len(set(models)) < len(models)
     shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
@@ -138,9 +145,11 @@ def report(
     called = [f"study {i if isinstance(study, Cases) else _name_of(study)}" for i, study in enumerate(studies, 1)]
     behind = [line for study, name in zip(found, called, strict=True) for line in lines_of(study, name)]
     behind += [group for path in measured for group in dots_of(path, branches)]
+    behind += [lines_of_motions(branch, name) for branch, name in lines]
     data = {"curves": shown, "behind": behind}
     text = page(
         "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
+        other_motions=[(name, facts_of_motions(branch)) for branch, name in lines],
         studies=[study_section(study, name) for study, name in zip(found, called, strict=True)], plotly=plotly_script(),
     )  # fmt: skip
     return Report(title, text)

