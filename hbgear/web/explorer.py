@@ -142,7 +142,7 @@ class Explorer:
         motions: Sequence[Branch] = (),
     ) -> None:  # fmt: skip
         self.subject, self.span, self.harmonics, self.saved = subject, span, harmonics, saved
-        self.lines = [lines_of_motions(branch) for branch in motions]
+        self.lines = [line for branch in motions for line in lines_of_motions(branch)]
         self._jobs: dict[tuple[str, str], Job] = {}
         self._curves: OrderedDict[str, Branch] = OrderedDict()
         self._lock = threading.Lock()

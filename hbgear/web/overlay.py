@@ -6,6 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from hbgear.analysis.parameter_sensitivity.units import units_of
 from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.common.text.decoding import bytes_of_file
@@ -15,6 +17,7 @@ from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.harmonic.models.frequency_units import model_of, same_scales
 from hbgear.io.branches.columns import label_of
+from hbgear.plot.branch_sections import sections
 from hbgear.web.view import plain
 
 _SWEEPS = ((1, "rising", "triangle-up-open"), (-1, "falling", "triangle-down-open"))
@@ -87,12 +90,15 @@ def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: s
     return groups
 
 
-_LINES = {"tori": ("quasi-periodic", "dash"), "backbone": ("backbone", "dashdot")}
-"""Name in the legend, and dash of the line, of each kind of motions."""
+_NAMES = {"tori": "quasi-periodic", "backbone": "backbone"}
+"""Name in the legend of each kind of motions."""
+
+_DASHES: dict[bool | str | None, str] = {True: "solid", False: "dash", "undecided": "dot", None: "solid"}
+"""Dashes of stable, unstable and undecided tori, and of those of unknown stability."""
 
 
-def lines_of_motions(branch: Branch, name: str = "") -> dict[str, Any]:
-    """Return the line of tori or of a backbone over Omega, for all measures and elements.
+def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
+    """Return the lines of tori, one for each stability, or of a backbone over Omega, for all measures and elements.
 
     Parameters
     ----------
@@ -103,8 +109,8 @@ def lines_of_motions(branch: Branch, name: str = "") -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        Line, as JSON of the page: ``sizes`` by measure and element.
+    list of dict
+        Lines, as JSON of the page: ``sizes`` by measure and element, unknown outside the sections of a line.
 
     Raises
     ------
@@ -115,13 +121,21 @@ def lines_of_motions(branch: Branch, name: str = "") -> dict[str, Any]:
     if kind == "periodic" or (kind == "tori" and branch.parameter != "Omega"):
         raise ValueError("lines are drawn for backbones, and for tori in Omega")
     layout: Any = branch.layout
-    sizes = {
-        measure: [plain(branch.amplitude(measure, j)) for j in range(len(layout.elements))]
-        for measure in ("pp2", "rms", "max", "mean")
-    }
     x = branch.values if kind == "tori" else branch.tracked["Omega"]
-    text, dash = _LINES[kind]
-    return {"name": name or text, "mode": "lines", "x": plain(x), "sizes": sizes, "dash": dash, "legend": True}
+    shown: dict[bool | str | None, Any] = {}
+    for (_, stable), first, last in sections(branch, 0):
+        shown.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
+    out: list[dict[str, Any]] = []
+    for stable, mask in shown.items():
+        sizes = {
+            measure: [plain(np.where(mask, branch.amplitude(measure, j), np.nan)) for j in range(len(layout.elements))]
+            for measure in ("pp2", "rms", "max", "mean")
+        }
+        dash = "dashdot" if kind == "backbone" else _DASHES[stable]
+        text = name or _NAMES[kind]
+        out.append({"name": f"{text}, {stable or 'unstable'}" if out else text, "mode": "lines", "x": plain(x),
+                    "sizes": sizes, "dash": dash, "kind": kind, "legend": True})  # fmt: skip
+    return out
 
 
 def facts_of_motions(branch: Branch) -> list[list[str]]:
@@ -137,7 +151,7 @@ def facts_of_motions(branch: Branch) -> list[list[str]]:
     list of list of str
         Rows of a table.
     """
-    rows = [["motions", _LINES[kind_of(branch)][0]], ["points", f"{len(branch)} points, {branch.parameter} from "
+    rows = [["motions", _NAMES[kind_of(branch)]], ["points", f"{len(branch)} points, {branch.parameter} from "
              f"{branch.values[0]:.6g} to {branch.values[-1]:.6g}"]]  # fmt: skip
     for name, values in branch.tracked.items():
         rows.append([name.replace("_", " "), f"from {values.min():.6g} to {values.max():.6g}"])

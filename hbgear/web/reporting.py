@@ -145,7 +145,7 @@ def report(
     called = [f"study {i if isinstance(study, Cases) else _name_of(study)}" for i, study in enumerate(studies, 1)]
     behind = [line for study, name in zip(found, called, strict=True) for line in lines_of(study, name)]
     behind += [group for path in measured for group in dots_of(path, branches)]
-    behind += [lines_of_motions(branch, name) for branch, name in lines]
+    behind += [line for branch, name in lines for line in lines_of_motions(branch, name)]
     data = {"curves": shown, "behind": behind}
     text = page(
         "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],

@@ -108,7 +108,7 @@ def test_tori_and_backbones_are_drawn_on_saved_curves(folder):
     assert run("report", *files, "-o", f"{folder}/r.html").exit_code == 0
     page = (folder / "r.html").read_text(encoding="utf-8")
     tori = hb.load(folder / "tori.npz")
-    lines = [lines_of_motions(hb.load(file)) for file in files[1:]]
+    lines = [line for file in files[1:] for line in lines_of_motions(hb.load(file))]
     np.testing.assert_allclose(lines[0]["sizes"]["rms"][1], tori.amplitude("rms", 1), rtol=1e-6)
     assert [line["name"] for line in lines] == ["quasi-periodic", "backbone"]
     assert '"dash":"dashdot"' in page and tori.message in page

@@ -301,7 +301,7 @@ const hbgear = (() => {
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const lines = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: b.sizes ? { color: ink.text, width: 1.5, dash: b.dash } : { color: ink.line, width: 0.8 },
+      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash } : { color: ink.line, width: 0.8 },
       opacity: b.mode === "lines" && !b.sizes ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
