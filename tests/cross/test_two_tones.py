@@ -7,6 +7,7 @@ import pytest
 import scipy
 
 import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
 
 RATIO = math.sqrt(2.0)
 
@@ -82,6 +83,57 @@ def test_a_gap_agrees_with_pieces_in_closed_form():
     assert abs(velocity_rms(curve, 0) - 0.11166870616664852) < 1e-6
 
 
+def settled(F0, F1, O1, F2, O2, zeta=0.05):
+    """Displacements of the oscillator with a gap from Runge-Kutta steps, after 200 of 2300 periods."""
+    h, x, v, t = 2 * math.pi / O1 / 64, 1 + F0, 0.0, 0.0
+    out = np.empty(2300 * 64)
+
+    def rate(t, x, v):
+        force = x - 1 if x > 1 else x + 1 if x < -1 else 0.0
+        return F0 + F1 * math.cos(O1 * t) + F2 * math.cos(O2 * t) - 2 * zeta * v - force
+
+    for n in range(len(out)):
+        a1 = rate(t, x, v)
+        a2 = rate(t + h / 2, x + h / 2 * v, v + h / 2 * a1)
+        a3 = rate(t + h / 2, x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2)
+        a4 = rate(t + h, x + h * (v + h / 2 * a2), v + h * a3)
+        x, v, t = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4), (n + 1) * h
+        out[n] = x
+    return h * np.arange(200 * 64 + 1, len(out) + 1), out[None, 200 * 64 :]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("loads", "half", "harmonics", "band", "mean", "rms"),
+    [
+        ((0.1, 0.06, 0.75, 0.05, 1.0606601717798214), None, (90, 60), 10.5, 0.93937491152327, 0.297706536249645),
+        ((0.3, 0.1, 0.9, 0.08, 0.5562305898749055), (1, 1), (120, 60), 8.5, 1.1538858398971235, 0.5152116423050708),
+    ],
+)
+def test_irregular_impacts_agree_with_pieces_in_closed_form(loads, half, harmonics, band, mean, rms):
+    """Averages over 24 000 periods of pieces in closed form; the second motion lies on a doubled torus."""
+    F0, F1, O1, F2, O2 = loads
+    load = hb.Load(constant=[F0], cosine={1: [F1]})
+    system = hb.System([[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], hb.Backlash(1.0))], load)
+    second = hb.Load(cosine={1: [F2]})
+    problem = hb.harmonic.TwoToneProblem(system, O2 / O1, second, harmonics=harmonics, band=band, half=half, dense=2)
+    X = solve(problem, problem.fit(*settled(*loads), O1), {"Omega": O1}).X
+    assert abs(problem.layout.measure("mean", X[:-1]) - mean) < 1e-6
+    assert abs(problem.layout.measure("rms", X[:-1]) - rms) < 1e-6
+
+
+def test_a_doubled_basis_contains_the_motions_of_single_periods(tmp_path):
+    """Halves of both phases, a band of frequencies, and files of them."""
+    system, load = duffing(0.05, 0.1, 0.1), hb.Load(cosine={1: [0.1]}, power=1)
+    single = hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=load, harmonics=(7, 7))
+    doubled = hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=load, harmonics=(16, 16), band=6.0, half=(1, 0))
+    assert doubled[-1].amplitude("rms") == pytest.approx(single[-1].amplitude("rms"), abs=2e-7)
+    doubled.save(tmp_path / "doubled.npz")
+    again = hb.load(tmp_path / "doubled.npz")
+    assert again.amplitude("rms")[-1] == doubled.amplitude("rms")[-1]
+    assert again.require_problem().basis.half == (1, 0) and again.require_problem().size == doubled.problem.size
+
+
 def test_two_meshes_of_varying_stiffness_agree_with_time_integration():
     """The stiffness of each spring varies with its own phase."""
     first, second = (hb.mechanics.Series(mean=1.0, cosine=(depth,)) for depth in (0.2, 0.15))
@@ -131,5 +183,7 @@ def test_bad_input():
         hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=hb.Load(constant=[1.0]))
     with pytest.raises(ValueError, match="no element 'mesh'"):
         hb.analysis.two_tones(system, RATIO, (0.5, 0.6), elements=["mesh"])
+    with pytest.raises(ValueError, match="doubled tori are of the kinds"):
+        hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=load, half=(0, 0))
     with pytest.raises(ValueError, match="need 1 entries"):
         hb.analysis.two_tones(system, RATIO, (0.5, 0.6), load=hb.Load(cosine={1: [0.1, 0.2]}))

@@ -240,7 +240,7 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
 def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusProblem:
     """Return the problem of tori from its description; raise ValueError if it is invalid."""
     known = {"odd", "dense", "harmonics"}
-    valid = isinstance(torus, Mapping) and set(torus) in (known, known | {"ratio", "load", "elements"})
+    valid = isinstance(torus, Mapping) and set(torus) in (known, known | {"ratio", "load", "elements", "band", "half"})
     if not valid or not (type(torus["odd"]) is bool and type(torus["dense"]) is int and 1 <= torus["dense"] <= 100):
         raise ValueError(f"tori are described by {', '.join(sorted(known))}, got {str(torus)[:80]}")
     H = torus["harmonics"]
@@ -249,7 +249,8 @@ def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusP
     if "ratio" not in torus:
         return TorusProblem(HarmonicBalance(model, **settings), TorusBasis(*H, odd=torus["odd"], dense=torus["dense"]))
     load = from_plain(torus["load"], _PART_CLASSES)
-    return TwoToneProblem(model, torus["ratio"], load, torus["elements"], tuple(H), torus["dense"])
+    half = None if torus["half"] is None else tuple(torus["half"])
+    return TwoToneProblem(model, torus["ratio"], load, torus["elements"], tuple(H), torus["dense"], torus["band"], half)
 
 
 _MAX_FILE_SAMPLES = 2**22

@@ -16,6 +16,9 @@ from hbgear.common.arrays import Array, ComplexArray
 _OVERSAMPLING = 4
 """Samples per highest harmonic [-]. Products of three functions of the basis are exact with more than four."""
 
+_ROUNDING = 1e-12
+"""Rounding of the distance of an index [-]."""
+
 _INNER_FRACTION = 0.9
 """Distance from the origin over the largest one, in the diamond [-], from which an index is one of the outermost."""
 
@@ -31,6 +34,14 @@ class TorusBasis:
         Whether only odd harmonics of the first phase are kept: motions with x(theta_1 + pi) = -x(theta_1).
     dense : int, optional
         Factor of the number of samples. Default: 1.
+    band : float, optional
+        Highest frequency over that of the first phase: instead of the diamond, all indices up to H1 and H2 with
+        |k_1 + k_2 ratio| <= band are kept. By default the diamond.
+    ratio : float, optional
+        Second frequency over the first one, for ``band``. Default: 1.
+    half : (int, int), optional
+        With phases of half the excitation: indices equal to (0, 0) or to this pair modulo 2 are kept, which are the
+        motions of one kind of doubled tori. By default all indices.
 
     Attributes
     ----------
@@ -40,25 +51,36 @@ class TorusBasis:
         Number of samples of the two phases.
     """
 
-    def __init__(self, H1: int, H2: int, odd: bool = False, dense: int = 1) -> None:
-        self.H1, self.H2, self.odd, self.dense = H1, H2, odd, dense
-        inside = [
-            (k1, k2)
-            for k2 in range(H2 + 1)
-            for k1 in range(-H1 if k2 else 0, H1 + 1)
-            if abs(k1) * H2 + k2 * H1 <= H1 * H2 and (not odd or k1 % 2 or (k1, k2) == (0, 0))
-        ]
-        self.k = np.array(inside)
-        self.shape = tuple(int(scipy.fft.next_fast_len(dense * (_OVERSAMPLING * H + 2), real=True)) for H in (H1, H2))
+    def __init__(
+        self, H1: int, H2: int, odd: bool = False, dense: int = 1, band: float | None = None, ratio: float = 1.0,
+        half: tuple[int, int] | None = None,
+    ) -> None:  # fmt: skip
+        self.H1, self.H2, self.odd, self.dense, self.band, self.ratio, self.half = H1, H2, odd, dense, band, ratio, half
+        k2, k1 = (each.ravel() for each in np.meshgrid(np.arange(H2 + 1), np.arange(-H1, H1 + 1), indexing="ij"))
+        keep = ((k2 > 0) | (k1 >= 0)) & (self._distance(k1, k2) <= 1 + _ROUNDING)
+        if odd:
+            keep &= (k1 % 2 == 1) | ((k1 == 0) & (k2 == 0))
+        if half is not None:
+            keep &= ((k1 % 2 == 0) & (k2 % 2 == 0)) | ((k1 % 2 == half[0]) & (k2 % 2 == half[1]))
+        self.k = np.stack([k1[keep], k2[keep]], axis=1)
+        highest = np.abs(self.k).max(axis=0).tolist()
+        self.shape = tuple(int(scipy.fft.next_fast_len(dense * (_OVERSAMPLING * H + 2), real=True)) for H in highest)
         self._at = self.k[:, 0] % self.shape[0], self.k[:, 1]
         self._mirrored = (-self.k[1:, 0]) % self.shape[0], self.k[1:, 1] == 0
         minus, plus = (self.k[:, None] + sign * self.k for sign in (-1, 1))
         self._minus, self._plus = ((n[..., 0] % self.shape[0], n[..., 1] % self.shape[1]) for n in (minus, plus))
 
+    def _distance(self, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
+        """Return the distance of indices from the origin, 1 on the boundary of the diamond or the band."""
+        if self.band is None:
+            return np.asarray(np.abs(k1) / self.H1 + k2 / self.H2)
+        return np.asarray(np.maximum(np.maximum(np.abs(k1) / self.H1, k2 / self.H2),
+                                     np.abs(k1 + k2 * self.ratio) / self.band))  # fmt: skip
+
     @property
     def outermost(self) -> np.ndarray:
-        """Whether an index (K,) lies in the outermost tenth of the diamond."""
-        distance = np.abs(self.k[:, 0]) / self.H1 + self.k[:, 1] / self.H2
+        """Whether an index (K,) lies in the outermost tenth of the diamond or the band."""
+        distance = self._distance(self.k[:, 0], self.k[:, 1])
         return np.asarray(distance > _INNER_FRACTION * distance[self.k[:, 1] > 0].max())
 
     @property

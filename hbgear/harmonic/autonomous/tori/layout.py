@@ -39,6 +39,12 @@ class TorusLayout:
         Whether only odd harmonics of the first phase are unknowns.
     dense : int
         Factor of the number of samples.
+    band : float or None
+        Highest frequency over that of the first phase, if the indices fill a band instead of a diamond.
+    ratio : float
+        Second frequency over the first one, for ``band``.
+    half : tuple of int or None
+        Kind of doubled tori, whose phases are half of those of the excitation; see `TorusBasis`.
     """
 
     harmonics: tuple[int, int]
@@ -47,11 +53,14 @@ class TorusLayout:
     labels: dict[str, str] = field(default_factory=dict)
     odd: bool = False
     dense: int = 1
+    band: float | None = None
+    ratio: float = 1.0
+    half: tuple[int, int] | None = None
 
     @property
     def basis(self) -> TorusBasis:
         """Fourier basis."""
-        return _basis(*self.harmonics, self.odd, self.dense)
+        return _basis(*self.harmonics, self.odd, self.dense, self.band, self.ratio, self.half)
 
     @property
     def width(self) -> int:

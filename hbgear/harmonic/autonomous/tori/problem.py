@@ -123,7 +123,8 @@ class TorusProblem(ContinuationProblem):
         """Names and measures of the unknowns."""
         names = tuple(element.name for element in self.balance.compiled({}).system.elements)
         basis, labels = self.basis, dict(self.balance.model.labels)
-        return TorusLayout((basis.H1, basis.H2), names, self.balance.nu, labels, basis.odd, basis.dense)
+        return TorusLayout((basis.H1, basis.H2), names, self.balance.nu, labels, basis.odd, basis.dense,
+                           basis.band, basis.ratio, basis.half)  # fmt: skip
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name other than Omega and the parameters of the model."""

@@ -32,6 +32,7 @@ from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
@@ -41,6 +42,9 @@ from hbgear.mechanics.series.fourier import Series, to_complex
 
 COMMON_BASE_TOLERANCE = 1e-6
 """Distance of q times the ratio from a whole number, below which both frequencies have a common base."""
+
+_COMMON_BASE_HARMONICS = 40
+"""Largest harmonic that counts for a common base [-]: higher ones are small, and every ratio is near some p/q."""
 
 _FREQUENCY_STEP = 1e-6
 """Relative step of the differences of the linear response in the frequency."""
@@ -84,6 +88,13 @@ class TwoToneProblem(TorusProblem):
         H_1 and H_2, highest harmonics of both frequencies. Default: (9, 9).
     dense : int, optional
         Factor of the number of samples of the forces. Default: 1.
+    band : float, optional
+        Highest frequency over Omega. All harmonics up to H_1 and H_2 below it are kept instead of the diamond; use it
+        for motions whose spectrum decays slowly, such as irregular impacts. By default the diamond.
+    half : (int, int), optional
+        Doubled tori with frequencies k_1 Omega / 2 + k_2 Omega_2 / 2, where (k_1, k_2) is even or equals this pair
+        modulo 2: (1, 0), (0, 1) or (1, 1). H_1, H_2 count halves, and ``Omega_2`` of the results is half of the second
+        frequency. By default tori of single periods.
 
     Raises
     ------
@@ -105,12 +116,19 @@ class TwoToneProblem(TorusProblem):
     @checked_arguments()
     def __init__(
         self, model: Model, ratio: float, load: Load | None = None, elements: Sequence[str] = (),
-        harmonics: tuple[int, int] = (9, 9), dense: int = 1,
+        harmonics: tuple[int, int] = (9, 9), dense: int = 1, band: float | None = None,
+        half: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         checked("TwoToneProblem", "ratio", ratio, POSITIVE)
         for i in (0, 1):
             counted(f"harmonics[{i}]", harmonics[i], 200)
-        require_no_common_base(ratio, harmonics)
+        if half not in (None, (1, 0), (0, 1), (1, 1)):
+            raise ValueError(f"half = {half}: doubled tori are of the kinds (1, 0), (0, 1) and (1, 1)")
+        if band is not None:
+            checked("TwoToneProblem", "band", band, POSITIVE)
+        nu = 1 if half is None else 2
+        lower = min(harmonics[0], _COMMON_BASE_HARMONICS), min(harmonics[1], _COMMON_BASE_HARMONICS)
+        require_no_common_base(ratio, lower)
         self.ratio, self.load, self.elements, self._model = float(ratio), load or Load(), tuple(elements), model
         if self.load.constant is not None and np.any(self.load.constant):
             raise ValueError("the second load has a constant part; add it to the load of the model")
@@ -125,7 +143,43 @@ class TwoToneProblem(TorusProblem):
             raise ValueError(f"the vectors of the second load need {system.n} entries, one for each coordinate")
         self._second = np.array([name in self.elements for name in names])
         first = _FirstTone(model, self.elements) if self.elements else model
-        super().__init__(HarmonicBalance(first, harmonics[0]), TorusBasis(*harmonics, dense=dense))
+        balance = HarmonicBalance(first, max(lower[0], nu), nu=nu)
+        scaled = None if band is None else nu * band
+        super().__init__(balance, TorusBasis(*harmonics, False, dense, scaled, float(ratio), half))
+
+    def fit(self, t: Array, d: Array, Omega: float) -> Array:
+        """Return unknowns from the displacements of the elements of a settled motion, as a start of `trace`.
+
+        Parameters
+        ----------
+        t : ndarray, shape (T,)
+            Equidistant instants, over many periods of both excitations.
+        d : ndarray, shape (m, T)
+            Displacements of the elements.
+        Omega : float
+            Frequency of the first excitation.
+
+        Returns
+        -------
+        ndarray, shape (n + 1,)
+            Coefficients, from averages with weights that suppress the ends, and the second frequency.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> import numpy as np
+        >>> problem = hb.harmonic.TwoToneProblem(hb.Duffing(), 2**0.5, hb.Load(cosine={1: [0.1]}), harmonics=(3, 3))
+        >>> t = np.linspace(0.0, 2000.0, 20001)
+        >>> X = problem.fit(t, np.cos(0.8 * t)[None], 0.8)
+        >>> bool(abs(problem.layout.measure("rms", X[:-1]) - 0.5**0.5) < 1e-6)
+        True
+        """
+        second = self.ratio * Omega / self.balance.nu
+        w = self.basis.k @ np.array([Omega / self.balance.nu, second])
+        weights = birkhoff_weights(len(t))
+        c = 2.0 * np.array([(weights * d) @ np.exp(-1j * one * t) for one in w]).T
+        c[:, 0] *= 0.5
+        return np.append(self.basis.to_real(c).ravel(), second)
 
     def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> TwoToneProblem:
         """Return the problem itself: both phases are prescribed."""
@@ -138,8 +192,9 @@ class TwoToneProblem(TorusProblem):
         for i, (k1, k2) in enumerate(self.basis.k.tolist()):
             if k2 == 0 and k1 < rows.shape[1]:
                 c[:, i] = rows[:, k1]
-        c += self._second_response({**parameters, SECOND: self.ratio * parameters["Omega"]})
-        return np.append(self.basis.to_real(c).ravel(), self.ratio * parameters["Omega"])
+        own = self.ratio * parameters["Omega"] / self.balance.nu
+        c += self._second_response({**parameters, SECOND: own})
+        return np.append(self.basis.to_real(c).ravel(), own)
 
     @property
     def model(self) -> Model:
@@ -154,7 +209,10 @@ class TwoToneProblem(TorusProblem):
         """Return the data for the header of a file, with the second excitation."""
         out = super().describe()
         load = to_plain(self.load)
-        return out | {"torus": out["torus"] | {"ratio": self.ratio, "load": load, "elements": list(self.elements)}}
+        band = None if self.basis.band is None else self.basis.band / self.balance.nu
+        half = None if self.basis.half is None else list(self.basis.half)
+        own = {"ratio": self.ratio, "load": load, "elements": list(self.elements), "band": band, "half": half}
+        return out | {"torus": out["torus"] | own}
 
     # ---- equations
 
@@ -167,14 +225,14 @@ class TwoToneProblem(TorusProblem):
         now.R[:n] -= self.basis.to_real(second).ravel()
         now.dR_dX[:n, n] -= self.basis.to_real((up - down) / (2 * h)).ravel()
         weight = now.size / here[SECOND]
-        now.R[n] = weight * (here[SECOND] - self.ratio * parameters["Omega"])
+        now.R[n] = weight * (here[SECOND] - self.ratio * parameters["Omega"] / self.balance.nu)
         now.dR_dX[n] = 0.0
         now.dR_dX[n, n] = weight
-        now.dR_dp[n] = -weight * self.ratio if name == "Omega" else 0.0
+        now.dR_dp[n] = -weight * self.ratio / self.balance.nu if name == "Omega" else 0.0
         return now
 
     def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
-        return [theta[:, 1] if own else tau
+        return [self.balance.nu * theta[:, 1] if own else tau
                 for own, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)]  # fmt: skip
 
     def _displacements(self, parameters: Mapping[str, float]) -> ComplexArray:
@@ -194,8 +252,8 @@ class TwoToneProblem(TorusProblem):
         at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
         for factor, values in ((1.0, cosine), (-1j, sine)):
             for order, value in enumerate(values, 1):
-                if (0, order) in at:
-                    out[at[0, order]] += factor * value
+                if (0, order * self.balance.nu) in at:
+                    out[at[0, order * self.balance.nu]] += factor * value
         return out
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
@@ -203,11 +261,11 @@ class TwoToneProblem(TorusProblem):
         structure = self.evaluator_at(parameters).structure
         out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
         at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
-        power = parameters[SECOND] ** self.load.power
+        power = (self.balance.nu * parameters[SECOND]) ** self.load.power
         for factor, table in ((1.0, self.load.cosine), (-1j, self.load.sine)):
             for order, vector in table.items():
-                if (0, order) in at:
-                    out[at[0, order]] += factor * power * np.asarray(vector)
+                if (0, order * self.balance.nu) in at:
+                    out[at[0, order * self.balance.nu]] += factor * power * np.asarray(vector)
         w = self.basis.k[:, 1] * parameters[SECOND]
         e = self._displacements(parameters)
         out += ((structure.kr + 1j * w[:, None] * structure.c) * e) @ structure.W.T
@@ -246,7 +304,8 @@ def require_no_common_base(ratio: float, harmonics: tuple[int, int]) -> None:
 @checked_arguments()
 def two_tones(
     model: Model, ratio: float, span: tuple[float, float], *, load: Load | None = None, elements: Sequence[str] = (),
-    harmonics: tuple[int, int] = (9, 9), dense: int = 1, parameter: str = "Omega", **options: Any,
+    harmonics: tuple[int, int] = (9, 9), dense: int = 1, band: float | None = None,
+    half: tuple[int, int] | None = None, parameter: str = "Omega", **options: Any,
 ) -> Branch:  # fmt: skip
     """Trace motions with two prescribed frequencies that have no common base, such as two meshes on different shafts.
 
@@ -269,6 +328,10 @@ def two_tones(
         H_1 and H_2, highest harmonics of both frequencies. Default: (9, 9). Gaps need more of both.
     dense : int, optional
         Factor of the number of samples of the forces; larger ones reduce the error with gaps. Default: 1.
+    band : float, optional
+        Highest frequency over Omega; see `TwoToneProblem`. By default the harmonics fill a diamond.
+    half : (int, int), optional
+        Kind of doubled tori; see `TwoToneProblem`. Give a ``start``, such as of `TwoToneProblem.fit`.
     parameter : str, optional
         Parameter of the curve. Default: "Omega".
     **options
@@ -296,5 +359,5 @@ def two_tones(
     >>> bool(abs(curve.tracked["Omega_2"][-1] / 0.7 - 2**0.5) < 1e-12)
     True
     """
-    problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense)
+    problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense, band, half)
     return trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options))
