@@ -247,7 +247,9 @@ def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusP
     if not (isinstance(H, list) and len(H) == 2 and all(type(each) is int and 1 <= each <= 200 for each in H)):
         raise ValueError(f"the harmonics of tori are two whole numbers, got {str(H)[:40]}")
     if "ratio" not in torus:
-        return TorusProblem(HarmonicBalance(model, **settings), TorusBasis(*H, odd=torus["odd"], dense=torus["dense"]))
+        return TorusProblem(
+            HarmonicBalance(model, **settings), TorusBasis(H[0], H[1], odd=torus["odd"], dense=torus["dense"])
+        )
     load = from_plain(torus["load"], _PART_CLASSES)
     half = None if torus["half"] is None else tuple(torus["half"])
     return TwoToneProblem(model, torus["ratio"], load, torus["elements"], tuple(H), torus["dense"], torus["band"], half)
