@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
-    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram, torus, torus_section, torus_spectrum
+    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram
     from hbgear.plot.curves import response, responses, speed_axes
     from hbgear.plot.designs.bands import band
     from hbgear.plot.designs.effects import tornado
@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # imported when they are first used
         jump_distribution,
         percentiles,
     )
-    from hbgear.plot.free_motions import backbone
+    from hbgear.plot.free_motions import backbone, torus, torus_section, torus_spectrum
     from hbgear.plot.machines.mesh import drive, mesh_cycles
     from hbgear.plot.machines.rotors import campbell
     from hbgear.plot.machines.teeth import harris_map, tooth_loads

@@ -1,24 +1,23 @@
-"""Figures of motions that are not periodic: bifurcation diagrams; amplitudes, sections and spectra of tori."""
+"""Figures of bifurcation diagrams."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, Abscissa, OmegaAxis, Ordinate, factor_of, in_figure
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, OmegaAxis, factor_of, in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text, layout_of
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
-from hbgear.plot.style import GREY, LINES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
 from hbgear.time.frequency_sweep import Sweep
@@ -168,205 +167,3 @@ def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scal
                 linewidth=0.9, zorder=1, gid="unstable" if stable is False else "stable",
                 label=f"curve, {'unstable' if stable is False else 'stable'}",
             )  # fmt: skip
-
-
-# ---- tori
-
-_LARGEST_SPECTRUM = 1e-5
-"""Amplitude over the largest one from which lines of a spectrum are drawn."""
-
-
-def _torus_layout(tori: Branch) -> TorusLayout:
-    if not isinstance(tori.layout, TorusLayout):
-        raise ValueError("the branch has no tori: give the branch of hb.analysis.torus(curve, 'NS1')")
-    return tori.layout
-
-
-@checked_arguments()
-def torus(
-    tori: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *,
-    label: str = "quasi-periodic", dimensionless: bool = False, **style: Any,
-) -> Axes:  # fmt: skip
-    """Draw an amplitude of tori over the parameter, also on the axes of a response curve.
-
-    Stable sections are solid, unstable ones dashed and undecided ones dotted.
-
-    Parameters
-    ----------
-    tori : Branch
-        Branch of `hbgear.analysis.torus`.
-    measure : str, optional
-        Measure of the whole torus: "pp2" (default), "rms", "max" or "mean".
-    element : int or str, optional
-        Element by number or name; default 0.
-    ax : Axes, optional
-        Axes to draw on, such as those of `response`; new ones by default.
-    label : str, optional
-        Text of the legend; default "quasi-periodic". No legend if it is empty.
-    dimensionless : bool, optional
-        Whether the axes are in the units of the model. By default they are the speed of the pinion [r/min] and the
-        amplitude [um] if the model has scales, as in `response`.
-    **style
-        Properties of the line, such as ``color``.
-
-    Returns
-    -------
-    Axes
-        The axes.
-
-    Raises
-    ------
-    ValueError
-        If the branch has no tori, or the measure is unknown.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
-    >>> hb.plot.torus(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
-    Traceback (most recent call last):
-    ValueError: the branch has no tori
-    """
-    layout, own = _torus_layout(tori), ax is None
-    across, height = Abscissa([tori], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
-    layout.check_measure(measure, element)
-    x, y = across.along(tori), height.along(tori)
-    with styled():
-        ax = axes_or_new(ax, (4.6, 3.2))
-        for i, ((_, stable), first, last) in enumerate(sections(tori, element)):
-            kind, width = LINES[stable]
-            line: dict[str, Any] = {
-                "color": VERDICTS[Verdict.QUASI_PERIODIC], "linewidth": width, "linestyle": kind,
-                "marker": "." if first == last else None,
-            }  # fmt: skip
-            ax.plot(x[first : last + 1], y[first : last + 1], **(line | style),
-                    label=label if label and not i else "_", zorder=4, gid="tori")  # fmt: skip
-        if own:
-            name = _element_name(layout, element)
-            physical = height.header(tori) != measure
-            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter) if across.scale == 1 else across.label)
-            ax.set_ylabel(in_figure(axis_text(measure, f"{name} [um]" if physical else name)))
-            dress(ax)
-            if scaled_axes(ax, across.above):
-                heighten(ax)
-        if label:
-            add_legend(ax)
-    return ax
-
-
-def _element_name(layout: TorusLayout, element: int | str) -> str:
-    return layout.elements[layout.index(element)] or f"element {layout.index(element)}"
-
-
-@checked_arguments()
-def torus_section(
-    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, phases: int = 400
-) -> Axes:
-    """Draw the section of a torus at tau = 0: rate over displacement, a closed curve that the motion fills.
-
-    Parameters
-    ----------
-    tori : Branch
-        Branch of `hbgear.analysis.torus`.
-    point : int, optional
-        Number of the point; default the last one.
-    element : int or str, optional
-        Element by number or name; default 0.
-    ax : Axes, optional
-        Axes to draw on; new ones by default.
-    phases : int, optional
-        Number of points of the curve; default 400.
-
-    Returns
-    -------
-    Axes
-        The axes.
-
-    Raises
-    ------
-    ValueError
-        If the branch has no tori.
-
-    Examples
-    --------
-    See `hbgear.analysis.torus` for a branch.
-
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
-    >>> hb.plot.torus_section(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
-    Traceback (most recent call last):
-    ValueError: the branch has no tori
-    """
-    layout, found = _torus_layout(tori), tori[point]
-    basis = layout.basis
-    theta = np.column_stack([np.zeros(phases + 1), np.linspace(0.0, 2 * np.pi, phases + 1)])
-    rows = layout.rows(found.X, element)
-    here = {name: np.array([x]) for name, x in found.parameters.items()}
-    rate = layout.in_time(rows[None], here, 1)[0]
-    d, v = (basis.evaluate(basis.to_complex(x), theta) for x in (rows, rate))
-    name = _element_name(layout, element)
-    with styled():
-        ax = axes_or_new(ax, (3.6, 3.2))
-        ax.plot(d, v, color=VERDICTS[Verdict.QUASI_PERIODIC], linewidth=1.2, gid="section")
-        ax.set_xlabel(f"{name} at " + r"$\tau = 0$")
-        ax.set_ylabel(f"rate of {name}")
-        dress(ax)
-    return ax
-
-
-@checked_arguments()
-def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Draw the spectrum of a torus: amplitudes at the frequencies |k_1 Omega / nu + k_2 Omega_2|.
-
-    Parameters
-    ----------
-    tori : Branch
-        Branch of `hbgear.analysis.torus`.
-    point : int, optional
-        Number of the point; default the last one.
-    element : int or str, optional
-        Element by number or name; default 0.
-    ax : Axes, optional
-        Axes to draw on; new ones by default.
-
-    Returns
-    -------
-    Axes
-        The axes. Lines without the second frequency are black.
-
-    Raises
-    ------
-    ValueError
-        If the branch has no tori.
-
-    Examples
-    --------
-    See `hbgear.analysis.torus` for a branch.
-
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
-    >>> hb.plot.torus_spectrum(curve)  # doctest: +IGNORE_EXCEPTION_DETAIL
-    Traceback (most recent call last):
-    ValueError: the branch has no tori
-    """
-    layout, found = _torus_layout(tori), tori[point]
-    basis = layout.basis
-    size = np.abs(basis.to_complex(layout.rows(found.X, element)))
-    w = np.abs(basis.k @ np.array([found.parameters["Omega"] / layout.nu, found.parameters["Omega_2"]]))
-    shown = size > _LARGEST_SPECTRUM * size[1:].max()
-    with styled():
-        ax = axes_or_new(ax, (4.6, 3.2))
-        kinds = (
-            (basis.k[:, 1] > 0, VERDICTS[Verdict.QUASI_PERIODIC], r"with $\Omega_2$"),
-            (basis.k[:, 1] == 0, "black", r"multiples of $\Omega$"),
-        )
-        for which, colour, label in kinds:
-            rows = shown & which
-            floor = _LARGEST_SPECTRUM * size[1:].max()
-            ax.vlines(w[rows], floor, size[rows], color=colour, linewidth=1.2, label=label, gid=label)
-        ax.set_yscale("log")
-        ax.set_xlabel(r"frequency, in the unit of $\Omega$")
-        ax.set_ylabel(f"amplitude of {_element_name(layout, element)}")
-        dress(ax)
-        add_legend(ax)
-    return ax

@@ -17,6 +17,7 @@ from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
 from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
+from hbgear.plot.free_motions import with_other_kinds
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -113,16 +114,14 @@ def response(
     """
     from matplotlib.colors import is_color_like
 
-    from hbgear.plot.free_motions import with_other_kinds
-
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
         return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                          dimensionless=dimensionless)  # fmt: skip
     if kind_of(branch) != "periodic":
-        return with_other_kinds([branch], measure, element, ax, names=[label] if label else None, legend=legend,
-                                dimensionless=dimensionless)  # fmt: skip
+        return with_other_kinds(responses, [branch], measure, element, ax, names=[label] if label else None,
+                                legend=legend, dimensionless=dimensionless)  # fmt: skip
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
     branch, across = height.prepared(branch), Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
@@ -207,15 +206,13 @@ def responses(
     >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
     >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
-    from hbgear.plot.free_motions import with_other_kinds
-
     if not len(branches):
         raise ValueError("no branch to draw")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
     if any(kind_of(branch) != "periodic" for branch in branches):
-        return with_other_kinds(branches, measure, element, ax, names=names, legend=legend, speeds=speeds, dof=dof,
-                                dimensionless=dimensionless)  # fmt: skip
+        return with_other_kinds(responses, branches, measure, element, ax, names=names, legend=legend,
+                                speeds=speeds, dof=dof, dimensionless=dimensionless)  # fmt: skip
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                         dimensionless=dimensionless)  # fmt: skip
