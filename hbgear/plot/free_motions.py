@@ -89,7 +89,8 @@ def backbone(
 
 def with_other_kinds(
     responses: Callable[..., Axes], branches: Sequence[Branch], measure: str | None, element: int | str,
-    ax: Axes | None, *, names: Sequence[str] | None = None, legend: bool = True, dimensionless: bool = False, **options: Any,
+    ax: Axes | None, *, names: Sequence[str] | None = None, legend: bool = True, dimensionless: bool = False,
+    **options: Any,
 ) -> Axes:  # fmt: skip
     """Draw response curves, and tori and backbones on their axes; see `responses`.
 

@@ -16,7 +16,7 @@ from hbgear.common.arrays import Array, ComplexArray
 _OVERSAMPLING = 4
 """Samples per highest harmonic [-]. Products of three functions of the basis are exact with more than four."""
 
-_ROUNDING = 1e-12
+_INDEX_ROUNDING = 1e-12
 """Rounding of the distance of an index [-]."""
 
 _INNER_FRACTION = 0.9
@@ -57,7 +57,7 @@ class TorusBasis:
     ) -> None:  # fmt: skip
         self.H1, self.H2, self.odd, self.dense, self.band, self.ratio, self.half = H1, H2, odd, dense, band, ratio, half
         k2, k1 = (each.ravel() for each in np.meshgrid(np.arange(H2 + 1), np.arange(-H1, H1 + 1), indexing="ij"))
-        keep = ((k2 > 0) | (k1 >= 0)) & (self._distance(k1, k2) <= 1 + _ROUNDING)
+        keep = ((k2 > 0) | (k1 >= 0)) & (self._distance(k1, k2) <= 1 + _INDEX_ROUNDING)
         if odd:
             keep &= (k1 % 2 == 1) | ((k1 == 0) & (k2 == 0))
         if half is not None:

@@ -28,16 +28,15 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
-from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, named_end, smoothness_event
+from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import SECOND, TorusLayout
-from hbgear.harmonic.autonomous.tori.stability import growth_of, with_stability_message
+from hbgear.harmonic.autonomous.tori.stability import growth_of
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model, describe
 
-_MAX_GROWTH = 300.0
+_LARGEST_LOGARITHM = 300.0
 """Logarithm of the largest growth in a period that is represented [-]."""
 
 
@@ -94,7 +93,7 @@ class TorusProblem(ContinuationProblem):
         self.balance, self.basis, self._phase = balance, basis, np.zeros(balance.m * basis.width)
 
     def __repr__(self) -> str:
-        return f"TorusProblem({self.balance.model!r}, H=({self.basis.H1}, {self.basis.H2}))"
+        return f"TorusProblem({self.balance.model!r}, {self.resolution})"
 
     # ---- parameters and unknowns
 
@@ -151,10 +150,6 @@ class TorusProblem(ContinuationProblem):
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the unknowns of this problem from coefficients and all parameters."""
         return np.append(X, parameters[SECOND])
-
-    def resized(self, X: Array) -> Array:
-        """Return the unknowns themselves: the basis is fixed."""
-        return X
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the coefficients, which scales the arclength."""
@@ -316,8 +311,8 @@ class TorusProblem(ContinuationProblem):
         if not stability:
             return out
         growth = growth_of(self, X, parameters)
-        factor = math.exp(min(growth.rate, _MAX_GROWTH)) if growth.rate == growth.rate else math.nan
-        error = factor * math.expm1(min(growth.error, _MAX_GROWTH)) if growth.rate == growth.rate else math.nan
+        factor = math.exp(min(growth.rate, _LARGEST_LOGARITHM))
+        error = factor * math.expm1(min(growth.error, _LARGEST_LOGARITHM))
         return out | {"multipliers": np.array([factor + 0j]), "modulus_error": error}
 
     def motion(self, X: Array, **parameters: float) -> ComplexArray:
@@ -339,10 +334,6 @@ class TorusProblem(ContinuationProblem):
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return the ends of a branch of tori: a periodic motion, or a spectrum that does not decay."""
         return TorusMergeEvent(), smoothness_event()
-
-    def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
-        """Return the branch with a message that names locking, and points without stability."""
-        return with_stability_message(named_end(branch) if self.free_phase else branch)
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

@@ -32,7 +32,7 @@ from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
-from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights, with_stability_message
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
@@ -360,4 +360,4 @@ def two_tones(
     True
     """
     problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense, band, half)
-    return trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options))
+    return with_stability_message(trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options)))
