@@ -29,6 +29,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.slider import friction_limits
 from hbgear.mechanics.laws.vector_laws import Component, VectorLaw, vector_groups
 from hbgear.mechanics.serialization import source_of, to_plain
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
@@ -544,6 +545,7 @@ class System(Model):  # numpydoc ignore=PR02
             e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements)
         )
         vector_groups([e.law for e in elements])
+        friction_limits(with_names)
         set_(self, "elements", with_names)
         set_(self, "load", loads)
         set_(self, "dof_names", names)

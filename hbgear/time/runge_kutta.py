@@ -35,8 +35,8 @@ METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
 
 Lines = tuple[Array, Array, Integers, Integers]
-"""Slope and offset (m,) of the linear segment of each element, the direction (Q,) in which each slider slips, and the
-state of each damped contact."""
+"""Slope and offset (m,) of the linear segment of each element, the state (2, Q) of each slider, and the state of each
+damped contact."""
 
 
 class Flow:
@@ -119,22 +119,26 @@ class Flow:
         Y, z = Y[: 2 * n], Y[2 * n :]
         d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
         p, kd, kv = self._forces(line, d, v, self.excitation.phase(t, between), k)
-        friction, stuck = self.sliders.forces(line[2], d, z[:, 0])
+        slip, zone = line[2]
+        limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
+        friction, stuck = self.sliders.forces(line[2], d, z[:, 0], limit)
         np.add.at(p, on, friction)
         np.add.at(kd, on, stuck)
         out = np.zeros((self.size, Y.shape[1]))
         out[: 2 * n] = self.A @ Y
         out[n : 2 * n, 0] += f
         out[: 2 * n, 0] -= self.B @ (p - self.c * de)
-        slips = np.flatnonzero(line[2])
-        out[2 * n + slips, 0] = v[on[slips]]
+        slips = np.flatnonzero(slip)
+        out[2 * n + slips, 0] = (v[on] - slip * change / self.sliders.k)[slips]
         if Y.shape[1] > 1:
             u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
             out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
             for rows, kd, kv in self._coupling(d, v, self.excitation.phase(t, between)):
                 out[: 2 * n, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
             out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
-            out[2 * n + slips, 1:] = rate[on[slips]]
+            pushes, normal = (slip * gain)[:, None], self.sliders.normal
+            out[: 2 * n, 1:] -= self.B[:, on] @ (pushes * u[normal])
+            out[2 * n + slips, 1:] = (rate[on] - pushes / self.sliders.k[:, None] * rate[normal])[slips]
         return out.ravel()
 
     def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
@@ -226,7 +230,7 @@ class Flow:
         """Integrate an interval without breakpoints of the excitation."""
         d, v = self.gaps(t, Y, between)
         segment, instants, count = self.segments.at(d, v), [], 0
-        slip = self.sliders.at(d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
+        slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
         contact = self.contacts.at(d, v)
         every = np.arange(self.m)
         while end - t > 1e-14 * abs(end):
@@ -245,9 +249,10 @@ class Flow:
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
                 at, side = self._exit(solver, before, segment, between)
-                change = self.sliders.exits(self, solver, slip)
+                change, leaves = self.sliders.exits(self, solver, slip)
                 ends = self.contacts.exits(self, solver, contact)
-                stop = float(min(at.min(), change.min(initial=np.inf), ends.min(initial=np.inf)))
+                others = np.concatenate([change, leaves, ends])
+                stop = float(min(at.min(), others.min(initial=np.inf)))
                 if not np.isfinite(stop):
                     if visit:
                         visit(solver.t_old, solver.t, solver.dense_output())
@@ -260,8 +265,8 @@ class Flow:
                 t = stop
                 together = stop + 1e-12 * (1 + abs(stop))
                 segment += np.where(at <= together, side, 0)
-                if (change <= together).any():
-                    Y, slip = self.sliders.after(self, t, Y, slip, change <= together)
+                if (np.minimum(change, leaves) <= together).any():
+                    Y, slip = self.sliders.after(self, t, Y, slip, change <= together, leaves <= together)
                 if (ends <= together).any():
                     Y, contact = self.contacts.after(self, t, Y, contact, ends <= together)
                 instants.append(t)

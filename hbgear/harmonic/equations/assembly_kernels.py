@@ -30,11 +30,11 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.aft_kernels import samples_of, spectrum
-from hbgear.harmonic.forces.projection_kernels import ProjectionWorkspace, coefficient, project, projection_workspace
+from hbgear.harmonic.forces.projection_kernels import ProjectionWorkspace, project, projection_workspace
 from hbgear.harmonic.forces.slider_kernels import add_memory
 from hbgear.harmonic.forces.toeplitz_kernel import add_product
 from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
-from hbgear.mechanics.series.fourier_kernels import fill_one_sided
+from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided
 
 
 class Workspace(NamedTuple):

@@ -15,9 +15,9 @@ import numpy as np
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
-from hbgear.harmonic.forces.projection_kernels import coefficient, cross, project, projection_workspace
+from hbgear.harmonic.forces.projection_kernels import cross, project, projection_workspace
 from hbgear.harmonic.structure.receptance_kernels import receptance
-from hbgear.mechanics.series.fourier_kernels import fill_one_sided
+from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided
 
 
 @kernel

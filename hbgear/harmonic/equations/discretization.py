@@ -319,7 +319,11 @@ def _samples_for(H: int, sampled: bool, density: float) -> int:
 def warn_of_truncated_excitation(discretization: Discretization, system: System) -> None:
     """Warn if orders of the excitation are not among the unknowns."""
     H, nu = discretization.H, discretization.nu
-    highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
+    highest = max(
+        [e.displacement.order for e in system.elements]
+        + [load.order for load in system.loads]
+        + [slider.series.order for e in system.elements for slider in e.law.sliders]
+    )
     by_element = zip((e.name for e in system.elements), excited_orders(system), strict=False)
     missed = next(((name, min(some)) for name, some in by_element if some and min(some) * nu > H), None)
     if missed is not None:

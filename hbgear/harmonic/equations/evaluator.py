@@ -89,6 +89,8 @@ class Evaluator:
         Laws whose force jumps (`Law.damped`), each with the number of its element.
     sliders : int
         Number of friction sliders.
+    normal_pairs : tuple of (int, int)
+        Elements with friction whose limit is proportional to the force of another element, and this element.
     breakpoints, element, displacement : ndarray, shape (K,)
         Breakpoints of all laws, the element of each, and the displacement of which it is a value.
     """
@@ -123,8 +125,10 @@ class Evaluator:
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
         corners = piecewise if len(piecewise.phases) or packing.levels else None
-        self.packed = PackedModel(laws, linear, transform.basis, corners, own, sliders_of(self.laws))
+        self.packed = PackedModel(laws, linear, transform.basis, corners, own, sliders_of(system.elements, nu, H))
         self.sliders = len(self.packed.sliders.element)
+        normal = zip(self.packed.sliders.element.tolist(), self.packed.sliders.normal.tolist(), strict=True)
+        self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
         if left.size:
             self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid),)

@@ -32,6 +32,7 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
+from hbgear.mechanics.laws.slider import friction_limits, limit_at
 from hbgear.mechanics.reduction import Reduction
 from hbgear.mechanics.series.fourier import places, to_complex, to_real
 from hbgear.mechanics.series.real_basis import derivative
@@ -90,17 +91,21 @@ def slip_margins(evaluator: Evaluator, X: Array) -> Array:
 
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
     """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
-    out, sliders = np.empty(evaluator.sliders), evaluator.packed.sliders
-    from hbgear.harmonic.forces.slider_kernels import STICK, slider_motion
+    out, sliders = np.empty(evaluator.sliders), friction_limits(evaluator.system.elements)
+    from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, slider_motion
 
     rows = _rows(evaluator, X)
     motion = slider_motion(evaluator.packed, rows)
-    for i, j in enumerate(sliders.element.tolist()):
+    for i, (j, one, limit) in enumerate(sliders):
         begin = motion.begin[i, : motion.number[i]]
         p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
-        d = float(evaluator.gap(j, rows[j], np.array([theta]))[0])
-        kind = int(motion.kind[i, p])
-        out[i] = motion.position[i, p] if kind == STICK else d - kind * sliders.limit[i] / sliders.k[i]
+        at, kind = np.array([theta]), int(motion.kind[i, p])
+        if kind == STICK:
+            out[i] = motion.position[i, p]
+            continue
+        d_n = evaluator.gap(limit.normal, rows[limit.normal], at) if limit.normal >= 0 else None
+        slip, reach = 0 if kind == OPEN else kind, limit_at(limit, d_n, evaluator.nu * at)[0] / one.k
+        out[i] = float(evaluator.gap(j, rows[j], at)[0] - slip * reach)
     return out
 
 

@@ -9,13 +9,13 @@ element touches without force, the smaller of the two slopes is used: such a con
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.mechanics.laws.slider import first_loading
+from hbgear.mechanics.laws.slider import first_loading, friction_limits, limit_at
 from hbgear.mechanics.reference_stiffness import bend
 
 
@@ -68,7 +68,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
     for _ in range(_MAX_STATIC_ITERATIONS):
-        p, k = _mean_force_and_stiffness(compiled.laws, d)
+        p, k = _mean_force_and_stiffness(compiled, d)
         r = joint @ (Z @ d + g + p) + ties @ (d + e)
         terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
         if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
@@ -126,7 +126,7 @@ def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     if reach.all():
         return reach
     own = np.abs(
-        np.diag(compiled.linear(Omega).Z[0].real) + _mean_force_and_stiffness(compiled.laws, np.zeros(compiled.m))[1]
+        np.diag(compiled.linear(Omega).Z[0].real) + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1]
     )
     stiffness = np.where(
         own > _ZERO_STIFFNESS_RATIO * springs, own, springs
@@ -156,14 +156,16 @@ def _load_signs(compiled: Evaluator, Omega: float) -> Array:
     return np.where(_load_displacements(compiled, Omega) < 0, -1.0, 1.0)
 
 
-def _mean_force_and_stiffness(laws: Any, d: Array) -> tuple[Array, Array]:
+def _mean_force_and_stiffness(compiled: Evaluator, d: Array) -> tuple[Array, Array]:
     """Return the mean force and stiffness of each law over the phase at constant d (m,), reached from rest."""
     tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
     with np.errstate(all="ignore"):  # a law may be undefined at large displacements
-        out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(laws, d, strict=True)]
+        out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(compiled.laws, d, strict=True)]
     p, k = np.array(out).sum(axis=2).T / 64
-    for j, law in enumerate(laws):
-        friction, stiffness = first_loading(law.sliders, d[j : j + 1])
+    for j, slider, limit in friction_limits(compiled.system.elements):
+        d_n = d[limit.normal : limit.normal + 1] if limit.normal >= 0 else None
+        bound = slider.limit if d_n is None else float(limit_at(limit, d_n, np.zeros(1))[0])
+        friction, stiffness = first_loading(slider, d[j : j + 1], bound)
         p[j], k[j] = p[j] + friction[0], k[j] + stiffness[0]
     return p, k
 
@@ -180,7 +182,7 @@ def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
     for static in statics(compiled, Omega):
         if static.balanced:
             near = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
-            below, above = (_mean_force_and_stiffness(compiled.laws, static.d + side * near)[1] for side in (-1.0, 1.0))
+            below, above = (_mean_force_and_stiffness(compiled, static.d + side * near)[1] for side in (-1.0, 1.0))
             smaller: Array = np.where(np.abs(below) <= np.abs(above), below, above)
             return smaller
     return None

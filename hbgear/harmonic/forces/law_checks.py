@@ -53,6 +53,12 @@ def check_laws(system: System) -> None:
                 f"element '{element.name}' has friction and a prescribed displacement with breakpoints, a Periodic; "
                 "give the displacement as a Series"
             )
+        if any(slider.normal for slider in element.law.sliders) and any(one.law.damped for one in system.elements):
+            raise ValueError(
+                f"element '{element.name}' has friction proportional to a normal force, and another element a contact "
+                "with a damper whose force jumps: stability of both together is not available; use Unilateral or "
+                "HuntCrossley instead of KelvinVoigt"
+            )
         if element.law.damped and element.displacement.corners:
             raise ValueError(
                 f"element '{element.name}' has a contact with a damper and a prescribed displacement with breakpoints, "

@@ -20,6 +20,9 @@ from hbgear.harmonic.forces.breakpoints import PiecewiseExcitation
 from hbgear.harmonic.forces.packed_laws import PackedLaws
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.slider import friction_limits
+from hbgear.mechanics.models import Element
+from hbgear.mechanics.series.fourier import to_complex
 
 
 class Own(NamedTuple):
@@ -34,15 +37,24 @@ class Own(NamedTuple):
 
 
 class Sliders(NamedTuple):
-    """Friction sliders.
+    """Friction sliders; their limits are gain d_n + base + wave, see `FrictionLimit`.
 
-    element (Q,), k, limit, residual (Q,) : element of each slider, ascending, and its numbers.
+    element (Q,), k, residual (Q,) : element of each slider, ascending, and its numbers.
+    normal (Q,) : element of the normal force; -1 without one.
+    moves (Q,) : whether the limit varies.
+    level (Q, B), gain, base (Q, B + 1) : levels of d_n, padded with inf, and the zones between them.
+    wave (Q, P + 1) : one-sided coefficients of the prescribed limit without its mean.
     """
 
     element: np.ndarray
     k: Array
-    limit: Array
     residual: Array
+    normal: np.ndarray
+    moves: np.ndarray
+    level: Array
+    gain: Array
+    base: Array
+    wave: ComplexArray
 
 
 class PackedLinearPart(NamedTuple):
@@ -84,11 +96,24 @@ class PackedModel(NamedTuple):
     sliders: Sliders
 
 
-def sliders_of(laws: Sequence[Law]) -> Sliders:
-    """Return the friction sliders of a model."""
-    found = [(j, slider) for j, law in enumerate(laws) for slider in law.sliders]
-    packed = np.array([(one.k, one.limit, one.residual) for _, one in found], dtype=float).reshape(-1, 3).T.copy()
-    return Sliders(np.array([j for j, _ in found], dtype=np.int64), *packed)
+def sliders_of(elements: Sequence[Element], nu: int, H: int) -> Sliders:
+    """Return the friction sliders of a model; harmonics of their limits above H are left out."""
+    found = friction_limits(elements)
+    Q, B = len(found), max([0, *(len(limit.level) for *_, limit in found)])
+    P = nu * min(H // nu, max([0, *(limit.wave.order for *_, limit in found)]))
+    level, zones, wave = np.full((Q, B), np.inf), np.zeros((2, Q, B + 1)), np.zeros((Q, P + 1), dtype=complex)
+    for i, (_, _, limit) in enumerate(found):
+        level[i, : len(limit.level)] = limit.level
+        zones[:, i, : len(limit.gain)] = limit.gain, limit.base
+        wave[i, ::nu] = to_complex(limit.wave.row(P // nu))
+    return Sliders(
+        np.array([j for j, *_ in found], dtype=np.int64),
+        np.array([one.k for _, one, _ in found]),
+        np.array([one.residual for _, one, _ in found]),
+        np.array([limit.normal for *_, limit in found], dtype=np.int64),
+        np.array([limit.normal >= 0 or limit.wave.varies for *_, limit in found], dtype=np.bool_),
+        level, zones[0].copy(), zones[1].copy(), wave,
+    )  # fmt: skip
 
 
 def own_of(laws: Sequence[Law]) -> Own:

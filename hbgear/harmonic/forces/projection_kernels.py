@@ -46,6 +46,7 @@ from hbgear.harmonic.forces.piecewise_kernels import (
     spans,
 )
 from hbgear.harmonic.forces.slider_kernels import SliderWorkspace, add_sliders, slider_workspace
+from hbgear.mechanics.series.fourier_kernels import coefficient
 
 
 class ProjectionWorkspace(NamedTuple):
@@ -224,20 +225,6 @@ def _add_springs(laws: Any, piecewise: Any, space: Any) -> None:
     for p in range(laws.of.shape[0]):
         _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.of[p]])
         _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.of[p]])
-
-
-@kernel
-def coefficient(kappa: Any, c: Any, k: int) -> complex:
-    """Return the two-sided coefficient k of a product of real functions: kappa is two-sided, c one-sided."""
-    x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
-    for n in range(1, c.shape[0]):
-        r, s = kappa[abs(k - n)].real, kappa[abs(k - n)].imag
-        if k < n:
-            s = -s
-        a, b, p, q = 0.5 * c[n].real, 0.5 * c[n].imag, kappa[k + n].real, kappa[k + n].imag
-        x += (r + p) * a - (s - q) * b
-        y += (r - p) * b + (s + q) * a
-    return complex(x, y)
 
 
 @kernel

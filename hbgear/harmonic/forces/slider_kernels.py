@@ -15,6 +15,16 @@ contribute to its derivative. A slider that began to stick at the turning point 
 d'(theta_0) = 0: each interval subtracts k s (1, cos theta_0, sin theta_0, ...) from dP/dd. A slider that never slips
 stays at its residual position, or where the motion has moved it.
 
+A limit that varies, prescribed or proportional to the normal force of another element, moves the bounds of z,
+
+    lower = d - limit / k  <=  z  <=  d + limit / k = upper
+
+Turning points are then those of both bounds, and instants at which the displacement d_n of the normal force passes a
+level between two zones (the contact opens or closes). Between them both bounds are monotonic. A force that slips is
++-limit, linear in d_n: it has a derivative with respect to d_n. A slider that begins to stick at a turning point of
+its bound has dz = dd -+ (dlimit/dd_n / k) dd_n; where it begins to stick as the contact closes, the instant moves, and
+dz = dd - (d' / d_n') dd_n. In an open contact the limit is 0 and z = d.
+
 References
 ----------
 Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for exact friction forces.
@@ -31,10 +41,14 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.switching_times import PHASE_TOLERANCE, VALUE_ROUNDING, crossings
-from hbgear.mechanics.series.fourier_kernels import fill_one_sided, sampled, value_of
+from hbgear.harmonic.forces.toeplitz_kernel import add_product
+from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided, sampled, value_of
 
 STICK = 0
 """Kind of an interval in which a slider sticks; +1 and -1 are slips in the direction of the displacement."""
+
+OPEN = 2
+"""Kind of an interval in which the limit is zero, because the contact of the normal force is open."""
 
 MAX_ROOT_ITERATIONS = 80
 """Iterations for the begin of a slip; bisection alone needs 52."""
@@ -57,8 +71,20 @@ class SliderWorkspace(NamedTuple):
         Whether the slider slips in the period.
     span : ndarray, shape (Q,)
         Range of the displacement in the period, minus twice limit / k: positive if the slider slips.
+    zone : ndarray, shape (Q, I)
+        Zone of the limit, see `FrictionLimit`.
+    lean : ndarray, shape (Q, I)
+        Derivative of the position while the slider sticks with respect to the displacement d_n at the onset.
     turn, side, level : ndarray, shape (C,)
-        Phases of the turning points of one element, the direction of d' there, and the displacements.
+        Turning points of one slider, the direction of a crossing there, and the displacements.
+    lower, upper : ndarray, shape (C,)
+        Bounds of the position at the turning points.
+    after : ndarray, shape (C,)
+        Zone of the limit after each turning point.
+    ratio : ndarray, shape (C,)
+        -d' / d_n' where d_n passes a level; nan at the other turning points.
+    cross : ndarray, shape (Q, L)
+        Two-sided coefficients of the derivative of the force with respect to d_n.
     row, samples, waves : ndarray
         Working memory for the velocity and the displacement of an element.
     part : ndarray, shape (L,)
@@ -75,9 +101,16 @@ class SliderWorkspace(NamedTuple):
     onset: Array
     slips: np.ndarray
     span: Array
+    zone: np.ndarray
+    lean: Array
     turn: Array
     side: Array
     level: Array
+    lower: Array
+    upper: Array
+    after: np.ndarray
+    ratio: Array
+    cross: ComplexArray
     row: Array
     samples: Array
     waves: ComplexArray
@@ -90,12 +123,19 @@ class SliderWorkspace(NamedTuple):
 def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
     """Return a `SliderWorkspace` for motions with H harmonics and N samples."""
     Q, C, width = sliders.element.shape[0], 2 * H + 4, 2 * H + 1
+    extra: Any = np.int64(0)
+    if sliders.moves.any():
+        C = C * (3 * sliders.level.shape[1] + 2)
+        extra = max(H, sliders.wave.shape[1] - 1)
     intervals = 2 * C + 1
     return SliderWorkspace(
         np.zeros(Q, np.int64), np.empty((Q, intervals)), np.empty((Q, intervals)), np.empty((Q, intervals), np.int64),
         np.empty((Q, intervals)), np.empty((Q, intervals)), np.zeros(Q, np.bool_), np.empty(Q),
-        np.empty(C), np.empty(C), np.empty(C), np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
-        np.empty(max(length, H + 1), np.complex128), np.empty(width), np.empty(width),
+        np.empty((Q, intervals), np.int64), np.empty((Q, intervals)),
+        np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C, np.int64), np.empty(C),
+        np.empty((Q, length + extra if extra else 0), np.complex128),
+        np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
+        np.empty(max(length + extra, H + 1), np.complex128), np.empty(width), np.empty(width),
     )  # fmt: skip
 
 
@@ -106,84 +146,242 @@ def march(sliders: Any, basis: Any, rows: Any, space: Any) -> None:
     turns: Any = np.int64(0)
     for i in range(sliders.element.shape[0]):
         j = sliders.element[i]
-        if j != last:
-            turns, last = _turning_points(basis, rows[j], space), j
-        _march_slider(sliders.k[i], sliders.limit[i], sliders.residual[i], i, rows[j, 0], turns, space)
+        if sliders.moves[i]:
+            turns, last = _turns_of_bounds(sliders, i, basis, rows, space), np.int64(-1)
+        else:
+            if j != last:
+                turns, last = _turning_points(basis, rows[j], space), j
+            reach = sliders.base[i, 0] / sliders.k[i]
+            for n in range(turns):
+                space.lower[n], space.upper[n] = space.level[n] - reach, space.level[n] + reach
+                space.after[n], space.ratio[n] = 0, np.nan
+        _march_slider(sliders, i, rows, turns, space)
 
 
 @inlined
 def _turning_points(basis: Any, row: Any, space: Any) -> int:
     """Store the turning points of a displacement with their levels, and return their number; 0 for a constant."""
-    velocity, waves, most = space.row, space.waves, 0.0
-    velocity[0] = 0.0
-    for k in range(1, row.shape[0] // 2 + 1):
-        velocity[2 * k - 1], velocity[2 * k] = k * row[2 * k], -k * row[2 * k - 1]
-        most = max(most, abs(velocity[2 * k - 1]), abs(velocity[2 * k]))
-    if most == 0.0:
-        return 0
-    for k in range(1, row.shape[0]):  # rounding of crossings is absolute
-        velocity[k] /= most
-    sampled(velocity, basis, space.samples)
-    fill_one_sided(velocity, waves)
-    count = crossings(waves, 0.0, space.samples, space.turn, space.side)
-    fill_one_sided(row, waves)
+    for k in range(row.shape[0]):
+        space.row[k] = row[k]
+    count: Any = _zeros_of_slope(basis, space, np.int64(0))
+    fill_one_sided(row, space.waves)
     for i in range(count):
-        space.level[i] = value_of(waves, 0.0, space.turn[i])[0]
+        space.level[i] = value_of(space.waves, 0.0, space.turn[i])[0]
     return int(count)
 
 
-@inlined
-def _march_slider(k: float, limit: float, z: float, i: int, mean: float, turns: int, space: Any) -> None:
-    """Store the intervals of slider i, which starts at the residual position z."""
-    turn, level, reach, onset = space.turn, space.level, limit / k, -1.0
+@kernel
+def _zeros_of_slope(basis: Any, space: Any, first: Any) -> Any:
+    """Store the turning points of ``space.row``, which is overwritten, from entry ``first`` on; return their number."""
+    velocity, waves, most = space.row, space.waves, 0.0
+    velocity[0] = 0.0
+    for k in range(1, velocity.shape[0] // 2 + 1):
+        a = velocity[2 * k - 1]
+        velocity[2 * k - 1], velocity[2 * k] = k * velocity[2 * k], -k * a
+        most = max(most, abs(velocity[2 * k - 1]), abs(velocity[2 * k]))
+    if most == 0.0:
+        return np.int64(0)
+    for k in range(1, velocity.shape[0]):  # rounding of crossings is absolute
+        velocity[k] /= most
+    sampled(velocity, basis, space.samples)
+    fill_one_sided(velocity, waves)
+    return crossings(waves, 0.0, space.samples, space.turn[first:], space.side[first:])
+
+
+@kernel
+def _turns_of_bounds(sliders: Any, i: int, basis: Any, rows: Any, space: Any) -> int:
+    """Store the turning points of the bounds of a slider whose limit varies; return their number."""
+    j, n = sliders.element[i], sliders.normal[i]
+    count: Any = np.int64(0)
+    if n >= 0:
+        sampled(rows[n], basis, space.samples)
+        fill_one_sided(rows[n], space.waves)
+        for b in range(sliders.level.shape[1]):
+            if math.isfinite(sliders.level[i, b]):
+                found: Any = crossings(
+                    space.waves, sliders.level[i, b], space.samples, space.turn[count:], space.side[count:]
+                )
+                count += found
+    for at in range(count):
+        slope = value_of(space.waves, 0.0, space.turn[at])[1]
+        space.ratio[at] = -1.0 / slope if slope != 0.0 else 0.0
+    crossed = count
+    for zone in range(sliders.gain.shape[1]):
+        if not _has_limit(sliders, i, zone):
+            continue
+        for side in (-1.0, 1.0):
+            _fill_bound(sliders, i, zone, side, rows, space.row)
+            found = _zeros_of_slope(basis, space, count)
+            for at in range(count, count + found):
+                if _zone_at(sliders, i, rows, space.turn[at]) == zone:
+                    space.turn[count], space.ratio[count] = space.turn[at], np.nan
+                    count += 1
+    for at in range(crossed):
+        space.ratio[at] *= _value(rows[j], space.turn[at])[1]
+    _sort_turns(count, space)
+    for at in range(count):
+        end = space.turn[at + 1] if at + 1 < count else space.turn[0] + 2 * math.pi
+        zone = _zone_at(sliders, i, rows, 0.5 * (space.turn[at] + end))
+        d, reach = _value(rows[j], space.turn[at])[0], _reach_at(sliders, i, zone, rows, space.turn[at])
+        space.after[at], space.lower[at], space.upper[at] = zone, d - reach, d + reach
+    return int(count)
+
+
+@kernel
+def _sort_turns(count: int, space: Any) -> None:
+    """Sort turning points by phase."""
+    turn, ratio = space.turn, space.ratio
+    for i in range(1, count):
+        at, own, k = turn[i], ratio[i], i
+        while k > 0 and turn[k - 1] > at:
+            turn[k], ratio[k] = turn[k - 1], ratio[k - 1]
+            k -= 1
+        turn[k], ratio[k] = at, own
+
+
+@kernel
+def _value(row: Any, theta: float) -> tuple[float, float]:
+    """Return the value and the slope of a real row at a phase."""
+    value, slope = row[0], 0.0
+    for k in range(1, row.shape[0] // 2 + 1):
+        x, y = math.cos(k * theta), math.sin(k * theta)
+        value += row[2 * k - 1] * x + row[2 * k] * y
+        slope += k * (row[2 * k] * x - row[2 * k - 1] * y)
+    return value, slope
+
+
+@kernel
+def _zone_at(sliders: Any, i: int, rows: Any, theta: float) -> int:
+    """Return the zone of the limit of slider i at a phase."""
+    if sliders.normal[i] < 0:
+        return 0
+    d, zone = _value(rows[sliders.normal[i]], theta)[0], 0
+    for b in range(sliders.level.shape[1]):
+        if d > sliders.level[i, b]:
+            zone = b + 1
+    return zone
+
+
+@kernel
+def _has_limit(sliders: Any, i: int, zone: int) -> bool:
+    """Return whether the limit of slider i is not zero in a zone."""
+    return bool(sliders.gain[i, zone] != 0.0 or sliders.base[i, zone] != 0.0)
+
+
+@kernel
+def _fill_bound(sliders: Any, i: int, zone: int, side: float, rows: Any, out: Any) -> None:
+    """Store the row of d - side limit / k in a zone, without the constant of the limit."""
+    j, n = sliders.element[i], sliders.normal[i]
+    for k in range(out.shape[0]):
+        out[k] = rows[j, k]
+    if n >= 0:
+        factor = side * sliders.gain[i, zone] / sliders.k[i]
+        for k in range(out.shape[0]):
+            out[k] -= factor * rows[n, k]
+    wave = sliders.wave[i]
+    for k in range(1, min(wave.shape[0], out.shape[0] // 2 + 1)):
+        out[2 * k - 1] -= side * wave[k].real / sliders.k[i]
+        out[2 * k] += side * wave[k].imag / sliders.k[i]
+
+
+@kernel
+def _reach_at(sliders: Any, i: int, zone: int, rows: Any, theta: float) -> float:
+    """Return limit / k of slider i in a zone at a phase."""
+    n, wave, limit = sliders.normal[i], sliders.wave[i], sliders.base[i, zone]
+    if n >= 0:
+        limit += sliders.gain[i, zone] * _value(rows[n], theta)[0]
+    for k in range(1, wave.shape[0]):
+        limit += wave[k].real * math.cos(k * theta) - wave[k].imag * math.sin(k * theta)
+    return float(max(0.0, limit / sliders.k[i]))
+
+
+@kernel
+def _march_slider(sliders: Any, i: int, rows: Any, turns: int, space: Any) -> None:
+    """Store the intervals of slider i, which starts at its residual position."""
+    turn, lower, upper, z, onset, lean = space.turn, space.lower, space.upper, sliders.residual[i], -1.0, 0.0
     space.number[i], space.slips[i] = 0, False
-    if turns < 2:  # at rest: the slider sticks where the constant displacement has moved it
-        side = _overrun(mean, z, reach)
-        if side != 0:
-            z, onset = mean - side * reach, 0.0
-        space.span[i] = -2.0 * reach
-        _append(i, 0.0, 2 * math.pi, np.int64(STICK), z, onset, space)
+    if turns < 2:
+        _rest(sliders, i, rows, space)
         return
-    low = high = level[0]
     for n in range(turns + 1):  # the first pass, from the residual position
-        after = n if n < turns else 0
-        low, high = min(low, level[after]), max(high, level[after])
-        side = _overrun(level[after], z, reach)
-        if side != 0:
-            z, onset = level[after] - side * reach, turn[after]
-    space.span[i] = high - low - 2.0 * reach
+        here, before = n if n < turns else 0, space.after[n - 1 if n else turns - 1]
+        side = _overrun(z, lower[here], upper[here])
+        if side != 0 or not _has_limit(sliders, i, before):
+            z, onset = lower[here] if side >= 0 else upper[here], turn[here]
+            lean = _lean(sliders, i, before, side, space.ratio[here])
+    highest, lowest = lower[0], upper[0]
+    for n in range(1, turns):
+        highest, lowest = max(highest, lower[n]), min(lowest, upper[n])
+    space.span[i] = highest - lowest
     begin = turn[0]
     for n in range(turns):
-        after = n + 1 if n + 1 < turns else 0
+        after, zone = n + 1 if n + 1 < turns else 0, space.after[n]
         end = turn[after] + (2 * math.pi if after == 0 else 0.0)
-        side = _overrun(level[after], z, reach)
-        if side == 0:
+        side = _overrun(z, lower[after], upper[after])
+        is_open = not _has_limit(sliders, i, zone)
+        if side == 0 and not is_open:
             continue
-        at = _reached(space.waves, z + side * reach, turn[n], end, side)
-        _append(i, begin, at, np.int64(STICK), z, onset, space)
-        _append(i, at, end, np.int64(side), z, onset, space)
-        z, onset, begin = level[after] - side * reach, turn[after], end
+        at = turn[n]
+        if not is_open and z != (lower[n] if side > 0 else upper[n]):
+            at = _slip_begin(sliders, i, zone, side, z, turn[n], end, rows, space)
+        _append(i, begin, at, np.int64(STICK), z, onset, lean, zone, space)
+        _append(i, at, end, np.int64(OPEN if is_open else side), z, onset, lean, zone, space)
+        z, onset, begin = lower[after] if side >= 0 else upper[after], turn[after], end
+        lean = _lean(sliders, i, zone, side, space.ratio[after])
         space.slips[i] = True
-    _append(i, begin, turn[0] + 2 * math.pi, np.int64(STICK), z, onset, space)
+    _append(i, begin, turn[0] + 2 * math.pi, np.int64(STICK), z, onset, lean, space.after[turns - 1], space)
 
 
 @kernel
-def _overrun(d: float, z: float, reach: float) -> int:
-    """Return +1 if d is beyond z + reach, -1 if it is beyond z - reach, else 0."""
-    if d - z > reach:
+def _rest(sliders: Any, i: int, rows: Any, space: Any) -> None:
+    """Store the only interval of a slider at rest, which sticks where the constant displacement has moved it."""
+    d, z, onset, lean = rows[sliders.element[i], 0], sliders.residual[i], -1.0, 0.0
+    zone = _zone_at(sliders, i, rows, 0.0)
+    reach = _reach_at(sliders, i, zone, rows, 0.0)
+    side = _overrun(z, d - reach, d + reach)
+    if side != 0:
+        z, onset, lean = d - side * reach, 0.0, _lean(sliders, i, zone, side, np.nan)
+    is_open = not _has_limit(sliders, i, zone)
+    space.span[i] = -2.0 * reach
+    kind = np.int64(OPEN if is_open else STICK)
+    _append(i, 0.0, 2 * math.pi, kind, z, onset, lean, zone, space)
+
+
+@kernel
+def _overrun(z: float, lower: float, upper: float) -> int:
+    """Return +1 if a position is below its lower bound, -1 if it is above the upper one, else 0."""
+    if z < lower:
         return 1
-    return -1 if d - z < -reach else 0
+    return -1 if z > upper else 0
 
 
 @kernel
-def _append(i: int, begin: float, end: float, kind: Any, z: float, onset: float, space: Any) -> None:
+def _lean(sliders: Any, i: int, zone: int, side: int, ratio: float) -> float:
+    """Return the derivative of the position with respect to d_n where a slip in a zone ends."""
+    return ratio if math.isfinite(ratio) else -side * sliders.gain[i, zone] / sliders.k[i]
+
+
+@kernel
+def _append(
+    i: int, begin: float, end: float, kind: Any, z: float, onset: float, lean: float, zone: int, space: Any
+) -> None:
     """Append an interval to those of slider i, unless it is empty."""
     n = space.number[i]
     if not end > begin or n >= space.begin.shape[1]:
         return
-    space.begin[i, n], space.end[i, n], space.kind[i, n] = begin, end, kind
-    space.position[i, n], space.onset[i, n] = z, onset
+    space.begin[i, n], space.end[i, n], space.kind[i, n], space.zone[i, n] = begin, end, kind, zone
+    space.position[i, n], space.onset[i, n], space.lean[i, n] = z, onset, lean
     space.number[i] = n + 1
+
+
+@kernel
+def _slip_begin(
+    sliders: Any, i: int, zone: int, side: int, z: float, low: float, high: float, rows: Any, space: Any
+) -> float:
+    """Return the phase at which a bound of slider i, monotonic in low < theta < high, reaches z near ``high``."""
+    _fill_bound(sliders, i, zone, side, rows, space.row)
+    fill_one_sided(space.row, space.waves)
+    return float(_reached(space.waves, z + side * sliders.base[i, zone] / sliders.k[i], low, high, side))
 
 
 @kernel
@@ -221,30 +419,52 @@ def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi
     """Add the coefficients of sliders to kappa and chi (m, L)."""
     march(sliders, basis, rows, space)
     s, length = space.part, kappa.shape[1]
+    space.cross[:, :] = 0j
     for i in range(sliders.element.shape[0]):
         j = sliders.element[i]
         for p in range(space.number[i]):
-            _indicator(space.begin[i, p], space.end[i, p], s, length)
             kind = space.kind[i, p]
+            if kind == OPEN:
+                continue
+            _indicator(space.begin[i, p], space.end[i, p], s, s.shape[0] if sliders.moves[i] else length)
             if kind == STICK:
                 k, constant = sliders.k[i], -sliders.k[i] * space.position[i, p]
                 for n in range(length):
                     kappa[j, n] += k * s[n]
                     chi[j, n] += constant * s[n]
             else:
-                for n in range(length):
-                    chi[j, n] += kind * sliders.limit[i] * s[n]
+                _add_slip(sliders, i, kind, space.zone[i, p], s, chi[j], space.cross)
+        if sliders.normal[i] >= 0:
+            fill_one_sided(rows[sliders.normal[i]], space.waves)
+            for n in range(length):
+                chi[j, n] += coefficient(space.cross[i], space.waves, n)
+
+
+@kernel
+def _add_slip(sliders: Any, i: int, kind: int, zone: int, s: Any, chi: Any, cross: Any) -> None:
+    """Add the force of a slip, kind limit, in an interval with the indicator s; its part in d_n to ``cross``."""
+    for n in range(chi.shape[0]):
+        chi[n] += kind * sliders.base[i, zone] * s[n]
+    if not sliders.moves[i]:
+        return
+    if sliders.normal[i] < 0:
+        for n in range(chi.shape[0]):
+            chi[n] += kind * coefficient(s, sliders.wave[i], n)
+    for n in range(cross.shape[1]):
+        cross[i, n] += kind * sliders.gain[i, zone] * s[n]
 
 
 @kernel
 def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
-    """Add the derivative of the slider positions to dP/dd of `march` at the unknown orders."""
+    """Add the derivatives of slider positions and of limits to dP/dd of `add_sliders` at the unknown orders."""
     K, n = orders.shape[0], 2 * orders.shape[0] - 1
     s, column, line = space.part, space.column, space.line
     for i in range(sliders.element.shape[0]):
-        at = sliders.element[i] * n
+        at, other = sliders.element[i] * n, sliders.normal[i] * n
+        if other >= 0:
+            add_product(space.cross[i], orders, J[at : at + n, other : other + n])
         for p in range(space.number[i]):
-            onset = space.onset[i, p]
+            onset, lean = space.onset[i, p], space.lean[i, p]
             if space.kind[i, p] != STICK or onset < 0.0:
                 continue
             _indicator(space.begin[i, p], space.end[i, p], s, orders[K - 1] + 1)
@@ -256,6 +476,10 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
             for a in range(n):
                 for b in range(n):
                     J[at + a, at + b] -= column[a] * line[b]
+            if other >= 0 and lean != 0.0:
+                for a in range(n):
+                    for b in range(n):
+                        J[at + a, other + b] -= lean * column[a] * line[b]
 
 
 @inlined
@@ -274,15 +498,21 @@ def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: 
 
 
 @kernel
-def sticks_at(count: int, begin: Any, kind: Any, theta: float) -> bool:
-    """Return whether a slider with ``count`` intervals sticks at a phase; see `SliderWorkspace`."""
+def interval_at(count: int, begin: Any, theta: float) -> int:
+    """Return the one of ``count`` intervals of a slider that contains a phase; see `SliderWorkspace`."""
     at = theta % (2 * math.pi)
     if at < begin[0]:
         at += 2 * math.pi
     for p in range(count - 1, -1, -1):
         if at >= begin[p]:
-            return bool(kind[p] == STICK)
-    return True
+            return p
+    return 0
+
+
+@kernel
+def sticks_at(count: int, begin: Any, kind: Any, theta: float) -> bool:
+    """Return whether a slider with ``count`` intervals sticks at a phase; see `SliderWorkspace`."""
+    return bool(kind[interval_at(count, begin, theta)] == STICK)
 
 
 @kernel

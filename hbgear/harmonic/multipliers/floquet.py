@@ -337,7 +337,7 @@ def monodromies(
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
     schemes = ((*gauss_nodes(short), width or short / 5.0), (*gauss_nodes(10), width or usual), long)
-    if not (compiled.aft_laws or compiled.damped):
+    if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         count = monodromy_kernels.monodromies(
             compiled.packed_of(X),
             part.modes,
@@ -401,6 +401,7 @@ def _monodromy_with_python_laws(
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
     _fill_coupled_modulation(compiled, rows, omega, points, work.D)
+    _add_slip_modulation(compiled, space.slides, points, work.D)
     if not jumps:
         monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
         return
@@ -432,8 +433,12 @@ def _with_coupled_ports(part: ModalBlock, compiled: Evaluator) -> ModalBlock:
 
 
 def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
-    """Return the pairs (Q, 2) of different elements of vector laws: of the force, and of the displacement."""
+    """Return the pairs (Q, 2) of different elements that are coupled: of the force, and of the displacement.
+
+    These are the elements of vector laws, and those of friction and of its normal force.
+    """
     pairs = [(i, j) for elements, _ in compiled.vectors for i in elements for j in elements if i != j]
+    pairs += [pair for pair in compiled.normal_pairs if pair not in pairs]
     return np.array(pairs, dtype=int).reshape(-1, 2)
 
 
@@ -448,8 +453,6 @@ def _vector_slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array)
 
 def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, theta: Array, D: Array) -> None:
     """Add the slopes of vector laws to the modulations D (2, steps, s, g) of `_with_coupled_ports`."""
-    if not compiled.vectors:
-        return
     g = compiled.m
     D[..., g:] = 0.0
     at = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
@@ -457,6 +460,18 @@ def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, the
         for a, i in enumerate(elements.tolist()):
             for b, j in enumerate(elements.tolist()):
                 D[..., i if i == j else at[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
+
+
+def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Array) -> None:
+    """Add the derivatives of friction forces with respect to the displacement of the normal force, while they slip."""
+    sliders, pairs = compiled.packed.sliders, _coupled_pairs(compiled).tolist()
+    for i in np.flatnonzero(sliders.normal >= 0).tolist():
+        begin = slides.begin[i, : slides.number[i]]
+        now = np.searchsorted(begin, begin[0] + np.mod(theta - begin[0], 2 * np.pi), side="right") - 1
+        kind = slides.kind[i, now]
+        slope = np.where(np.abs(kind) == 1, kind * sliders.gain[i, slides.zone[i, now]], 0.0)
+        at = compiled.m + pairs.index([int(sliders.element[i]), int(sliders.normal[i])])
+        D[0, ..., at] += slope.reshape(D.shape[1:3])
 
 
 def _edge_phases(compiled: Evaluator, rows: Array) -> Array:

@@ -7,8 +7,9 @@ In a step of length h from the state z_0 of the modes, with u = D d at s Gauss p
     z_1 = e^{poles h} z_0 - sum_j (int_0^h e^{poles (h - x)} input L_j(x) dx) u_j
 
 A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
-constant. While it slips, its force does not change. Where it begins to stick, y = d; no other saltation is needed,
-because the force is continuous and d' = 0 there. The last columns and rows of the matrix are those of the sliders. A
+constant. While it slips, its force does not change, or is proportional to the displacement d_n of a normal force. Where
+it begins to stick, y = d + lean d_n (`SliderWorkspace.lean`); no other saltation is needed, because the force is
+continuous. The last columns and rows of the matrix are those of the sliders. A
 slider that never slips has a prescribed position: its column is zero instead of a multiplier +1.
 """
 
@@ -31,7 +32,7 @@ from hbgear.harmonic.forces.piecewise_kernels import (
     sizes_of,
 )
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
-from hbgear.harmonic.forces.slider_kernels import insert_events, sticks_at
+from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, insert_events, interval_at, sticks_at
 from hbgear.harmonic.multipliers.phi_functions import moments
 
 MODULATION_SAMPLES = 32
@@ -360,10 +361,15 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
     """Set the states of the sliders in a segment, and their forces on the ports."""
     workspace.pull[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
-        sticks = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
+        now = interval_at(slides.number[i], slides.begin[i], phase)
+        sticks = slides.kind[i, now] == STICK
         p = _port_of(modes.ports, sliders.element[i])
         if sticks and not workspace.stuck[i]:
-            _observe(modes.output, p, workspace.state, workspace.memory[i])
+            workspace.memory[i, :] = 0.0
+            _add_observed(modes.output, p, 1.0, workspace.state, workspace.memory[i])
+            if slides.lean[i, now] != 0.0:
+                port = _port_of(modes.ports, sliders.normal[i])
+                _add_observed(modes.output, port, slides.lean[i, now], workspace.state, workspace.memory[i])
         workspace.stuck[i] = sticks
         for n in range(workspace.pull.shape[1] if sticks and p >= 0 else 0):
             workspace.pull[p, n] += sliders.k[i] * workspace.memory[i, n]
@@ -379,23 +385,31 @@ def _port_of(ports: Any, j: int) -> int:
 
 
 @kernel
-def _observe(output: Any, p: int, state: Any, out: Any) -> None:
-    """Store the displacement of a port in all columns of the state."""
+def _add_observed(output: Any, p: int, factor: float, state: Any, out: Any) -> None:
+    """Add a multiple of the displacement of a port to ``out`` in all columns of the state."""
     q = output.shape[1]
-    for n in range(out.shape[0]):
-        out[n] = 0.0
     for k in range(q if p >= 0 else 0):
-        a, b = output[p, k].real, output[p, k].imag
+        a, b = factor * output[p, k].real, factor * output[p, k].imag
         for n in range(out.shape[0]):
             out[n] += a * state[k, n] - b * state[q + k, n]
 
 
 @kernel
-def _end_memory(sliders: Any, modes: Any, r: int, factor: float, workspace: Any, out: Any) -> None:
+def _end_memory(
+    sliders: Any, slides: Any, phase: float, modes: Any, r: int, factor: float, workspace: Any, out: Any
+) -> None:
     """Store the disturbances of the sliders at the end of the period in the last rows of the monodromy matrix."""
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
-            _observe(modes.output, _port_of(modes.ports, sliders.element[i]), workspace.state, workspace.memory[i])
+            workspace.memory[i, :] = 0.0
+            p = _port_of(modes.ports, sliders.element[i])
+            _add_observed(modes.output, p, 1.0, workspace.state, workspace.memory[i])
+            now = interval_at(slides.number[i], slides.begin[i], phase)
+            gain = sliders.gain[i, slides.zone[i, now]]
+            if slides.kind[i, now] != OPEN and gain != 0.0:
+                port = _port_of(modes.ports, sliders.normal[i])
+                lean = -slides.kind[i, now] * gain / sliders.k[i]
+                _add_observed(modes.output, port, lean, workspace.state, workspace.memory[i])
         for n in range(out.shape[1]):
             out[r + i, n] = factor * workspace.memory[i, n]
 
@@ -439,7 +453,7 @@ def monodromy(
     for k in range(r):
         for n in range(size):
             out[k, n] = factor * state[k, n]
-    _end_memory(sliders, modes, r, factor, workspace, out)
+    _end_memory(sliders, slides, _middle(segments, count - 1), modes, r, factor, workspace, out)
 
 
 @kernel

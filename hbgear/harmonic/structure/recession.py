@@ -15,6 +15,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.structure.derived_model import DerivedModel
+from hbgear.mechanics.laws.friction import ContactFriction
 from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.models import Load, System
@@ -31,6 +32,8 @@ def recession(law: Law) -> Law | None:
     """Return the limit of a law for large motions; None if the force is not proportional to them, as of a cubic law."""
     if law.piecewise is not None:
         springs = tuple(_spring(spring) for spring in law.piecewise)
+        if any(slider.normal for slider in law.sliders):  # friction proportional to the motion
+            return dataclasses.replace(law, residual=0.0) if isinstance(law, ContactFriction) else None
         if not springs:  # friction alone: a bounded force
             return Cubic(0.0)
         return springs[0] if len(springs) == 1 else Parallel(springs)

@@ -6,8 +6,9 @@ A slider is a spring of stiffness k in series with a rigid Coulomb slider (Jenki
 |k (d - z)| = limit, and sticks again where the velocity d' changes its sign. The force does not depend on the size of
 the velocity. Sums of sliders are Iwan models.
 
-Any law may have sliders: its property `Law.sliders` lists them, and their forces are added to ``force(d, v, tau)``,
-which is the part without memory. Harmonic balance projects sliders exactly, see
+The limit is constant, prescribed over the period (`Jenkins`), or proportional to the force of another element
+(`ContactFriction`). Any law may have sliders: its property `Law.sliders` lists them, and their forces are added to
+``force(d, v, tau)``, which is the part without memory. Harmonic balance projects sliders exactly, see
 `hbgear.harmonic.forces.slider_kernels`; stability has one more state per slider.
 
 References
@@ -26,7 +27,7 @@ from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear
 from hbgear.mechanics.laws.slider import Slider
-from hbgear.mechanics.series.fourier import real_numbers
+from hbgear.mechanics.series.fourier import Series, real_numbers
 
 
 class _Sliders(Law):
@@ -46,7 +47,8 @@ class _Sliders(Law):
 class Jenkins(_Sliders):  # numpydoc ignore=PR02
     """Elastic dry friction: a spring in series with a Coulomb slider.
 
-        f = k (d - z),   |f| <= limit
+        f = k (d - z),   |f| <= limit(tau)
+        limit(tau) = limit + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)
 
     The position z of the slider rests while it sticks. While it slips, z follows d with |f| = limit.
 
@@ -55,15 +57,17 @@ class Jenkins(_Sliders):  # numpydoc ignore=PR02
     k : float
         Stiffness while the slider sticks, > 0 [force / length].
     limit : float
-        Friction limit (coefficient of friction times normal force), > 0 [force].
+        Friction limit (coefficient of friction times normal force), > 0, its mean if it varies [force].
     residual : float, optional
         Position of the slider before the motion [length]. A motion in which the slider never slips depends on it.
         Default 0: the motion is reached from rest without a residual force.
+    cosine, sine : tuple of float, optional
+        Harmonics of a limit that is prescribed over the phase tau of the excitation [force]. Default: none.
 
     Raises
     ------
     ValueError
-        If k or the limit is not positive, or a number is not finite.
+        If k or the limit is not positive, the limit becomes negative in the period, or a number is not finite.
 
     Notes
     -----
@@ -88,15 +92,85 @@ class Jenkins(_Sliders):  # numpydoc ignore=PR02
     k: float
     limit: float
     residual: float = 0.0
+    cosine: tuple[float, ...] = ()
+    sine: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         checked("Jenkins", "k", self.k, POSITIVE)
         checked("Jenkins", "limit", self.limit, POSITIVE)
         checked("Jenkins", "residual", self.residual)
+        series = Series(self.limit, self.cosine, self.sine)
+        object.__setattr__(self, "cosine", series.cosine)
+        object.__setattr__(self, "sine", series.sine)
+        if series.varies:
+            Slider(self.k, self.limit, self.residual, self.cosine, self.sine)
 
     @property
     def sliders(self) -> tuple[Slider, ...]:
-        return (Slider(self.k, self.limit, self.residual),)
+        return (Slider(self.k, self.limit, self.residual, self.cosine, self.sine),)
+
+
+@dataclass(frozen=True)
+class ContactFriction(_Sliders):  # numpydoc ignore=PR02
+    """Elastic dry friction of a contact, whose limit is proportional to the force of another element.
+
+        f = k (d - z),   |f| <= friction |N|
+
+    N is the force of the element ``normal`` without its damper, a piecewise-linear spring of constant stiffness such as
+    `Unilateral`. Where the contact is open, the limit and the force are zero, and z = d.
+
+    Parameters
+    ----------
+    k : float
+        Stiffness while the slider sticks, > 0 [force / length].
+    friction : float
+        Coefficient of friction, > 0.
+    normal : str
+        Name of the element whose force is the normal force.
+    residual : float, optional
+        Position of the slider before the motion [length], see `Jenkins`. Default 0.
+
+    Raises
+    ------
+    ValueError
+        If k or the coefficient of friction is not positive, a number is not finite, or the name is empty. A `System`
+        raises an error for an element that does not exist, or whose force has another form.
+
+    References
+    ----------
+    Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868.
+    Yang, Chu & Menq (1998), J. Sound Vib. 210(4), https://doi.org/10.1006/jsvi.1997.1305, for variable normal load.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element([0.0, 1.0], hb.Unilateral(k=2.0, gap=-0.1), name="stop")
+    >>> rub = hb.Element([1.0, 0.0], hb.mechanics.ContactFriction(k=5.0, friction=0.3, normal="stop"), name="rub")
+    >>> M, C, load = [[1.0, 0.0], [0.0, 1.0]], [[0.1, 0.0], [0.0, 0.1]], hb.Load(cosine={1: [0.3, 0.2]})
+    >>> foot = hb.System(M, C, M, [stop, rub], load)
+    >>> curve = hb.trace(hb.HarmonicBalance(foot, 5), "Omega", (0.6, 0.65))
+    >>> sorted(set(curve.regimes))
+    ['gross_slip']
+    """
+
+    k: float
+    friction: float
+    normal: str
+    residual: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked("ContactFriction", "k", self.k, POSITIVE)
+        checked("ContactFriction", "friction", self.friction, POSITIVE)
+        checked("ContactFriction", "residual", self.residual)
+        if not isinstance(self.normal, str) or not self.normal:
+            raise ValueError(
+                f"ContactFriction: normal = {quoted(self.normal)} must be the name of the element whose force is the "
+                "normal force, such as normal='stop' for Element(..., name='stop')"
+            )
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        return (Slider(self.k, self.friction, self.residual, normal=self.normal),)
 
 
 def Coulomb(limit: float, k: float, residual: float = 0.0) -> Jenkins:
@@ -128,7 +202,7 @@ def Coulomb(limit: float, k: float, residual: float = 0.0) -> Jenkins:
     --------
     >>> import hbgear as hb
     >>> hb.mechanics.Coulomb(limit=0.1, k=1e3)
-    Jenkins(k=1000.0, limit=0.1, residual=0.0)
+    Jenkins(k=1000.0, limit=0.1, residual=0.0, cosine=(), sine=())
     """
     checked("Coulomb", "k", k, POSITIVE)
     checked("Coulomb", "limit", limit, POSITIVE)

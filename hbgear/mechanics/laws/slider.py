@@ -2,18 +2,30 @@
 
     f = k (d - z),   |f| <= limit
 
-`Law.sliders` lists the sliders of a law; `hbgear.mechanics.laws.friction` has the laws.
+The limit is constant, prescribed over the phase, or proportional to the normal force N(d_n) of another element:
+
+    limit(tau) = limit + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)
+    limit(tau) = friction |N(d_n(tau))|
+
+`Law.sliders` lists the sliders of a law; `hbgear.mechanics.laws.friction` has the laws. `friction_limits` returns the
+limits of the sliders of a system in one form, piecewise linear in d_n.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked
+from hbgear.common.text.messages import did_you_mean
+from hbgear.mechanics.series.fourier import Series
+
+if TYPE_CHECKING:
+    from hbgear.mechanics.models import Element
 
 
 @dataclass(frozen=True)
@@ -25,14 +37,19 @@ class Slider:  # numpydoc ignore=PR02
     k : float
         Stiffness while the slider sticks, > 0 [force / length].
     limit : float
-        Friction limit, > 0 [force].
+        Friction limit, > 0, its mean if it varies [force]. With ``normal`` the coefficient of friction, > 0 [-].
     residual : float, optional
         Position z of the slider before the motion [length]. Default 0.
+    cosine, sine : tuple of float, optional
+        Harmonics of a limit that varies with the phase tau [force]. Default: none.
+    normal : str, optional
+        Name of the element whose force is the normal force. Default: none, the limit does not depend on the motion.
 
     Raises
     ------
     ValueError
-        If k or the limit is not positive, or a number is not finite.
+        If k or the limit is not positive, a limit becomes negative in the period, a limit is prescribed and
+        proportional to a normal force, or a number is not finite.
 
     Examples
     --------
@@ -44,53 +61,171 @@ class Slider:  # numpydoc ignore=PR02
     k: float
     limit: float
     residual: float = 0.0
+    cosine: tuple[float, ...] = ()
+    sine: tuple[float, ...] = ()
+    normal: str = ""
 
     def __post_init__(self) -> None:
         checked("Slider", "k", self.k, POSITIVE)
         checked("Slider", "limit", self.limit, POSITIVE)
         checked("Slider", "residual", self.residual)
+        series = self.series
+        if series.varies and self.normal:
+            raise ValueError(
+                f"Slider: the limit is prescribed over the period and proportional to the force of '{self.normal}'; "
+                "give cosine and sine, or normal"
+            )
+        low = series.extremes()[0]
+        if low < -_LIMIT_ROUNDING * self.limit:
+            tau = np.linspace(0.0, 2 * np.pi, 721)
+            at = float(tau[np.argmin(series(tau))])
+            raise ValueError(
+                f"the friction limit becomes negative in the period: {low:.4g} near tau = {at:.3g} rad; it must be at "
+                "least 0 throughout: give a larger mean limit, or smaller harmonics cosine and sine"
+            )
+
+    @property
+    def series(self) -> Series:
+        """Limit over the phase [force]."""
+        return Series(self.limit, tuple(self.cosine), tuple(self.sine))
 
     @property
     def reach(self) -> float:
-        """Largest distance |d - z|, limit / k [length]."""
-        return self.limit / self.k
-
-    def position(self, z: float, d: float) -> float:
-        """Return the position of the slider after a monotonic motion to d from a position z.
-
-        Parameters
-        ----------
-        z : float
-            Position before [length].
-        d : float
-            Displacement of the element [length].
-
-        Returns
-        -------
-        float
-            Position after.
-        """
-        return min(max(z, d - self.reach), d + self.reach)
+        """Mean of the largest distance |d - z|, limit / k [length]; 0 if it depends on a normal force."""
+        return 0.0 if self.normal else self.limit / self.k
 
 
-def first_loading(sliders: Sequence[Slider], d: Array) -> tuple[Array, Array]:
-    """Return the force and stiffness of sliders at displacements d that are reached monotonically from rest.
+_LIMIT_ROUNDING = 1e-12
+"""Negative limit, over the mean one, that counts as zero [-]: rounding of its harmonics."""
+
+
+@dataclass(frozen=True)
+class FrictionLimit:
+    """Limit of a slider, piecewise linear in the displacement of an element: gain[i] d_n + base[i] + wave(tau).
+
+    Attributes
+    ----------
+    normal : int
+        Number of the element of d_n; -1 without one.
+    level : tuple of float
+        Values of d_n between the zones, ascending; zone i is below level[i].
+    gain, base : tuple of float
+        Slope and constant of each zone; a limit of both 0 belongs to an open contact.
+    wave : Series
+        Limit over the phase without its mean.
+    """
+
+    normal: int
+    level: tuple[float, ...]
+    gain: tuple[float, ...]
+    base: tuple[float, ...]
+    wave: Series
+
+
+def friction_limits(elements: Sequence[Element]) -> list[tuple[int, Slider, FrictionLimit]]:
+    """Return all sliders of elements: the number of the element, the slider and its limit.
 
     Parameters
     ----------
-    sliders : sequence of Slider
-        Sliders of a law.
+    elements : sequence of Element
+        Elements of a system.
+
+    Returns
+    -------
+    list of (int, Slider, FrictionLimit)
+        Sliders in the order of their elements.
+
+    Raises
+    ------
+    ValueError
+        If a normal force belongs to an element that does not exist, or to one whose force is not one piecewise-linear
+        spring of constant stiffness.
+    """
+    return [(j, one, _limit_of(one, j, elements)) for j, element in enumerate(elements) for one in element.law.sliders]
+
+
+def _limit_of(slider: Slider, j: int, elements: Sequence[Element]) -> FrictionLimit:
+    """Return the limit of a slider of element j."""
+    if not slider.normal:
+        wave = Series(0.0, tuple(slider.cosine), tuple(slider.sine))
+        return FrictionLimit(-1, (), (0.0,), (slider.limit,), wave)
+    names = [element.name for element in elements]
+    own = f"element '{names[j]}' has friction with the normal force of element '{slider.normal}'"
+    if names.count(slider.normal) != 1:
+        hint = did_you_mean(slider.normal, names) if slider.normal not in names else "; several elements have this name"
+        raise ValueError(f"{own}, which must be one element of the system{hint}")
+    normal = names.index(slider.normal)
+    law, displacement = elements[normal].law, elements[normal].displacement
+    springs = law.piecewise or ()
+    if len(springs) != 1 or springs[0].stiffness.varies or law.sliders or displacement.corners:
+        raise ValueError(
+            f"{own}, whose force must be one piecewise-linear spring of constant stiffness without friction, with a "
+            "displacement without breakpoints: use Unilateral, Backlash or PiecewiseLinear there"
+        )
+    g0, changes, corners = springs[0].ramps
+    slopes = np.array(springs[0].slopes, dtype=float)
+    offsets = g0 - np.concatenate([[0.0], np.cumsum(changes * corners)])
+    edges = [-np.inf, *corners.tolist(), np.inf]
+    zeros = [-b / a if a else np.nan for a, b in zip(slopes.tolist(), offsets.tolist(), strict=True)]
+    inside = {x for x, low, high in zip(zeros, edges[:-1], edges[1:], strict=True) if low < x < high}
+    level = tuple(sorted({*corners.tolist(), *inside}))
+    middle = _middles(level)
+    zone = np.searchsorted(corners, middle)
+    sign = np.sign(slopes[zone] * middle + offsets[zone])
+    factor = slider.limit * springs[0].stiffness.mean * sign
+    return FrictionLimit(
+        normal, level, tuple((factor * slopes[zone]).tolist()), tuple((factor * offsets[zone]).tolist()), Series()
+    )
+
+
+def _middles(level: Sequence[float]) -> Array:
+    """Return a value in each zone between levels."""
+    if not level:
+        return np.zeros(1)
+    x = np.array(level)
+    return np.concatenate([[x[0] - 1.0], 0.5 * (x[1:] + x[:-1]), [x[-1] + 1.0]])
+
+
+def limit_at(limit: FrictionLimit, d: Array | None, tau: Array) -> Array:
+    """Return a friction limit at displacements of the element of its normal force and phases.
+
+    Parameters
+    ----------
+    limit : FrictionLimit
+        Limit.
+    d : ndarray or None
+        Displacements d_n; None without normal force.
+    tau : ndarray
+        Phases of the excitation.
+
+    Returns
+    -------
+    ndarray
+        Limits [force].
+    """
+    if d is None or limit.normal < 0:
+        return limit.base[0] + limit.wave(tau)
+    zone = np.searchsorted(np.array(limit.level), d)
+    limits: Array = np.array(limit.gain)[zone] * d + np.array(limit.base)[zone]
+    return limits
+
+
+def first_loading(slider: Slider, d: Array, limit: float) -> tuple[Array, Array]:
+    """Return the force and stiffness of a slider at displacements d that are reached monotonically from rest.
+
+    Parameters
+    ----------
+    slider : Slider
+        Slider of a law.
     d : ndarray
         Displacements [length].
+    limit : float
+        Friction limit in the state [force].
 
     Returns
     -------
     tuple of ndarray
-        Sum of the forces, and of the stiffnesses of the sliders that do not slip.
+        Force, and stiffness, which is zero where the slider slips.
     """
-    p, k = np.zeros_like(d), np.zeros_like(d)
-    for one in sliders:
-        force = one.k * (d - one.residual)
-        p += np.clip(force, -one.limit, one.limit)
-        k += one.k * (np.abs(force) <= one.limit)
-    return p, k
+    force = slider.k * (d - slider.residual)
+    return np.clip(force, -limit, limit), slider.k * (np.abs(force) <= limit)

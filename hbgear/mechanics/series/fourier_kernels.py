@@ -49,6 +49,20 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
 
 
 @kernel
+def coefficient(kappa: Any, c: Any, k: int) -> complex:
+    """Return the two-sided coefficient k of a product of real functions: kappa is two-sided, c one-sided."""
+    x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
+    for n in range(1, c.shape[0]):
+        r, s = kappa[abs(k - n)].real, kappa[abs(k - n)].imag
+        if k < n:
+            s = -s
+        a, b, p, q = 0.5 * c[n].real, 0.5 * c[n].imag, kappa[k + n].real, kappa[k + n].imag
+        x += (r + p) * a - (s - q) * b
+        y += (r - p) * b + (s + q) * a
+    return complex(x, y)
+
+
+@kernel
 def bend_of(c: Any) -> float:
     """Return an upper bound of |x''|."""
     total = 0.0

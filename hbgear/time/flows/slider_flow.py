@@ -1,10 +1,13 @@
 """Friction sliders in time integration: their positions, and the instants at which they slip or stick.
 
-    stick:  f = k (d - z),  z' = 0       until |d - z| = limit / k
-    slip:   f = +-limit,    z' = d'      until d' changes its sign
+    stick:  f = k (d - z),  z' = 0                  until |d - z| = limit / k
+    slip:   f = +-limit,    z' = d' -+ limit' / k   until z' changes its sign
+    open:   f = 0,          z' = d'                 while the contact of the normal force is open
 
-The positions z of the sliders follow the state (q, q'). Their disturbances are states of the variational equation. Only
-where a slider begins to slip they jump, to those of its displacement, because z' jumps there.
+The limit is that of `FrictionLimit`, in each of its zones linear in the displacement d_n of an element. The positions z
+of the sliders follow the state (q, q'). Their disturbances are states of the variational equation. Where a slider
+begins to slip they jump, to those of its bound d -+ limit / k, because z' jumps there, and where it begins to stick as
+d_n leaves a zone, because a disturbance moves this instant.
 """
 
 from __future__ import annotations
@@ -15,11 +18,15 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.slider import friction_limits
 from hbgear.mechanics.models import Element
-from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_STEP, Integers, first_exit
 
 _ON_LIMIT = 1e-9
 """Distance from the friction limit, relative to limit / k [-], within which a state that moves outwards slips."""
+
+SLIP, ZONE = 0, 1
+"""Rows of the state of sliders: the direction of slip (0 while sticking), and the zone of the limit."""
 
 
 class SliderFlow:
@@ -34,74 +41,142 @@ class SliderFlow:
     ----------
     element : ndarray, shape (Q,)
         Element of each slider.
-    k, limit, reach, residual : ndarray, shape (Q,)
-        Stiffness, friction limit, limit / k and residual position of each slider.
+    normal : ndarray, shape (Q,)
+        Element of the normal force of each slider; -1 without one.
+    k, residual : ndarray, shape (Q,)
+        Stiffness and residual position of each slider.
+    level, gain, base : ndarray, shapes (Q, B), (Q, B + 1) and (Q, B + 1)
+        Zones of the limits, see `FrictionLimit`; levels are padded with inf.
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
-        found = [(j, one) for j, element in enumerate(elements) for one in element.law.sliders]
-        self.element = np.array([j for j, _ in found], dtype=int)
-        numbers = np.array([(one.k, one.limit, one.reach, one.residual) for _, one in found]).reshape(-1, 4)
-        self.k, self.limit, self.reach, self.residual = numbers.T
+        found = friction_limits(elements)
+        self.element = np.array([j for j, *_ in found], dtype=int)
+        self.normal = np.array([limit.normal for *_, limit in found], dtype=int)
+        self.k, self.residual = np.array([(one.k, one.residual) for _, one, _ in found]).reshape(-1, 2).T
+        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(found) if limit.wave.varies]
+        B = max([0, *(len(limit.level) for *_, limit in found)])
+        self.level, self.gain, self.base = np.full((len(found), B), np.inf), *np.zeros((2, len(found), B + 1))
+        for i, (*_, limit) in enumerate(found):
+            self.level[i, : len(limit.level)] = limit.level
+            self.gain[i, : len(limit.gain)], self.base[i, : len(limit.base)] = limit.gain, limit.base
+        self._every = np.arange(len(found))
 
     def __len__(self) -> int:
         return len(self.element)
 
-    def positions(self, d: Array, z: Array | None = None) -> Array:
+    def zones(self, d: Array, v: Array) -> Integers:
+        """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
+        x, rate = d[self.normal], v[self.normal]
+        ahead = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
+        zone: Integers = np.where(self.normal >= 0, np.sum(ahead[:, None] > self.level, axis=1), 0)
+        return zone
+
+    def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the limits and their rates (Q, ...) at displacements and rates (m, ...), and their gains (Q,)."""
+        gain, base = self.gain[self._every, zone], self.base[self._every, zone]
+        columns = (slice(None), *[None] * (d.ndim - 1))
+        value = base[columns] + gain[columns] * d[self.normal]
+        rate = gain[columns] * v[self.normal]
+        for i, wave in self._waves:
+            value[i] += wave(tau)
+            rate[i] += Omega * wave(tau, 1)
+        return np.maximum(value, 0.0), rate, gain
+
+    def is_open(self, zone: Integers) -> np.ndarray:
+        """Return whether the limits (Q,) are zero, because contacts are open."""
+        opened: np.ndarray = (self.gain[self._every, zone] == 0) & (self.base[self._every, zone] == 0)
+        return opened
+
+    def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
+        reach = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        found: Array = np.clip(self.residual if z is None else z, d - self.reach, d + self.reach)
+        found: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
         return found
 
-    def at(self, d: Array, v: Array, z: Array) -> Integers:
-        """Return the direction in which each slider slips (Q,), 0 if it sticks, at displacements and rates (m,)."""
-        stretch = (d[self.element] - z) / self.reach
-        slips = (np.abs(stretch) >= 1 - _ON_LIMIT) & (v[self.element] * stretch > 0)
-        return np.where(slips, np.sign(stretch), 0.0).astype(int)
+    def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array) -> Integers:
+        """Return the state (2, Q) of each slider at displacements and rates (m,), see `SLIP` and `ZONE`.
 
-    def forces(self, slip: Integers, d: Array, z: Array) -> tuple[Array, Array]:
+        The slider of an open contact slips in the direction +1 with the limit zero.
+        """
+        zone = self.zones(d, v)
+        limit, rate, _ = self.limit(zone, tau, Omega, d, v)
+        stretch, reach, v = d[self.element] - z, limit / self.k, v[self.element]
+        size = _ON_LIMIT * np.maximum(reach, np.abs(d[self.element]))
+        outwards = np.where(reach > size, np.sign(stretch), np.sign(v))  # a contact that closes has no stretch
+        slips = (np.abs(stretch) >= reach - size) & (outwards * v > rate / self.k)
+        slip = np.where(self.is_open(zone), 1.0, np.where(slips, outwards, 0.0))
+        return np.array([slip, zone]).astype(int)
+
+    def forces(self, state: Integers, d: Array, z: Array, limit: Array) -> tuple[Array, Array]:
         """Return the forces and stiffnesses (Q,) of sliders, of which some slip."""
+        slip = state[SLIP]
         k = np.where(slip == 0, self.k, 0.0)
-        return np.where(slip == 0, k * (d[self.element] - z), slip * self.limit), k
+        return np.where(slip == 0, k * (d[self.element] - z), slip * limit), k
 
-    def exits(self, flow: Any, solver: Any, slip: Integers) -> Array:
-        """Return the instants (Q,) in the last step at which sliders begin to slip or stick, inf if they do not."""
+    def exits(self, flow: Any, solver: Any, state: Integers) -> tuple[Array, Array]:
+        """Return instants (Q,) in the last step, inf if there are none.
+
+        The first ones are those at which sliders begin to slip or stick, the second ones those at which limits leave
+        their zones.
+        """
         if not len(self):
-            return np.full(0, np.inf)
+            return np.full((2, 0), np.inf)[0], np.full(0, np.inf)
         dense = solver.dense_output()
-        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        t, (slip, zone) = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1), state
+        opened, sticks = self.is_open(zone)[:, None], (slip == 0)[:, None]
 
-        def tests(at: Array, rows: Integers) -> tuple[Array, Array]:
-            """Return the stretch d - z of sticking and the velocity of slipping sliders (R, T), with their slopes."""
+        def tests(at: Array) -> tuple[Array, Array]:
+            """Return functions (Q, T) in [-1, 1] while sticking or not negative while slipping, and d_n."""
             Y = dense(at)
-            d, v = (x[self.element[rows]] for x in flow.gaps_over(at, Y))
-            z = flow.columns_of(Y)[2 * flow.n :, 0][rows]
-            value = np.where(slip[rows, None] == 0, d - z, slip[rows, None] * v)
-            if len(at) < 2:
-                return value, v
-            return value, np.where(slip[rows, None] == 0, v, np.gradient(value, at, axis=1))
+            d, v = flow.gaps_over(at, Y)
+            z = flow.columns_of(Y)[2 * flow.n :, 0]
+            limit, rate, _ = self.limit(zone, flow.Omega * at, flow.Omega, d, v)
+            stretch = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
+            moves = slip[:, None] * v[self.element] - rate / self.k[:, None]
+            return np.where(sticks, stretch, np.where(opened, 1.0, moves)), d[self.normal]
 
-        every = np.arange(len(self))
-        low = np.where(slip == 0, -self.reach, 0.0)
-        high = np.where(slip == 0, self.reach, np.inf)
+        def first(which: int, low: Array, high: Array) -> Array:
+            def value(rows: Integers, at: Array) -> Array:
+                return np.array([tests(np.array([x]))[which][i, 0] for i, x in zip(rows, at, strict=True)])
 
-        def value(rows: Integers, at: Array) -> Array:
-            return np.array([tests(np.array([x]), np.array([i]))[0][0, 0] for i, x in zip(rows, at, strict=True)])
+            return first_exit(t, samples[which], np.gradient(samples[which], t, axis=1), low, high, value)[0]
 
-        return first_exit(t, *tests(t, every), low, high, value)[0]
+        samples = tests(t)
+        change = first(0, np.where(slip == 0, -1.0, 0.0), np.where(slip == 0, 1.0, np.inf))
+        if (self.normal < 0).all():
+            return change, np.full(len(self), np.inf)
+        edges = np.pad(self.level, ((0, 0), (1, 1)), constant_values=((0, 0), (-np.inf, np.inf)))
+        low, high = edges[self._every, zone], edges[self._every, zone + 1]
+        leaves = first(1, np.where(self.normal < 0, -np.inf, low), np.where(self.normal < 0, np.inf, high))
+        return change, leaves
 
-    def after(self, flow: Any, t: float, Y: Array, slip: Integers, passed: np.ndarray) -> tuple[Array, Integers]:
-        """Return the state and the directions of slip after an event at t of the sliders ``passed``."""
+    def after(
+        self, flow: Any, t: float, Y: Array, state: Integers, passed: np.ndarray, left: np.ndarray
+    ) -> tuple[Array, Integers]:
+        """Return the states of the motion and of the sliders after an event at t.
+
+        ``passed`` are the sliders that begin to slip or stick, ``left`` those whose limits leave their zones.
+        """
         Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
-        d, _ = flow.gaps(t, Y.ravel())
-        slip = slip.copy()
-        for i in np.flatnonzero(passed).tolist():
-            j = self.element[i]
-            side = int(slip[i]) or int(np.sign(d[j] - Y[2 * n + i, 0]))
-            slip[i] = 0 if slip[i] else side
-            Y[2 * n + i, 0] = d[j] - side * self.reach[i]
-            Y[2 * n + i, 1:] = flow.W[:, j] @ Y[:n, 1:]
-        return Y.ravel(), slip
+        d, v = flow.gaps(t, Y.ravel())
+        limit, _, gain = self.limit(state[ZONE], flow.Omega * t, flow.Omega, d, v)
+        u, state = flow.W.T @ Y[:n, 1:], state.copy()
+        for i in np.flatnonzero(passed & ~left).tolist():
+            j, before = self.element[i], state[SLIP, i]
+            side = int(before) or int(np.sign(d[j] - Y[2 * n + i, 0]))
+            state[SLIP, i] = 0 if before else side
+            Y[2 * n + i, 0] = d[j] - side * limit[i] / self.k[i]
+            Y[2 * n + i, 1:] = u[j] - side * gain[i] / self.k[i] * u[self.normal[i]]
+        if left.any():
+            found = self.at(flow.Omega * t, flow.Omega, d, v, Y[2 * n :, 0])
+            for i in np.flatnonzero(left).tolist():
+                j, other = self.element[i], self.normal[i]
+                if state[SLIP, i] and v[other]:
+                    Y[2 * n + i, 1:] = u[j] - v[j] / v[other] * u[other]
+                state[:, i] = found[:, i]
+        return Y.ravel(), state
 
 
 def complete_state(flow: Any, t: float, y: Array) -> Array:
@@ -135,4 +210,4 @@ def complete_state(flow: Any, t: float, y: Array) -> Array:
     if not Q:
         return y
     d, _ = flow.gaps(t, np.append(y[:n], np.zeros(Q)))
-    return np.append(y[:n], flow.sliders.positions(d, y[n:] if len(y) > n else None))
+    return np.append(y[:n], flow.sliders.positions(flow.Omega * t, d, y[n:] if len(y) > n else None))
