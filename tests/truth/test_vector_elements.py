@@ -68,6 +68,50 @@ def test_rub_with_weight():
     np.testing.assert_allclose(rms, [0.37175834650034373, 0.38791869772068943], rtol=0, atol=5e-6)
 
 
+def test_contact_of_circular_whirl_begins_at_a_grazing_point():
+    """Where the linear radius e Omega^2 / |1 - Omega^2 + .1 i Omega| reaches the clearance 1."""
+    curve = hb.trace(hb.HarmonicBalance(rotor(), 3), "Omega", (0.7, 1.0), cover=False)
+    points = [point for point in curve.special if point.kind == "GR"]
+    assert len(points) == 1 and points[0].note == "lowest of seal, highest of seal"
+    assert points[0].parameters["Omega"] == pytest.approx(0.8846139636131891, abs=1e-8)
+
+
+def test_regimes_of_a_rub_with_weight():
+    """The shaft leaves the hole in each period: single-sided between two grazing points, with and without contact."""
+    curve = hb.trace(hb.HarmonicBalance(rotor(zeta=0.1, weight=0.5), 9), "Omega", (0.6, 1.0), cover=False)
+    assert {"no_impact", "single_sided"} <= set(curve.regimes)
+    first = next(point for point in curve.special if point.kind == "GR")
+    W = first.parameters["Omega"]  # without contact: a circle about (0, -weight)
+    assert abs(0.3 * W**2 / (1 - W**2 + 0.2j * W)) + 0.5 == pytest.approx(1.0, abs=1e-8)
+    assert first.note == "highest of seal"
+
+
+@pytest.mark.parametrize(
+    ("k0", "k", "mu", "zeta", "e", "Omega", "weight", "state", "sizes"),
+    [
+        (1.0, 4.0, 0.0, 0.05, 0.3, 1.2, 0.0, [1.16212759689539, -0.42542390223962, 0.51050868268755, 1.39455311627447],
+         [0.7696654124932397]),
+        (1.0, 4.0, 0.0, 0.1, 0.3, 0.7, 0.5, [0.26803718269575, -0.57357883446550, 0.05150518412585, 0.18762602788702],
+         [0.40754745421268007]),
+        (1.0, 4.0, 0.1, 0.1, 0.3, 1.2, 0.5, [0.69498392336470, -1.13259935310911, 1.23882087223446, 0.91745710383738],
+         [0.8013084445893579, 0.43793349433403433]),
+        (0.0, 1.0, 0.0, 0.1, 0.2, 0.6, 0.3, [-0.22974144512287, -1.28537001317206, 0.20308568992787, 0.12927554929755],
+         [0.35091980717842]),
+        (0.0, 1.0, 0.0, 0.1, 0.2, 1.4, 0.3, [-0.20956563958149, -1.37510501229426, 0.04355606331835, -0.50219309394188],
+         [0.7723825041282192, 0.5276497746057052]),
+    ],
+)  # fmt: skip
+def test_rub_by_shooting(k0, k, mu, zeta, e, Omega, weight, state, sizes):
+    """Motions without contact, with contact throughout, and with both, against another event-exact shooting."""
+    hole = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(k, 1.0, mu))
+    loads = [hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2), hb.Load([0.0, -weight])]
+    system = hb.System(UNIT, 2 * zeta * UNIT, k0 * UNIT, [*hole], loads)
+    orbit = hb.time.shoot(system, Omega, np.array(state) + 1e-4, tolerance=1e-9)
+    np.testing.assert_allclose(orbit.state, state, rtol=0, atol=1e-9)
+    found = np.abs(orbit.multipliers)
+    assert all(np.abs(found - one).min() < 1e-8 for one in sizes) and found.max() == pytest.approx(max(sizes), abs=1e-8)
+
+
 def coupled(law, directions=UNIT, **keys):
     K = np.array([[2.0, -1.0], [-1.0, 3.0]])
     return hb.System(

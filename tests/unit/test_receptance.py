@@ -329,3 +329,20 @@ def test_differences_where_a_load_swings_what_moves_freely():
             for one, steps in ((problem.perturbed({}, 2), (1e-5, -1e-5)), (problem, (1e-4, -1e-4)))
         )
         np.testing.assert_allclose((near[0] - near[1]) / 2e-5, (far[0] - far[1]) / 2e-4, atol=1e-6)
+
+
+def test_far_poles_are_the_same_as_a_series():
+    """A row of 60 masses: a band of far poles as power series, and all poles one by one."""
+    n = 60
+    K = 1e4 * (np.diag(np.full(n, 2.0)) - np.eye(n, k=1) - np.eye(n, k=-1)) + 0.1 * np.eye(n)
+    elements = [Element(row, Backlash()) for row in np.eye(n)[[0, 30]]]
+    system = System(np.eye(n), 1e-4 * K + 0.01 * np.eye(n), K, elements, Load(cosine={1: np.eye(n)[3]}))
+    whole = HarmonicBalance(system, 5).compiled({}).receptance
+    assert len(whole.packed.near) > 1
+    for Omega in (0.1, 1.0, 8.0, 40.0):
+        found = whole.at(Omega)
+        whole.packed, packed = whole.packed._replace(radius=whole.packed.radius[:0]), whole.packed
+        expected = whole.at(Omega)
+        whole.packed = packed
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(other).max())

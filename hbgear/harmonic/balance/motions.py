@@ -124,6 +124,18 @@ class PeriodicMotions(HarmonicEquations):
         return margins
 
     @checked_arguments()
+    def edge_extremes(self, X: Array, **parameters: float) -> Array:
+        """Return the lowest and highest values of the edges of vector laws: zero where contact grazes."""
+        X = self._checked_unknowns(X, parameters)
+        extremes: Array = motion.edge_extremes(self.compiled(parameters), X[None])[0]
+        return extremes
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Meaning of each entry of `edge_extremes`."""
+        return motion.edge_names(self.compiled({}))
+
+    @checked_arguments()
     def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:
         """Return the positions of the friction sliders (Q,) at a basis phase theta."""
         X = self._checked_unknowns(X, parameters)

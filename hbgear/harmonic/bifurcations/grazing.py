@@ -142,17 +142,13 @@ class GrazingEvent(Event):
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
         """Return the clearances at points where they are known."""
-        clearance = monitored_values(points, "clearance")
-        return np.zeros((len(points), 0)) if clearance is None else clearance
+        found = [monitored_values(points, quantity) for quantity in ("clearance", "edge")]
+        known = [values for values in found if values is not None]
+        return np.concatenate(known, axis=1) if known else np.zeros((len(points), 0))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        clearances = monitored_values((segment.a, segment.b), "clearance")
-        if clearances is None:
-            return []
-        before, after = clearances
         located: list[LocatedEvent] = []
-        for i in np.flatnonzero(before * after < 0):
-            event = self._locate(segment, int(i), float(before[i]), float(after[i]))
+        for event in (*self._clearances(segment), *self._edges(segment)):
             simultaneous = next((j for j, other in enumerate(located) if abs(other.s - event.s) < 1e-6), None)
             if simultaneous is None:
                 located.append(event)
@@ -160,6 +156,33 @@ class GrazingEvent(Event):
                 located[simultaneous] = replace(
                     located[simultaneous], note=f"{located[simultaneous].note}, {event.note}"
                 )
+        return located
+
+    def _clearances(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the zeros of the clearances of elements with one displacement."""
+        clearances = monitored_values((segment.a, segment.b), "clearance")
+        if clearances is None:
+            return []
+        before, after = clearances
+        passed = np.flatnonzero(before * after < 0).tolist()
+        return [self._locate(segment, i, float(before[i]), float(after[i])) for i in passed]
+
+    def _edges(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the zeros of the extrema of the edges of vector laws as bracketed roots."""
+        extremes = monitored_values((segment.a, segment.b), "edge")
+        if extremes is None:
+            return []
+        problem: Any = segment.problem
+        located = []
+        for i in np.flatnonzero(extremes[0] * extremes[1] < 0).tolist():
+
+            def test(point: CurvePoint, which: int = i) -> float:
+                known = point.observed.get("edge")
+                if known is None:
+                    known = problem.edge_extremes(point.X, **{**segment.parameters, segment.name: point.value})
+                return float(known[which])
+
+            located.append(locate_root(segment, self, test, problem.edge_names[i]))
         return located
 
     def _locate(self, segment: Segment, which: int, before: float, after: float) -> LocatedEvent:
@@ -203,5 +226,5 @@ class GrazingEvent(Event):
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        names = list(problem.clearance_names)
-        return GrazingProblem(problem, parameter, names.index(point.note.split(", ")[0]))
+        names, first = list(problem.clearance_names), point.note.split(", ")[0]
+        return GrazingProblem(problem, parameter, names.index(first)) if first in names else None

@@ -102,7 +102,7 @@ def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
         coefficients = out[p].reshape(m, -1)
         for k in range(L):
             w[k] = Omega[p] * linear.left[k] / linear.nu
-        receptance(linear.poles, linear.residues[: m * m], w, each, sums)
+        receptance(linear, m * m, w, each, sums)
         for k in range(L):
             at = 2 * linear.left[k]
             for i in range(m):

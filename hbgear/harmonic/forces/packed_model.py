@@ -67,6 +67,8 @@ class PackedLinearPart(NamedTuple):
     moved (K + 1, m) : harmonics of the prescribed displacements.
     loads (L, 2) : power of Omega of each load, and its position among the orders.
     nu : subharmonic order.
+    radius, near (B,), far (B, J, N, 2) : radii of bands of far poles, the number of poles below each radius, and the
+        coefficients of the power series of the others; the poles ascend. Empty for few poles.
     """
 
     poles: Array
@@ -77,6 +79,9 @@ class PackedLinearPart(NamedTuple):
     moved: ComplexArray
     loads: np.ndarray
     nu: int
+    radius: Array
+    near: np.ndarray
+    far: Array
 
 
 class PackedModel(NamedTuple):

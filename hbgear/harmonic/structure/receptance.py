@@ -122,12 +122,14 @@ class Receptance:
             residues = (modes.output[:, None, :] * modes.input.T).reshape(m * m, len(poles))
             driven = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
             residues = np.concatenate([residues, *driven])
+            order = np.argsort(np.abs(poles), kind="stable")
+            poles, residues = poles[order], residues[:, order]
         loads = np.array([(load.power, load.at) for load in self._loads], dtype=np.int64).reshape(-1, 2)
         unknown = np.zeros(2 * self.H + 1, dtype=bool)
         unknown[self.k] = True
         return PackedLinearPart(
             in_two(poles), in_two(residues), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
-            np.flatnonzero(~unknown), self.e, loads, int(self.nu),
+            np.flatnonzero(~unknown), self.e, loads, int(self.nu), *_far_poles(poles, residues),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
@@ -187,3 +189,26 @@ class Receptance:
         u = f - s.kr * d - (s.kr + 1j * w[:, None] * s.c) * self.e
         rhs = self.loads(Omega) - u @ s.W.T
         return np.array([s.solve(wk, rhs[k][:, None])[:, 0] for k, wk in enumerate(w)])
+
+
+FEW_POLES = 32
+"""Number of poles [-] up to which all of them are summed one by one."""
+
+FAR_POLE_TERMS = 26
+"""Terms of the power series of far poles [-]: at a fourth of the radius the first term left out is 4^-26 = 2e-16."""
+
+
+def _far_poles(poles: ComplexArray, residues: ComplexArray) -> tuple[Array, np.ndarray, Array]:
+    """Return radii (B,), numbers of poles below them (B,), and coefficients (B, J, N, 2) of the others, see kernels.
+
+    The poles (r,) ascend; the residues have the shape (N, r).
+    """
+    counts = 8 * 2 ** np.arange(24)
+    near = counts[counts <= len(poles) - FEW_POLES // 2] if len(poles) > FEW_POLES else counts[:0]
+    far = np.empty((len(near), FAR_POLE_TERMS, len(residues), 2))
+    for own, first in zip(far, near.tolist(), strict=True):
+        ratio = abs(poles[first]) / poles[first:]
+        terms = -(ratio / abs(poles[first]))[:, None] * ratio[:, None] ** np.arange(FAR_POLE_TERMS)
+        found = (residues[:, first:] @ terms).T
+        own[..., 0], own[..., 1] = found.real, found.imag
+    return np.abs(poles[near]), near.astype(np.int64), far

@@ -1,6 +1,12 @@
 """Kernels: receptances and dynamic stiffnesses of the linear structure.
 
 G(w) = sum_r a_r b_r^T / (i w - lambda_r),   Z = G^-1 - kr
+
+Poles far above the frequencies, |lambda_r| >= 4 w, are summed as a power series in i w, whose coefficients are computed
+once for several radii (`PackedLinearPart.far`):
+
+    sum_far a_r b_r^T / (i w - lambda_r) = sum_j c_j (i w / radius)^j
+    c_j = -sum_far a_r b_r^T radius^j / lambda_r^(j + 1)
 """
 
 from __future__ import annotations
@@ -12,21 +18,25 @@ import numpy as np
 
 from hbgear.common.process.compiling import inlined, kernel
 
+FAR_POLE_RATIO = 4.0
+"""Pole over frequency [-] above which a pole is part of the power series."""
+
 
 @kernel
-def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
-    """Fill sums (4, N, K) with N receptances sum_r residue_r / (i w - pole_r) at K frequencies w.
+def receptance(linear: Any, count: int, w: Any, each: Any, sums: Any) -> None:
+    """Fill sums (4, N, K) with the first N receptances sum_r residue_r / (i w - pole_r) at K frequencies w.
 
     sums[0] and sums[1] are the real and imaginary parts, sums[2] and sums[3] those of i times the derivative in w.
     each (2, K) is working memory.
     """
+    poles, residues = linear.poles, linear.residues
     sums[:, :, :] = 0.0
-    for r in range(poles.shape[1]):
+    for r in range(_add_far_poles(linear, count, w, each, sums)):
         for k in range(w.shape[0]):  # the inner loop over frequencies is vectorized
             a, b = -poles[0, r], w[k] - poles[1, r]
             size = 1.0 / (a * a + b * b)
             each[0, k], each[1, k] = a * size, -b * size
-        for i in range(residues.shape[0]):
+        for i in range(count):
             c, d, x, y, u, v = residues[i, 0, r], residues[i, 1, r], sums[0, i], sums[1, i], sums[2, i], sums[3, i]
             for k in range(w.shape[0]):
                 a, b = each[0, k], each[1, k]
@@ -35,6 +45,33 @@ def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
                 y[k] += q
                 u[k] += p * a - q * b
                 v[k] += p * b + q * a
+
+
+@kernel
+def _add_far_poles(linear: Any, count: int, w: Any, each: Any, sums: Any) -> int:
+    """Set sums to the power series of the far poles, by Horner's rule, and return the number of the other poles."""
+    highest = 0.0
+    for k in range(w.shape[0]):
+        highest = max(highest, abs(w[k]))
+    band: Any = np.int64(0)
+    while band < linear.radius.shape[0] and linear.radius[band] < FAR_POLE_RATIO * highest:
+        band += 1
+    if band == linear.radius.shape[0]:
+        return int(linear.poles.shape[1])
+    scale = 1.0 / linear.radius[band]
+    for k in range(w.shape[0]):
+        each[0, k] = w[k] * scale
+    z = each[0]
+    for i in range(count):
+        x, y, u, v = sums[0, i], sums[1, i], sums[2, i], sums[3, i]
+        for j in range(linear.far.shape[1] - 1, -1, -1):
+            c, d = linear.far[band, j, i, 0], linear.far[band, j, i, 1]
+            for k in range(w.shape[0]):
+                u[k], v[k] = x[k] - v[k] * z[k], y[k] + u[k] * z[k]
+                x[k], y[k] = c - y[k] * z[k], d + x[k] * z[k]
+        for k in range(w.shape[0]):
+            u[k], v[k] = -u[k] * scale, -v[k] * scale
+    return int(linear.near[band])
 
 
 @kernel
@@ -104,7 +141,7 @@ def fill_linear_part(
     K = orders.shape[0]
     for k in range(K):
         w[k] = Omega * (orders[k] / linear.nu)
-    receptance(linear.poles, linear.residues, w, each, sums)
+    receptance(linear, linear.residues.shape[0], w, each, sums)
     _stiffnesses(sums, orders, linear.nu, work, matrices)
     for k in range(K):
         for i in range(m):

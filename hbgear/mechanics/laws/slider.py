@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import did_you_mean
 from hbgear.mechanics.series.fourier import Series
-
-if TYPE_CHECKING:
-    from hbgear.mechanics.models import Element
 
 
 @dataclass(frozen=True)
@@ -122,13 +119,13 @@ class FrictionLimit:
     wave: Series
 
 
-def friction_limits(elements: Sequence[Element]) -> list[tuple[int, Slider, FrictionLimit]]:
+def friction_limits(elements: Sequence[Any]) -> list[tuple[int, Slider, FrictionLimit]]:
     """Return all sliders of elements: the number of the element, the slider and its limit.
 
     Parameters
     ----------
     elements : sequence of Element
-        Elements of a system.
+        Elements of a system, with names.
 
     Returns
     -------
@@ -144,7 +141,7 @@ def friction_limits(elements: Sequence[Element]) -> list[tuple[int, Slider, Fric
     return [(j, one, _limit_of(one, j, elements)) for j, element in enumerate(elements) for one in element.law.sliders]
 
 
-def _limit_of(slider: Slider, j: int, elements: Sequence[Element]) -> FrictionLimit:
+def _limit_of(slider: Slider, j: int, elements: Sequence[Any]) -> FrictionLimit:
     """Return the limit of a slider of element j."""
     if not slider.normal:
         wave = Series(0.0, tuple(slider.cosine), tuple(slider.sine))

@@ -63,6 +63,11 @@ class VectorLaw(Law):
         return np.zeros((0, d.shape[1]))
 
     @property
+    def grazes(self) -> bool:
+        """Whether its edges are events of a curve; False if those of another element are the same."""
+        return True
+
+    @property
     def has_edges(self) -> bool:
         """Whether a derivative of the force jumps anywhere."""
         return bool(len(self.edges(np.zeros((self.size, 1)))))
@@ -412,6 +417,10 @@ class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
     @property
     def size(self) -> int:
         return 3
+
+    @property
+    def grazes(self) -> bool:
+        return False
 
     @property
     def rated(self) -> bool:
