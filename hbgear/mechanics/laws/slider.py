@@ -153,7 +153,7 @@ def _limit_of(slider: Slider, j: int, elements: Sequence[Any]) -> FrictionLimit:
         raise ValueError(f"{own}, which must be one element of the system{hint}")
     normal = names.index(slider.normal)
     law, displacement = elements[normal].law, elements[normal].displacement
-    springs = law.piecewise or ()
+    springs: Sequence[Any] = law.piecewise or ()
     if len(springs) != 1 or springs[0].stiffness.varies or law.sliders or displacement.corners:
         raise ValueError(
             f"{own}, whose force must be one piecewise-linear spring of constant stiffness without friction, with a "
