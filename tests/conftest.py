@@ -61,9 +61,9 @@ def registries_are_restored():
             table.update(before)
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def modules_are_forgotten(monkeypatch):
-    """Modules and folders that a test brings in, such as files of models, are not there for others."""
+    """Modules and folders that a test imports, such as files of models, are unknown to the next one."""
     monkeypatch.setattr(sys, "path", [*sys.path])
     before = set(sys.modules)
     yield

@@ -94,6 +94,16 @@ def test_wrong_multipliers_are_found(pair):
     assert row.status == "multipliers differ"
 
 
+def test_right_multipliers_of_a_coarse_motion_are_no_reason_against_more_harmonics():
+    """Verified points have the multipliers of a refined motion, which their own coefficients do not give."""
+    coarse, fine = (hb.HarmonicBalance(hb.Duffing(), H) for H in (1, 8))
+    curve = hb.trace(coarse, "Omega", (1.0, 1.05))
+    mu = curve.multipliers.copy()
+    mu[5] = hb.trace(fine, "Omega", (float(curve.values[5]), 1.06))[0].multipliers
+    (row,) = validate(replace(curve, multipliers=mu), [5]).rows
+    assert row.status == "agrees with H = 4" and row.multiplier_error < 1e-6
+
+
 def test_a_wrong_verdict_on_stability_is_found(pair):
     """The middle motion with the multipliers of a stable one, and the other way round."""
     middle = pair["LP1"].index + 8

@@ -10,7 +10,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.harmonic.equations import model_cache
-from hbgear.harmonic.structure import receptance
+from hbgear.harmonic.structure import linear_structure
 from hbgear.mechanics.reference_stiffness import references
 
 UNITS = {"length": (1e-6, 1.0, 1.0), "time": (1.0, 1e3, 1.0), "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3)}
@@ -117,7 +117,7 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
         return factor * references(system)
 
     monkeypatch.setattr(model_cache, "references", other)
-    monkeypatch.setattr(receptance, "references", other)
+    monkeypatch.setattr(linear_structure, "references", other)
     kinds, values, curve = special_points(*MACHINES[name], accuracy=None)
     usual = references(MACHINES[name][0])[0]
     assert curve.problem.compiled({}).structure.kr[0] == pytest.approx(factor * usual, rel=0.5)

@@ -7,7 +7,6 @@ import itertools
 import os
 import re
 import shlex
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,7 +61,6 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "mine", raising=False)
     yield tmp_path
     plt.close("all")
 

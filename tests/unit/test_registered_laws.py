@@ -57,6 +57,9 @@ EXAMPLES = {
 VECTOR_LAWS = {"component", "radial clearance", "polynomial", "directed", "sliding teeth"}
 """Laws of several displacements and their directions, see `tests/truth/test_vector_elements.py`."""
 
+LAWS_OF_TWO_ELEMENTS = {"contact friction"}
+"""Laws that need the force of another element, see `tests/truth/test_friction_limits.py`."""
+
 
 def system(law):
     return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load([0.1], {1: [0.2]}))
@@ -126,7 +129,7 @@ def same_registry():
 
 def test_every_law_of_hbgear_has_an_example():
     own = {name for name, entry in registry.LAWS.items() if entry.build.__module__.startswith("hbgear.")}
-    assert own == EXAMPLES.keys() | VECTOR_LAWS
+    assert own == EXAMPLES.keys() | VECTOR_LAWS | LAWS_OF_TWO_ELEMENTS
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -230,7 +230,9 @@ def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, 
     own = last = _compared(problem, X, stored, here)
     status = status_of(own)
     if status != AGREES:
-        for finer, Y in _refinements(problem, X, stored, here):
+        # verified points have the multipliers of a refined motion, not those of their own coefficients
+        right = own.orbit is not None and _multiplier_distance(own.mu, own.orbit.multipliers) <= tolerance
+        for finer, Y in _refinements(problem, X, None if right else stored, here):
             last = _compared(finer, Y, None, here)
             if status_of(last) == AGREES:
                 status = f"{AGREES} with H = {last.H}"
