@@ -323,7 +323,9 @@ def test_traced_in_an_entry(spur):
 def test_scatter_of_jumps_beside_monte_carlo(spur):
     """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
     jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]
-    found = {one.label: one for one in hb.design.jump_tolerance(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400)}
+    found = {
+        one.label: one for one in hb.design.jump_tolerance(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400, unit="Omega")
+    }
     for jump in jumps:
         one = found[jump.label]
         assert one.lost == 0 and abs(one.error) < 0.12

@@ -75,7 +75,7 @@ def campbell(
             ["mesh" if one.order == "Omega" and across.is_speed else one.order,
              str(one.mode), *([f"{one.Omega:.6g}"] if dimensionless or not known else []),
              *(f"{one.Omega * known[name]:.6g}" for name in known),
-             f"{one.frequency * unit:.6g}", f"{one.damping:.4g}",
+             f"{one.frequency * unit:.6g}", f"{one.damping + 0.0:.4g}",
              *([whirl_word(one.whirl)] if whirls else [])]
             for one in found.critical
         ]  # fmt: skip
