@@ -170,3 +170,13 @@ def test_both_discretisations_have_the_same_special_points() -> None:
     assert sum(results.machines.values()) == 4 and not results.ended and not results.alone
     assert len(results.pairs) >= 8 and max(distance for _, distance, _ in results.pairs) < SAME
     assert "| pair, rectangular | 1 | 4 |" in report(results)
+
+
+def test_a_fold_where_a_contact_begins_at_a_jump_of_the_stiffness() -> None:
+    """Between two points the contact and the jump exchange their order; the fold there has mu = 1."""
+    stiffness = hb.mechanics.Periodic.rectangular(1.0489, 0.8859, 4.39822971502571 / (2 * np.pi))
+    pair = hb.SpurPair(zeta=0.056, F_m=0.16, e=(0.092,), stiffness=stiffness)
+    exact = hb.trace(hb.ContactInstants(pair), "Omega", (1.3, 0.65))
+    assert exact.warnings == () and [point.label for point in exact.special] == ["LP1", "LP2", "GR1"]
+    assert exact["LP1"].parameters["Omega"] == pytest.approx(0.7058095997, abs=2e-8)  # harmonic balance, H = 32
+    assert np.abs(exact["LP1"].multipliers - 1).min() < 1e-10

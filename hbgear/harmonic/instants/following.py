@@ -14,8 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
@@ -146,7 +148,7 @@ class Follower:
         while True:
             length = self._limited(last, self.step)
             try:
-                point, samples, missed = self._solved(last, length)
+                point, samples, missed, border = self._solved(last, length)
                 if self._turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
                 if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_POLYNOMIAL_CHANGE:
@@ -158,7 +160,7 @@ class Follower:
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
                 if length > LONG_STEP and self._hides_doublings(last, point):
                     raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
-                found = [] if self._leaves(point) else self._special(last, point)
+                found = [] if self._leaves(point) else self._special(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
@@ -175,33 +177,48 @@ class Follower:
         if vanishing:
             self._close(point, vanishing)
 
-    def _solved(self, last: ExactPoint, length: float) -> tuple[ExactPoint, Samples, list[MissedCrossing]]:
-        """Return the point at a distance from the last one, the gaps there and the crossings that it misses."""
+    def _solved(
+        self, last: ExactPoint, length: float
+    ) -> tuple[ExactPoint, Samples, list[MissedCrossing], list[ExactPoint]]:
+        """Return the point at a distance from the last one, its gaps, the crossings that it misses, and its border.
+
+        The border is empty, or the point between at which two switches coincide, with either order of them.
+        """
         guess = last.state.moved(last.state.z + length * last.tangent * last.scale)
         point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
         at = self.family(point.state.value)
         durations = point.state.iterate.durations(at.period)
         exchanged = [int(i) for i in np.flatnonzero(durations < 0)]
+        border: list[ExactPoint] = []
         if exchanged:
+            if self.special:
+                border = self._border(last, point, exchanged[0])
             point = self._exchanged(point, exchanged[0])
         samples, missed = sample_gaps(at, point.state.iterate)
-        return self._rescaled(point), samples, missed
+        return self._rescaled(point), samples, missed, border
+
+    def _border(self, last: ExactPoint, point: ExactPoint, i: int) -> list[ExactPoint]:
+        """Return the point at which segment i between two switches vanishes, before and after their exchange."""
+
+        def duration(s: float) -> float:
+            state = (last, point)[int(s)].state if s in (0.0, 1.0) else point_between(self.family, last, point, s).state
+            return float(state.iterate.durations(self.family(state.value).period)[i])
+
+        s = float(scipy.optimize.brentq(duration, 0.0, 1.0, xtol=1e-13))
+        before = point_between(self.family, last, point, s)
+        return [before, self._exchanged(before, i)]
 
     def _exchanged(self, point: ExactPoint, i: int) -> ExactPoint:
         """Return the point with the switches of two elements at the ends of a segment exchanged."""
-        pattern, j = point.state.pattern, (i + 1) % point.state.pattern.count
-        if pattern.switches[i].element == pattern.switches[j].element:
+        switches, period = point.state.pattern.switches, self.family(point.state.value).period
+        if switches[i].element == switches[(i + 1) % len(switches)].element:
             raise NoConvergence("a contact vanishes within one step", point.state.z, {}, [])
-        iterate = point.state.iterate
-        if j == 0:
-            iterate, i, j = _rotated(iterate, self.family(point.state.value).period), i - 1, i
-            pattern = iterate.pattern
-        tau, x = iterate.tau.copy(), iterate.x.copy()
-        tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
-        state = CurveState.of(Iterate(pattern.swapped(i), tau, x), point.state.value)
-        hold = _at_value(len(state.z))
-        along = hold * math.copysign(1.0, point.tangent[-1])
-        return exact_point(self.family, state, hold, state.scale(self.width), along)
+        state = _with_exchange(point.state, i, period)
+        ahead = _with_exchange(point.state.moved(point.state.z + point.tangent * point.scale), i, period)
+        scale = state.scale(self.width)
+        along = (ahead.z - state.z) / scale  # the exchange is linear
+        along /= float(np.linalg.norm(along))
+        return exact_point(self.family, state, along, scale, along)
 
     def _rescaled(self, point: ExactPoint) -> ExactPoint:
         """Return the point with scales of its own size."""
@@ -300,11 +317,12 @@ class Follower:
 
     # ---- acceptance
 
-    def _special(self, last: ExactPoint, point: ExactPoint) -> list[tuple[str, float, ExactPoint]]:
-        """Return the special points between two points."""
-        if not self.special or last.state.pattern != point.state.pattern:
+    def _special(self, *points: ExactPoint) -> list[tuple[str, float, ExactPoint]]:
+        """Return the special points between successive points of a step."""
+        if not self.special:
             return []
-        return special_points(self.family, last, point)
+        return [one for a, b in pairwise(points) if a.state.pattern == b.state.pattern
+                for one in special_points(self.family, a, b)]  # fmt: skip
 
     def _add(
         self, point: ExactPoint, samples: Samples, length: float, special: list[tuple[str, float, ExactPoint]]
@@ -386,6 +404,16 @@ def _at_value(size: int) -> Array:
     out = np.zeros(size)
     out[-1] = 1.0
     return out
+
+
+def _with_exchange(state: CurveState, i: int, period: float) -> CurveState:
+    """Return the state with switches i and i + 1 exchanged, without a correction."""
+    iterate, j = state.iterate, (i + 1) % state.pattern.count
+    if j == 0:
+        iterate, i, j = _rotated(iterate, period), i - 1, i
+    tau, x = iterate.tau.copy(), iterate.x.copy()
+    tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
+    return CurveState.of(Iterate(iterate.pattern.swapped(i), tau, x), state.value)
 
 
 def _rotated(iterate: Iterate, period: float) -> Iterate:
