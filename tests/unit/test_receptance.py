@@ -7,6 +7,7 @@ from scipy.linalg import block_diag
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, System, Unilateral, trace, validate
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing
+from hbgear.harmonic.structure import linear_structure
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.harmonic.structure.receptance import Receptance
 from hbgear.mechanics import Parallel, Series, model, reduce
@@ -346,3 +347,16 @@ def test_far_poles_are_the_same_as_a_series():
         whole.packed = packed
         for one, other in zip(found, expected, strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(other).max())
+
+
+def test_stacked_direct_solutions_are_those_of_one_harmonic_at_a_time(rng, monkeypatch):
+    """More elements than coordinates, one motion free: all harmonics in one call, and one by one."""
+    K = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    elements = [Element(row, Backlash()) for row in ([1.0, 0.0], [0.0, 1.0], [1.0, -1.0])]
+    system = System(np.eye(2), 0.1 * K, K, elements, Load(cosine={1: [0.2, 0.1]}))
+    linear = HarmonicBalance(system, 5).compiled({}).receptance.structure
+    w, F = np.arange(6) * 0.7, rng.standard_normal((6, 2, 3)) + 0j
+    stacked = linear._direct(w, F)
+    monkeypatch.setattr(linear_structure, "_MAX_STACKED_COORDINATES", 0)
+    for one, other in zip(stacked, linear._direct(w, F), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)

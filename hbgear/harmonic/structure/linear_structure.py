@@ -25,6 +25,9 @@ MODAL_LIMIT = 1500
 """Number of coordinates above which receptances are computed by direct solutions, not by eigendecomposition."""
 
 
+_MAX_STACKED_COORDINATES = 100
+"""Coordinates up to which the equations of all harmonics are solved in one call; larger ones need too much memory."""
+
 _FREE_MOTION_TOLERANCE = 1e-12
 """Squared frequency, relative to the highest, below which a motion counts as free."""
 
@@ -366,6 +369,12 @@ class LinearStructure:
         undamped: Array = free @ vt[~held].T
         return undamped
 
+    def _flexibility(self, K: Array) -> Array:
+        """Return the pseudoinverse of K, scaled by the masses."""
+        s = self._scale
+        inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=_FREE_MOTION_TOLERANCE) * s
+        return inverse
+
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
         x: ComplexArray
@@ -373,9 +382,7 @@ class LinearStructure:
             D = self.K + 1j * w * self.C - w**2 * self.M
             x = scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
         elif w == 0.0:
-            s = self._scale
-            scaled = self.K * np.outer(s, s)
-            x = s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE_MOTION_TOLERANCE) @ (s[:, None] * rhs))
+            x = self._flexibility(self.K) @ rhs
         else:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
@@ -415,11 +422,20 @@ class LinearStructure:
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
-        Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
-        dQ = np.array([
-            -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
-            for wk, Qk in zip(w, Q, strict=True)
-        ])  # fmt: skip
+        if self.large or self.n > _MAX_STACKED_COORDINATES:
+            Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
+            dQ = np.array([
+                -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
+                for wk, Qk in zip(w, Q, strict=True)
+            ])  # fmt: skip
+            return Q, dQ
+        Q, moves = np.zeros(F.shape, dtype=complex), w != 0.0
+        dQ, at = np.zeros(F.shape, dtype=complex), w[moves][:, None, None]
+        for k in np.flatnonzero(~moves):
+            Q[k] = self.solve(0.0, F[k])
+        D = self.K + 1j * at * self.C - at**2 * self.M
+        Q[moves] = np.linalg.solve(D, F[moves])
+        dQ[moves] = -np.linalg.solve(D, 1j * (self.C @ Q[moves]) - 2 * at * (self.M @ Q[moves]))
         return Q, dQ
 
 

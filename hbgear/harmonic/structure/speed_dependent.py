@@ -13,7 +13,6 @@ needs no further solution. Stability and time integration use the modes of the s
 from __future__ import annotations
 
 import numpy as np
-import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
@@ -91,9 +90,3 @@ class SpeedDependentStructure(LinearStructure):
                 self.K = closed
             self._free = self.free_left.shape[1] > 0
         return self._free
-
-    def _flexibility(self, K: Array) -> Array:
-        """Return the pseudo-inverse of K, scaled by the masses."""
-        s = self._scale
-        inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=1e-12) * s
-        return inverse
