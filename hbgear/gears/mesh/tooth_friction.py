@@ -18,9 +18,8 @@ lubrication:
 
 with the roughness S [microinch, rms], the force per width w [lb/in], the viscosity eta [cP] at the temperature of the
 teeth and the sliding and sum velocities v_s and v_r [in/s]. It grows without bound towards the pitch point, where v_s
-is replaced by its value at `PITCH_REGION`, and it is negative at high speeds, where it is refused. The constants are
-those that later papers quote for this formula; they were not compared with the text of 1961, whose abstract confirms
-the signs of all dependences.
+is replaced by its value at `PITCH_REGION`, and it is negative at high speeds, where it is refused. The constants were
+not compared with the text of 1961; its abstract confirms the signs of all dependences.
 
 For a mesh of one stiffness, with factors of the force along the line of action:
 

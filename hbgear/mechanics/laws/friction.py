@@ -139,7 +139,6 @@ class ContactFriction(_Sliders):  # numpydoc ignore=PR02
     References
     ----------
     Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868.
-    Yang, Chu & Menq (1998), J. Sound Vib. 210(4), https://doi.org/10.1006/jsvi.1997.1305, for variable normal load.
 
     Examples
     --------
