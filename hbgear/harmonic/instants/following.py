@@ -195,7 +195,7 @@ class Follower:
                 border = self._border(last, point, exchanged[0])
             point = self._exchanged(point, exchanged[0])
         samples, missed = sample_gaps(at, point.state.iterate)
-        return self._rescaled(point), samples, missed, border
+        return _rescaled(point, self.width), samples, missed, border
 
     def _border(self, last: ExactPoint, point: ExactPoint, i: int) -> list[ExactPoint]:
         """Return the point at which segment i between two switches vanishes, before and after their exchange."""
@@ -219,14 +219,6 @@ class Follower:
         along = (ahead.z - state.z) / scale  # the exchange is linear
         along /= float(np.linalg.norm(along))
         return exact_point(self.family, state, along, scale, along)
-
-    def _rescaled(self, point: ExactPoint) -> ExactPoint:
-        """Return the point with scales of its own size."""
-        scale = point.state.scale(self.width)
-        tangent = point.tangent * point.scale / scale
-        return ExactPoint(
-            point.state, point.now, point.J, scale, tangent / float(np.linalg.norm(tangent)), point.iterations
-        )
 
     def _limited(self, last: ExactPoint, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
@@ -404,6 +396,15 @@ def _at_value(size: int) -> Array:
     out = np.zeros(size)
     out[-1] = 1.0
     return out
+
+
+def _rescaled(point: ExactPoint, width: float) -> ExactPoint:
+    """Return the point with scales of its own size."""
+    scale = point.state.scale(width)
+    tangent = point.tangent * point.scale / scale
+    return ExactPoint(
+        point.state, point.now, point.J, scale, tangent / float(np.linalg.norm(tangent)), point.iterations
+    )
 
 
 def _with_exchange(state: CurveState, i: int, period: float) -> CurveState:

@@ -369,12 +369,6 @@ class LinearStructure:
         undamped: Array = free @ vt[~held].T
         return undamped
 
-    def _flexibility(self, K: Array) -> Array:
-        """Return the pseudoinverse of K, scaled by the masses."""
-        s = self._scale
-        inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=_FREE_MOTION_TOLERANCE) * s
-        return inverse
-
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
         x: ComplexArray
@@ -382,7 +376,7 @@ class LinearStructure:
             D = self.K + 1j * w * self.C - w**2 * self.M
             x = scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
         elif w == 0.0:
-            x = self._flexibility(self.K) @ rhs
+            x = flexibility(self.K, self._scale) @ rhs
         else:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
@@ -429,14 +423,20 @@ class LinearStructure:
                 for wk, Qk in zip(w, Q, strict=True)
             ])  # fmt: skip
             return Q, dQ
-        Q, moves = np.zeros(F.shape, dtype=complex), w != 0.0
-        dQ, at = np.zeros(F.shape, dtype=complex), w[moves][:, None, None]
-        for k in np.flatnonzero(~moves):
-            Q[k] = self.solve(0.0, F[k])
+        moves = w != 0.0
+        Q, dQ, at = np.zeros(F.shape, dtype=complex), np.zeros(F.shape, dtype=complex), w[moves][:, None, None]
+        if not moves.all():
+            Q[~moves] = flexibility(self.K, self._scale) @ F[~moves]
         D = self.K + 1j * at * self.C - at**2 * self.M
         Q[moves] = np.linalg.solve(D, F[moves])
         dQ[moves] = -np.linalg.solve(D, 1j * (self.C @ Q[moves]) - 2 * at * (self.M @ Q[moves]))
         return Q, dQ
+
+
+def flexibility(K: Array, scale: Array) -> Array:
+    """Return the pseudoinverse of K; rounding of coordinates is compared in units of ``scale`` (n,)."""
+    inverse: Array = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
+    return scale[:, None] * inverse * scale
 
 
 def _describe_unsupported(structure: LinearStructure) -> str:

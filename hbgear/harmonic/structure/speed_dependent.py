@@ -16,7 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure, dense
+from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure, dense, flexibility
 from hbgear.mechanics.models import System
 
 _CACHED_SPEEDS = 16
@@ -71,8 +71,8 @@ class SpeedDependentStructure(LinearStructure):
         Q[moving] = np.linalg.solve(D[moving], np.broadcast_to(F, Q[moving].shape))
         L[moving] = np.linalg.solve(D[moving].transpose(0, 2, 1), np.broadcast_to(self.W, L[moving].shape))
         if not moving.all():
-            flexibility = self._flexibility(K)
-            Q[~moving], L[~moving] = flexibility @ F, flexibility.T @ self.W
+            static = flexibility(K, self._scale)
+            Q[~moving], L[~moving] = static @ F, static.T @ self.W
         Lt = L.transpose(0, 2, 1)
         return self.W.T @ Q, -(Lt @ (dD @ Q))
 
