@@ -10,7 +10,6 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import csv_table
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
@@ -171,8 +170,7 @@ class JumpMap:
         """
         across = OmegaAxis.of_ends(self.folds, "")
         speed = [across.name] if across.is_speed else []
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
+        with csv_table(path) as writer:
             writer.writerow(["arm", self.parameter, "Omega", "direction", *speed])
             for i, arm in enumerate(self.arms, 1):
                 writer.writerows(

@@ -7,6 +7,7 @@ rename is repeated there. Folders are synchronised where the system can open the
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
 import stat
@@ -92,6 +93,13 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "xb", **options: Any)
         finally:
             with suppress(OSError):  # nothing can be removed if the folder was removed or is read-only
                 temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def csv_table(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open a .csv table by `atomic_write`, and yield its `csv.writer`."""
+    with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
+        yield csv.writer(handle)
 
 
 def _opened(name: str, flags: int, like: Path) -> int:

@@ -10,7 +10,6 @@ so that d and v are the coordinate and the rate of the element at tau = 0.
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import checked_suffix, csv_table
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.results.status import Status
@@ -119,10 +118,8 @@ class Basins:
         ValueError
             If the name does not end in .csv.
         """
-        if not str(path).lower().endswith(".csv"):
-            raise ValueError(f"'{path}' must end in .csv")
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
+        checked_suffix(path, (".csv",), "tables are .csv files")
+        with csv_table(path) as writer:
             writer.writerow(("d", "v", "attractor", "period", "rms"))
             for (y, x), label in np.ndenumerate(self.label):
                 end = self.attractors[label] if label >= 0 else None

@@ -9,7 +9,6 @@ computed.
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import checked_suffix, csv_table
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.text.messages import did_you_mean
@@ -298,10 +297,8 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
     ValueError
         If the name does not end in .csv.
     """
-    if not str(path).lower().endswith(".csv"):
-        raise ValueError(f"'{path}' must end in .csv")
-    with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-        writer = csv.writer(handle)
+    checked_suffix(path, (".csv",), "tables are .csv files")
+    with csv_table(path) as writer:
         for i, found in enumerate(sweeps):
             columns: dict[str, Any] = {found.parameter: found.values, "direction": [found.direction] * len(found)}
             for j, name in enumerate(found.elements):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ import numpy as np
 from hbgear.analysis.parameter_sensitivity.units import LENGTH
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import csv_table
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.harmonic.models.frequency_units import PINION
 
@@ -189,8 +188,7 @@ class Sensitivity:
         """
         if not str(path).endswith(".csv"):
             raise ValueError(f"'{path}' must end in .csv")
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
+        with csv_table(path) as writer:
             writer.writerow(["parameter", "value", *(f"d {quantity}" for quantity in self.quantities)])
             writer.writerow(["", "", *self.sizes.tolist()])
             for row in zip(self.parameters, self.values.tolist(), *self.slopes.tolist(), strict=True):

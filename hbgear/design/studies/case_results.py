@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.store import Result
@@ -177,8 +176,7 @@ class Cases:
         """Write the table (.csv), or the table, jumps and curves as arrays (.npz), atomically."""
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
-            with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-                writer = csv.writer(handle)
+            with csv_table(path) as writer:
                 writer.writerow(self.table)
                 writer.writerows(zip(*(column.tolist() for column in self.table.values()), strict=True))
         elif suffix == ".npz":

@@ -7,7 +7,6 @@ Both functions are piecewise linear between the points of their tables. A phase 
 
 from __future__ import annotations
 
-import csv
 import os
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.argument_checks import check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write, checked_suffix
+from hbgear.common.atomic_write import checked_suffix, csv_table
 from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.units import to_si
 from hbgear.mechanics.series.fourier import Series, real_numbers
@@ -251,8 +250,7 @@ class MeshCycle:  # numpydoc ignore=PR02
         columns = [x, _at(self.stiffness, x), _at(self.error, x), self.static_error.value]
         if any(column[0] != column[-1] for column in columns[1:]):  # a jump at the beginning of the cycle
             columns = [np.append(column, column[0] if i else 1.0) for i, column in enumerate(columns)]
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
+        with csv_table(path) as writer:
             writer.writerow(["phase [cycle]", "stiffness [N/m]", "error [m]", "static error [m]"])
             writer.writerows(zip(*columns, strict=True))
 

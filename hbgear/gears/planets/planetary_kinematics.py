@@ -92,11 +92,7 @@ class PlanetaryKinematics:
 
     @property
     def phasing(self) -> str:
-        """Phasing of the planets at the sun: "in phase", "sequential", "counter-phase" or "uneven".
-
-        The planets mesh simultaneously, z_s mod N = 0; in two alternating groups half a mesh period apart, z_s mod N =
-        N/2; in three or more groups at equal steps; or otherwise. `excitation` returns the resultant of the forces.
-        """
+        """Phasing of the planets at the sun; see `PlanetarySet.phasing`."""
         turns = np.sort(np.round(np.mod(np.array(self.lags[: self.planets]) / (2 * pi) + 1e-5, 1.0), 4))
         groups, counts = np.unique(turns, return_counts=True)
         if len(groups) == 1:
@@ -107,22 +103,7 @@ class PlanetaryKinematics:
         return "counter-phase" if len(groups) == 2 else "sequential"
 
     def excitation(self, harmonic: int = 1) -> tuple[str, ...]:
-        """Return the resultants of the sun meshes that a mesh harmonic excites: "torque", "force", both or neither.
-
-        The torque is sum_n exp(-i l lag_n), the force sum_n exp(-i l lag_n +- i psi_n), over the N planets. With equal
-        spacing and k = l z_s mod N, the torque remains for k = 0 and excites rotational modes, the force for k = 1 or N
-        - 1 and excites translational modes; for other k both cancel and planet modes are excited.
-
-        Parameters
-        ----------
-        harmonic : int, default 1
-            Harmonic l of the mesh frequency.
-
-        Returns
-        -------
-        tuple of str
-            Resultants that do not cancel.
-        """
+        """Return the resultants that a mesh harmonic excites; see `PlanetarySet.excitation`."""
         counted("PlanetarySet: harmonic", harmonic, 10_000)
         waves = np.exp(-1j * harmonic * np.array(self.lags[: self.planets]))
         psi = np.array(self.angles)

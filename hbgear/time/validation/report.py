@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import checked_suffix, csv_table
 from hbgear.common.deprecation import renamed_attributes
 from hbgear.continuation.results.point import Jump
 
@@ -239,11 +238,9 @@ class Report:
         ValueError
             If the name does not end in .csv.
         """
-        if not str(path).lower().endswith(".csv"):
-            raise ValueError(f"'{path}' must end in .csv")
+        checked_suffix(path, (".csv",), "tables are .csv files")
         names = [f.name for f in fields(Check)]
-        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
-            writer = csv.writer(handle)
+        with csv_table(path) as writer:
             writer.writerow(names)
             writer.writerows([getattr(row, name) for name in names] for row in self.rows)
 
