@@ -126,11 +126,10 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
     for (_, stable), first, last in sections(branch, 0):
         shown.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
     out: list[dict[str, Any]] = []
+    heights = {measure: [branch.amplitude(measure, j) for j in range(len(layout.elements))]
+               for measure in ("pp2", "rms", "max", "mean")}  # fmt: skip
     for stable, mask in shown.items():
-        sizes = {
-            measure: [plain(np.where(mask, branch.amplitude(measure, j), np.nan)) for j in range(len(layout.elements))]
-            for measure in ("pp2", "rms", "max", "mean")
-        }
+        sizes = {measure: [plain(np.where(mask, y, np.nan)) for y in each] for measure, each in heights.items()}
         dash = "dashdot" if kind == "backbone" else _DASHES[stable]
         text = name or _NAMES[kind]
         out.append({"name": f"{text}, {stable or 'unstable'}" if out else text, "mode": "lines", "x": plain(x),
