@@ -7,13 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, in_figure, kind_of
+from hbgear.analysis.quantities.axis_quantities import (
+    Abscissa,
+    OmegaAxis,
+    Ordinate,
+    in_figure,
+    in_metres_per_second,
+    in_micrometres,
+    kind_of,
+)
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.models.frequency_units import model_of
+from hbgear.harmonic.models.frequency_units import model_of, scales_at
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.style import BRANCHES, COLOURS, LINES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 
@@ -226,8 +234,9 @@ def _element_name(layout: TorusLayout, element: int | str) -> str:
 
 @checked_arguments()
 def torus_section(
-    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, phases: int = 400
-) -> Axes:
+    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, phases: int = 400,
+    dimensionless: bool = False,
+) -> Axes:  # fmt: skip
     """Draw the section of a torus at tau = 0: rate over displacement, a closed curve that the motion fills.
 
     Parameters
@@ -242,6 +251,8 @@ def torus_section(
         Axes to draw on; new ones by default.
     phases : int, optional
         Number of points of the curve; default 400.
+    dimensionless : bool, optional
+        Whether the axes are in the units of the model. By default they are in um and m/s if the model has scales.
 
     Returns
     -------
@@ -270,18 +281,24 @@ def torus_section(
     here = {name: np.array([x]) for name, x in found.parameters.items()}
     rate = layout.in_time(rows[None], here, 1)[0]
     d, v = (basis.evaluate(basis.to_complex(x), theta) for x in (rows, rate))
-    name = _element_name(layout, element)
+    name, known = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
+    x, y = name, name
+    if known is not None:
+        d, v = 1e6 * known.length * d, known.length * known.frequency * v
+        x, y = in_figure(in_micrometres(name)), in_metres_per_second(name)
     with styled():
         ax = axes_or_new(ax, (3.6, 3.2))
         ax.plot(d, v, color=BRANCHES[0], linewidth=1.2, gid="section")
-        ax.set_xlabel(f"{name} at " + r"$\tau = 0$")
-        ax.set_ylabel(f"rate of {name}")
+        ax.set_xlabel(f"{x} at " + r"$\tau = 0$")
+        ax.set_ylabel(f"rate of {y} at " + r"$\tau = 0$")
         dress(ax)
     return ax
 
 
 @checked_arguments()
-def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None) -> Axes:
+def torus_spectrum(
+    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, dimensionless: bool = False
+) -> Axes:
     """Draw the spectrum of a torus: amplitudes at the frequencies |k_1 Omega / nu + k_2 Omega_2|.
 
     Parameters
@@ -294,6 +311,8 @@ def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Ax
         Element by number or name; default 0.
     ax : Axes, optional
         Axes to draw on; new ones by default.
+    dimensionless : bool, optional
+        Whether the axes are in the units of the model. By default they are in Hz and um if the model has scales.
 
     Returns
     -------
@@ -319,6 +338,11 @@ def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Ax
     basis = layout.basis
     size = np.abs(basis.to_complex(layout.rows(found.X, element)))
     w = np.abs(basis.k @ np.array([found.parameters["Omega"] / layout.nu, found.parameters["Omega_2"]]))
+    name, known = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
+    frequency = r"frequency, in the unit of $\Omega$"
+    if known is not None:
+        w, size = known.frequency / (2 * np.pi) * w, 1e6 * known.length * size
+        frequency, name = "frequency [Hz]", in_figure(in_micrometres(name))
     shown = size > _LARGEST_SPECTRUM * size[1:].max()
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
@@ -331,8 +355,8 @@ def torus_spectrum(tori: Branch, point: int = -1, element: int | str = 0, ax: Ax
             floor = _LARGEST_SPECTRUM * size[1:].max()
             ax.vlines(w[rows], floor, size[rows], color=colour, linewidth=1.2, label=label, gid=label)
         ax.set_yscale("log")
-        ax.set_xlabel(r"frequency, in the unit of $\Omega$")
-        ax.set_ylabel(f"amplitude of {_element_name(layout, element)}")
+        ax.set_xlabel(frequency)
+        ax.set_ylabel(f"amplitude of {name}")
         dress(ax)
         add_legend(ax)
     return ax

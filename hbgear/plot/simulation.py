@@ -16,6 +16,7 @@ from hbgear.analysis.quantities.axis_quantities import (
     Ordinate,
     factor_of,
     in_figure,
+    in_metres_per_second,
     in_micrometres,
 )
 from hbgear.common.argument_checks import checked_arguments
@@ -226,7 +227,7 @@ def bifurcation(
         ax.set_xlabel(across.label)
         label = _name(s, element)
         if known is not None:
-            label = in_figure(in_micrometres(label)) if not rate else in_micrometres(label).replace("[um]", "[m/s]")
+            label = in_metres_per_second(label) if rate else in_figure(in_micrometres(label))
         ax.set_ylabel(f"{'rate of ' if rate else ''}{label} at " + r"$\tau = 0$")
         dress(ax)
         if own and scaled_axes(ax, across.above):
@@ -237,7 +238,7 @@ def bifurcation(
 
 
 @checked_arguments()
-def basins(found: Basins, ax: Axes | None = None) -> Axes:
+def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None, dimensionless: bool = False) -> Axes:
     """Draw initial states coloured by the attractor that they reach, with the Poincare points of the attractors.
 
     Parameters
@@ -246,6 +247,10 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         Result of `hbgear.time.basins`.
     ax : Axes, optional
         Axes to draw on; new ones by default.
+    model : Model, optional
+        Model, whose scales convert displacements to um, rates to m/s and Omega to r/min.
+    dimensionless : bool, optional
+        Whether the units of the model are kept; default False.
 
     Returns
     -------
@@ -261,33 +266,39 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
     from matplotlib.colors import ListedColormap
 
     count = len(found.attractors)
+    known = None if dimensionless or model is None or not found.element else model.scales
+    units = np.array([1.0, 1.0] if known is None else [1e6 * known.length, known.length * known.frequency])
+    d, v = units[0] * found.d, units[1] * found.v
     with styled():
         ax = axes_or_new(ax, (4.6, 3.9))
-        half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
-        extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
+        half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (d, v))
+        extent = (d[0] - half_d, d[-1] + half_d, v[0] - half_v, v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
-        known = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
-        ax.imshow(known, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
+        shown = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
+        ax.imshow(shown, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
             aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
-            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else aperiodic
+            size = f"{a.rms:.4g}" if known is None else f"{units[0] * a.rms:.4g} {in_figure('[um]')[1:-1]}"
+            name = f"period {a.period}, rms {size}" if a.period else aperiodic
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
             look: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
-            ax.plot(*a.points.T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
+            ax.plot(*(units * a.points).T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
                     label=f"{name}: {a.share:.0%} of initial states", gid=f"attractor {i}", **look)  # fmt: skip
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
         quantity = found.labels.get("amplitude", "element coordinate")
-        x, y = (
-            (quantity, f"rate of {quantity}") if found.element else ("multiple of the first direction", "of the second")
-        )
+        x, y = "multiple of the first direction", "of the second"
+        if found.element:
+            x, y = quantity, f"rate of {quantity}"
+        if known is not None:
+            x, y = in_figure(in_micrometres(quantity)), f"rate of {in_metres_per_second(quantity)}"
         ax.set_xlabel(rf"{x} at $\tau = 0$")
         ax.set_ylabel(rf"{y} at $\tau = 0$")
-        ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
+        ax.set_title(OmegaAxis.of(model, dimensionless).title(found.Omega))
         dress(ax)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, handletextpad=0.3)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), handletextpad=0.3)
     return ax
 
 

@@ -132,3 +132,19 @@ def test_figure_and_table(found, tmp_path):
 def test_a_frequency_in_another_unit_is_told():
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="times the highest natural frequency"):
         hb.time.basins(hb.Duffing(zeta=0.2), 6000.0, shape=(2, 2), settling=SteadyStateSettings(1e-2, 20))
+
+
+def test_units_of_the_figure():
+    """Displacements in um, rates in m/s and the frequency in r/min are Scales times the numbers of the model."""
+    model = hb.SpurPair(e=(0.1,), reference=(38000.0, 37.6e-6, 15000.0, 25))
+    few = basins(model, 0.65, (-2, 3), (-1.5, 1.5), (3, 2))
+    plain, ax = plot.basins(few, model=model, dimensionless=True), plot.basins(few, model=model)
+    assert ax.get_xlabel().startswith("gap [\N{MICRO SIGN}m]") or "[\N{MICRO SIGN}m]" in ax.get_xlabel()
+    assert "[m/s]" in ax.get_ylabel() and ax.get_title() == f"{0.65 * model.scales.pinion_speed(1.0):.5g} r/min"
+    assert plain.get_title() == r"$\Omega$ = 0.65"
+    rate = 37.6e-6 * 38000.0  # m/s
+    for now, before, unit in ((ax.get_xlim(), plain.get_xlim(), 37.6), (ax.get_ylim(), plain.get_ylim(), rate)):
+        np.testing.assert_allclose(now, unit * np.array(before), rtol=1e-12)
+    for now, before in zip(ax.lines, plain.lines, strict=True):
+        np.testing.assert_allclose(now.get_xydata(), before.get_xydata() * [37.6, rate], rtol=1e-12)
+    plt.close("all")

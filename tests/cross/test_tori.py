@@ -15,7 +15,8 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.autonomous.tori import ends
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.branch import require_free_rotation
-from hbgear.harmonic.autonomous.tori.ends import named_end
+from hbgear.harmonic.autonomous.tori.ends import locking_remark
+from hbgear.mechanics.structures.scales import Scales
 
 CIRCLES = {
     1.12: (0.08538421776875502, 0.3573361101504505, 1.4217762117117727),
@@ -151,6 +152,25 @@ def test_figures(curve, tori):
     plt.close("all")
 
 
+def test_sections_and_spectra_in_physical_units(tori, monkeypatch):
+    """Coordinates, rates and frequencies are those of the model times the units of `Scales`."""
+    known = Scales(frequency=2e4, length=5e-5, force=1e3, teeth=25)
+    (plain,) = hb.plot.torus_section(tori, 10).lines
+    lines = hb.plot.torus_spectrum(tori, 10).collections
+    monkeypatch.setattr("hbgear.plot.free_motions.scales_at", lambda branch, row: known)
+    ax = hb.plot.torus_section(tori, 10)
+    np.testing.assert_allclose(ax.lines[0].get_xydata(), plain.get_xydata() * [50.0, 1.0], rtol=1e-12)
+    assert "[\N{MICRO SIGN}m]" in ax.get_xlabel() and "[m/s]" in ax.get_ylabel()
+    ax = hb.plot.torus_spectrum(tori, 10)
+    for now, before in zip(ax.collections, lines, strict=True):
+        for one, other in zip(now.get_segments(), before.get_segments(), strict=True):
+            np.testing.assert_allclose(one, other * [2e4 / (2 * np.pi), 50.0], rtol=1e-12)
+    assert ax.get_xlabel() == "frequency [Hz]"
+    (same,) = hb.plot.torus_section(tori, 10, dimensionless=True).lines
+    np.testing.assert_array_equal(same.get_xydata(), plain.get_xydata())
+    plt.close("all")
+
+
 def test_saved_tori_have_the_same_numbers_measures_and_figures(tori, tmp_path):
     tori.save(tmp_path / "tori.npz")
     again = hb.load(tmp_path / "tori.npz")
@@ -172,6 +192,15 @@ def test_saved_tori_are_continued(curve, tori, tmp_path):
     assert whole["EP1"].parameters["Omega"] == pytest.approx(tori["EP1"].parameters["Omega"], abs=1e-7)
     assert at(whole, 1.2)[-1] == pytest.approx(at(tori, 1.2)[-1], abs=1e-10)
     assert hb.time.verify_torus(hb.load(tmp_path / "part.npz"), periods=50).deviation < 1e-3
+
+
+def test_messages_of_continued_tori(curve, tmp_path, monkeypatch):
+    """The message states for continued tori, too, why the stability is not determined."""
+    part = hb.analysis.torus(curve, "NS1", (1.1, 1.12), harmonics=(5, 4))
+    monkeypatch.setattr("hbgear.harmonic.autonomous.tori.stability.obstacle", lambda problem, parameters: "no growth")
+    whole = hb.extend(part, (1.1, 1.13))
+    count = len(whole) - len(part) + 1
+    assert whole.message.endswith(f"stability not determined at {count} of {count} points: no growth")
 
 
 def test_a_damaged_description_of_tori_is_refused(tori, tmp_path):
@@ -218,8 +247,8 @@ def test_an_end_near_a_simple_rotation_number_is_named_as_locking(tori):
     assert abs(turns - 1 / 11) < 1e-3
     failed = replace(tori, status=hb.Status.STEP_TOO_SMALL, tracked={
         "Omega_2": np.append(tori.tracked["Omega_2"][:-1], turns * tori.values[-1])})  # fmt: skip
-    assert "locking at 1/11" in named_end(failed).message
-    assert "locking" not in named_end(tori).message
+    assert "locking at 1/11" in locking_remark(failed)
+    assert "locking" not in locking_remark(tori)
 
 
 def test_no_torus_leaves_at_a_strong_resonance():

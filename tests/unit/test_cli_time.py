@@ -167,6 +167,8 @@ def test_basins_of_a_pair(run):
     table = np.genfromtxt("basins.csv", delimiter=",", names=True)
     assert len(table) == 30 and set(table["attractor"]) == {0, 1}
     assert os.path.getsize("basins.png") > 10_000
+    code, out, err = run("basins spur-pair --omega 9000r/min --shape 2 2")
+    assert code == 2 and "no scales" in err
     for text, words in (
         ("--omega 0.9", "select one of 'gap L', 'gap R'"),
         ("--omega 0.9 --d 3", "--d 3: need a range"),

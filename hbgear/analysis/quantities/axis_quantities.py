@@ -135,6 +135,27 @@ def in_micrometres(symbol: str, name: str = "") -> str:
     return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
 
 
+def in_metres_per_second(symbol: str) -> str:
+    """Return the label of a rate of a motion with the unit of physical velocities.
+
+    Parameters
+    ----------
+    symbol : str
+        Label of the motion in units of the model.
+
+    Returns
+    -------
+    str
+        Label, without "rate of".
+
+    Examples
+    --------
+    >>> in_metres_per_second("gap / b")
+    'gap [m/s]'
+    """
+    return in_micrometres(symbol).replace(f"[{MICROMETRE}]", "[m/s]")
+
+
 def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
     """Return the kind of motions of a branch in a response figure.
 
@@ -251,6 +272,10 @@ class OmegaAxis:
     def text(self, Omega: float, digits: int = 6) -> str:
         """Return the value with its unit, such as "9000 r/min", or "Omega = 0.8"."""
         return f"{self.number(Omega, digits)} r/min" if self.is_speed else f"Omega = {self.number(Omega, digits)}"
+
+    def title(self, Omega: float) -> str:
+        """Return `text` in the notation of figures, with five digits."""
+        return self.text(Omega, 5).replace("Omega", r"$\Omega$")
 
 
 class Abscissa:

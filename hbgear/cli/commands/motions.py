@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of
+from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, factor_of
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.options import (
@@ -37,7 +37,7 @@ from hbgear.cli.support import (
     range_of,
 )
 from hbgear.common.text.symbols import unit_of
-from hbgear.harmonic.models.frequency_units import length_scale
+from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales_at
 from hbgear.io.branches.columns import bracketed, label_of
 
 ROWS = 8
@@ -105,6 +105,7 @@ def cycles(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Compute Hopf points of the equilibrium over a parameter, and trace the limit cycles from the first one.
 
@@ -117,14 +118,17 @@ def cycles(
     points = hb.analysis.hopf_points(machine, name, span)
     if not points:
         raise ValueError(f"--in {within}: no Hopf point: no pair of eigenvalues crosses the imaginary axis there")
-    print_table([name, "Omega"], [[f"{one.value:.8g}", f"{one.Omega:.8g}"] for one in points], "Hopf points")
+    known = None if dimensionless else machine.scales
+    unit, header = (1.0, "Omega") if known is None else (known.frequency / (2 * np.pi), "Omega [Hz]")
+    headers = [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", header]
+    print_table(headers, [[f"{one.value:.8g}", f"{unit * one.Omega:.8g}"] for one in points], "Hopf points")
     found = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
     with outputs() as out:
         out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.response(found, measure, which))
+        out.figure(plot, lambda drawing: drawing.response(found, measure, which, dimensionless=dimensionless))
         print(f"limit cycles from {name} = {points[0].value:.6g}: {len(found)} points; {found.message}")
-        _show_frequencies(found, "Omega", measure, which)
-        show_branch(found, measure, which)
+        _show_frequencies(found, "Omega", measure, which, dimensionless)
+        show_branch(found, measure, which, dimensionless=dimensionless)
     raise typer.Exit(exit_code(found))
 
 
@@ -138,6 +142,7 @@ def torus(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Trace the quasi-periodic motions that leave a saved curve at a Neimark-Sacker point; --plot draws both.
 
@@ -153,10 +158,11 @@ def torus(
     found = hb.extend(branch, span) if loaded else hb.analysis.torus(branch, label, span)
     with outputs() as out:
         out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.responses([found] if loaded else [branch, found], measure, which))
+        shown = [found] if loaded else [branch, found]
+        out.figure(plot, lambda drawing: drawing.responses(shown, measure, which, dimensionless=dimensionless))
         origin = f"{len(branch)} points of {file} continued" if loaded else f"tori from {label} of {file}"
         print(f"{origin}: {len(found)} points; {found.message}")
-        _show_frequencies(found, "Omega_2", measure, which)
+        _show_frequencies(found, "Omega_2", measure, which, dimensionless)
     raise typer.Exit(exit_code(found))
 
 
@@ -216,10 +222,11 @@ def _some(count: int) -> list[int]:
     return sorted(set(np.linspace(0, count - 1, min(ROWS, count)).round().astype(int).tolist()))
 
 
-def _show_frequencies(found: hb.Branch, frequency: str, measure: str, element: int | str) -> None:
+def _show_frequencies(found: hb.Branch, frequency: str, measure: str, element: int | str, dimensionless: bool) -> None:
     """Print the parameter, the unknown frequency and the amplitude at some points of a branch."""
-    heights = found.amplitude(measure, element)
-    rows = [
-        [f"{found.values[i]:.6g}", f"{found.tracked[frequency][i]:.6g}", f"{heights[i]:.5g}"] for i in _some(len(found))
-    ]
-    print_table([found.parameter, frequency, measure], rows)
+    across, height = Abscissa([found], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
+    known = None if dimensionless else scales_at(found, 0)
+    unit, name = (1.0, frequency) if known is None else (known.frequency / (2 * np.pi), f"{frequency} [Hz]")
+    x, y, heights = across.along(found), unit * found.tracked[frequency], height.along(found)
+    rows = [[f"{x[i]:.6g}", f"{y[i]:.6g}", f"{heights[i]:.5g}"] for i in _some(len(found))]
+    print_table([PINION if across.scale != 1 else found.parameter, name, height.header(found)], rows)

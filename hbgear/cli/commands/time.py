@@ -36,8 +36,9 @@ from hbgear.cli.options import (
     Within,
 )
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
-from hbgear.cli.quantities import number_of
+from hbgear.cli.quantities import Omega_of, is_number, number_of
 from hbgear.cli.support import check_landing, chosen_model, element_of, path_of, problem_in
+from hbgear.common.units import to_si
 from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales
 
 DISAGREES = 1
@@ -183,10 +184,15 @@ def sweep(
 
 def basins(
     model: Model,
-    omega: Annotated[float, typer.Option(help="Excitation frequency.")],
+    omega: Annotated[str, typer.Option(help="Frequency: Omega, or a speed such as 9000r/min or 2500Hz.")],
     changes: Changes = None,
-    d: Annotated[str, typer.Option(metavar="FROM:TO", help="Range of the initial element coordinate.")] = "-2:2",
-    v: Annotated[str, typer.Option(metavar="FROM:TO", help="Range of its initial rate.")] = "-2:2",
+    d: Annotated[
+        str,
+        typer.Option(metavar="FROM:TO", help="Range of the initial element coordinate, such as -2:2 or -80um:80um."),
+    ] = "-2:2",
+    v: Annotated[
+        str, typer.Option(metavar="FROM:TO", help="Range of its initial rate, such as -2:2 or -1m/s:1m/s.")
+    ] = "-2:2",
     shape: Annotated[tuple[int, int], typer.Option(help="Number of initial states along each range.")] = (60, 60),
     element: Annotated[
         str | None, typer.Option(help="Element of the coordinate, by number or name; required if there are several.")
@@ -209,35 +215,39 @@ def basins(
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
-    spans = _ends("--d", d), _ends("--v", v)
+    at, known = Omega_of(machine, "--omega", omega), machine.scales
+    length, rate = (None, None) if known is None else (known.length, known.length * known.frequency)
+    spans = _ends("--d", d, "m", length), _ends("--v", v, "m/s", rate)
     settling, which = (
         SteadyStateSettings(tolerance, max_periods, min(16, max_periods)),
         None if element is None else element_of(element),
     )
     with bar("basins") as progress:
         found = hb.time.basins(
-            machine, omega, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
+            machine, at, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
         )
     with outputs() as out:
         out.write(output, found.export)
-        out.figure(plot, lambda drawing: drawing.basins(found))
-        length = None if dimensionless else length_scale(machine, {})
-        size, at = f"rms{'' if length is None else ' [um]'}", OmegaAxis.of(machine, dimensionless).text(omega)
+        out.figure(plot, lambda drawing: drawing.basins(found, model=machine, dimensionless=dimensionless))
+        length = None if dimensionless else length
+        size, where = f"rms{'' if length is None else ' [um]'}", OmegaAxis.of(machine, dimensionless).text(at)
         rows = [
             [str(a.period or "not periodic"), f"{factor_of('rms', length) * a.rms:.5g}", f"{a.share:.2%}"]
             for a in found.attractors
         ]
-        print_table(["period", size, "fraction of initial states"], rows, f"motions at {at}")
+        print_table(["period", size, "fraction of initial states"], rows, f"motions at {where}")
         print(found.message)
     raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
 
 
-def _ends(option: str, text: str) -> tuple[float, float]:
-    """Return the ends of a range FROM:TO."""
+def _ends(option: str, text: str, unit: str, size: float | None) -> tuple[float, float]:
+    """Return the ends of a range FROM:TO, numbers or quantities; size [unit]: unit of the model, None if unknown."""
     low, colon, high = text.partition(":")
     if not colon:
         raise ValueError(f"{option} {text}: need a range, such as {option} -2:2")
-    return number_of(option, low), number_of(option, high)
+    if size is None or (is_number(low) and is_number(high)):
+        return number_of(option, low), number_of(option, high)
+    return to_si(option, "an end", low, unit) / size, to_si(option, "an end", high, unit) / size
 
 
 def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, dimensionless: bool) -> None:

@@ -29,7 +29,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``own_trace`` | a continuation of its own, where the equations change along a curve | that of `trace` |
 | ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | one point at a time |
 | ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
-| ``postprocess`` | additions to a finished branch | none |
+| ``postprocess``, ``remarks`` | additions to a finished branch, and to its message | none |
 | ``describe`` | plain data for the header of a file | none |
 """
 
@@ -330,6 +330,10 @@ class ContinuationProblem:
         ``observed`` holds the monitored quantities of its points; it is empty for a branch that continues another one.
         """
         return branch
+
+    def remarks(self, branch: Branch) -> Sequence[str]:
+        """Return sentences about a finished branch that its message contains; by default none."""
+        return ()
 
     def describe(self) -> dict[str, Any]:
         """Return plain data for the header of a file; by default none."""

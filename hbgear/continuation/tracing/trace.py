@@ -424,7 +424,8 @@ class Tracer:
     def _result(self) -> Branch:
         """Return the branch with its final status and message."""
         branch, termination = self._branch or self._build_branch(), self.state.termination
-        texts = termination.message_with_advice, self._coverage_message, self.setup.work.message
+        remarks = self.state.largest.remarks(replace(branch, status=termination.status)) if len(branch) else ()
+        texts = termination.message_with_advice, *remarks, self._coverage_message, self.setup.work.message
         message = "; ".join(text for text in texts if text)
         if not self.others and (branch.status, branch.message) == (termination.status, message):
             return branch

@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import Model
+from hbgear.mechanics.structures.scales import Scales
 
 MESH, PINION = "mesh Hz", "pinion r/min"
 """Keys of the mesh frequency [Hz] and the pinion speed [r/min]."""
@@ -51,6 +52,12 @@ def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float 
     if model is not None and own is not None and parameters:
         own = model.at(parameters).scales
     return None if own is None else own.length
+
+
+def scales_at(branch: Branch, row: int) -> Scales | None:
+    """Return the scales of the model at a point of a branch; None if it has none."""
+    model = model_of(branch)
+    return None if model is None or model.scales is None else model.at(branch.parameters_at(row)).scales
 
 
 def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:

@@ -25,10 +25,8 @@ from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.ends import named_end
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
-from hbgear.harmonic.autonomous.tori.stability import with_stability_message
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.series.fourier import to_complex
@@ -150,7 +148,7 @@ def torus(
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
     usual = {"cover": False, "accuracy": None}
-    return with_stability_message(named_end(trace(problem, name, ends, begin, **(usual | options))))
+    return trace(problem, name, ends, begin, **(usual | options))
 
 
 def _disturbance(balance: HarmonicBalance, X: Array, at: dict[str, float], name: str) -> tuple[ComplexArray, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -77,14 +76,13 @@ def smoothness_event() -> Event:
     return _SmoothnessEvent("SM", margin, "end: the spectrum of the torus does not decay", "x", terminal=True)
 
 
-def named_end(tori: Branch) -> Branch:
-    """Return the branch with a message that names locking as the reason of its end, if it ended near a resonance."""
+def locking_remark(tori: Branch) -> str:
+    """Return a sentence that names locking as the reason of the end of a branch, if it ended near a resonance."""
     last, name = tori[-1].parameters, tori.parameter
     turns = last[SECOND] * tori.problem.balance.nu / last["Omega"]
     near = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
     failed = tori.status in (Status.STEP_TOO_SMALL, Status.EVENT)
     if not failed or abs(turns - near) > LOCKING_DISTANCE:
-        return tori
+        return ""
     where = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
-    locking = f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"
-    return replace(tori, message=f"{tori.message}; {locking}")
+    return f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"

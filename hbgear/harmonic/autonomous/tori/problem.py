@@ -28,10 +28,11 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, smoothness_event
+from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, locking_remark, smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import SECOND, TorusLayout
-from hbgear.harmonic.autonomous.tori.stability import growth_of
+from hbgear.harmonic.autonomous.tori.stability import growth_of, stability_remark
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model, describe
@@ -334,6 +335,10 @@ class TorusProblem(ContinuationProblem):
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return the ends of a branch of tori: a periodic motion, or a spectrum that does not decay."""
         return TorusMergeEvent(), smoothness_event()
+
+    def remarks(self, branch: Branch) -> Sequence[str]:
+        """Return locking as the reason of the end, and where the stability is not determined."""
+        return [text for text in (locking_remark(branch), stability_remark(branch)) if text]
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

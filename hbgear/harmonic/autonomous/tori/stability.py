@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,17 +114,17 @@ def growth_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Growth
         coarse = fine if steps > 2 else _rate(_Flow(problem, cut, parameters, steps))
 
 
-def with_stability_message(tori: Branch) -> Branch:
-    """Return a branch whose message states where, and why, the stability is not determined."""
+def stability_remark(tori: Branch) -> str:
+    """Return a sentence that states where, and why, the stability of a branch is not determined."""
     if tori.multipliers is None:
-        return tori
+        return ""
     unsure = np.isin(tori.stability_codes, (UNDECIDED, UNKNOWN))
     unsure[[point.index for point in tori.special if point.kind == "EP"]] = False  # a Neimark-Sacker point is neutral
     open_ = int(np.count_nonzero(unsure))
     if not open_:
-        return tori
+        return ""
     reason = obstacle(tori.problem, tori.parameters_at(0)) or "disturbances change by less than the error of the growth"
-    return replace(tori, message=f"{tori.message}; stability not determined at {open_} of {len(tori)} points: {reason}")
+    return f"stability not determined at {open_} of {len(tori)} points: {reason}"
 
 
 def obstacle(problem: Any, parameters: Mapping[str, float]) -> str:

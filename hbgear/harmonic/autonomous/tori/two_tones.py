@@ -32,7 +32,7 @@ from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import smoothness_event
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
-from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights, with_stability_message
+from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights, stability_remark
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
@@ -205,6 +205,10 @@ class TwoToneProblem(TorusProblem):
         """Return the end at which the spectrum does not decay."""
         return (smoothness_event(),)
 
+    def remarks(self, branch: Branch) -> Sequence[str]:
+        """Return where the stability is not determined; the ratio is given, so that no frequencies lock."""
+        return [text for text in (stability_remark(branch),) if text]
+
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file, with the second excitation."""
         out = super().describe()
@@ -360,4 +364,4 @@ def two_tones(
     True
     """
     problem = TwoToneProblem(model, ratio, load, elements, harmonics, dense, band, half)
-    return with_stability_message(trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options)))
+    return trace(problem, parameter, span, **({"cover": False, "accuracy": None} | options))
