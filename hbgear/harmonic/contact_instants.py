@@ -262,22 +262,39 @@ class ContactInstants(HarmonicBalance):
     ) -> Branch:
         """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
 
-        With ``cover``, a curve that turns back to its start is followed from the other end as well.
+        With ``cover``, a curve that turns back to its start is followed from the other end as well, and a curve without
+        a first solution from there only.
         """
-        branch = self._followed(span, start, settings)
+        covers = cover and start is None
+        branch, first = self._first_curve(span, start, settings, covers)
+        if not covers:
+            return branch
         others: tuple[Branch, ...] = ()
-        if cover and start is None and branch.status is Status.LEFT_SPAN:
+        if branch.status is Status.LEFT_SPAN and first == span:
             with suppress(NoConvergence):
                 others = (self._followed(span[::-1], None, settings),)
-        if not cover or start is not None:
-            return branch
-        texts = branch.message, coverage_message(branch, others, span)
+        no_start = f"no solution was found at {settings.parameter} = {span[0]:.6g}: followed from the other end"
+        texts = branch.message, "" if first == span else no_start, coverage_message(branch, others, span)
         return replace(branch, others=others, message="; ".join(text for text in texts if text))
 
-    def _followed(self, span: tuple[float, float], start: Any, settings: Any) -> Branch:
-        """Return one curve of exact motions, with its jumps."""
+    def _first_curve(
+        self, span: tuple[float, float], start: Any, settings: Any, both: bool
+    ) -> tuple[Branch, tuple[float, float]]:
+        """Return a curve and its span: from either end if ``both``, found with more harmonics if H is too low."""
+        failure: NoConvergence | None = None
+        for doublings in range(1 if start is not None else 1 + MAX_START_DOUBLINGS):
+            for ends in (span, span[::-1]) if both else (span,):
+                try:
+                    return self._followed(ends, start, settings, doublings), ends
+                except NoConvergence as error:
+                    failure = failure or error
+        assert failure is not None
+        raise failure
+
+    def _followed(self, span: tuple[float, float], start: Any, settings: Any, doublings: int = 0) -> Branch:
+        """Return one curve of exact motions, with its jumps; its first motion by 2^doublings H harmonics."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
-        state, direction = self._first_state(setup, start)
+        state, direction = self._first_state(setup, start, doublings)
         ends = setup.span.start, setup.span.end
         follower = Follower(
             self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, settings.special,
@@ -296,7 +313,7 @@ class ContactInstants(HarmonicBalance):
         )
         return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
 
-    def _first_state(self, setup: Any, start: Any) -> tuple[CurveState, Array | None]:
+    def _first_state(self, setup: Any, start: Any, doublings: int) -> tuple[CurveState, Array | None]:
         """Return the first state of a curve, and its direction if the start gives one."""
         name = setup.name
         value = (
@@ -304,24 +321,12 @@ class ContactInstants(HarmonicBalance):
         )
         here = setup.parameters_at(value)
         if start is None:
-            return self._state_from_balance(name, here), None
+            problem = cast(ContactInstants, self.with_order(self.nu, self.H << doublings)) if doublings else self
+            return problem._exact_state(problem.balance.start(**here), name, here), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and start.away:
             return self._doubled_start(start, name, here)
         return self._exact_state(self.resized(X), name, here), None
-
-    def _state_from_balance(self, name: str, here: dict[str, float]) -> CurveState:
-        """Return an exact motion near a solution of the balance, with more harmonics if H is too low for contacts."""
-        failure: NoConvergence | None = None
-        problem = self
-        for _ in range(1 + MAX_START_DOUBLINGS):
-            try:
-                return problem._exact_state(problem.balance.start(**here), name, here)
-            except NoConvergence as error:
-                failure = failure or error
-            problem = cast(ContactInstants, problem.with_order(self.nu, 2 * problem.H))
-        assert failure is not None
-        raise failure
 
     def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
         """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.

@@ -6,6 +6,7 @@ from the same physical model; the folds of the spur pair were enclosed in interv
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,26 @@ SPECIAL_POINTS = [
 """Kind, Omega and multipliers of all special points from Omega = .5 to 2.2."""
 
 
+SPECIAL_POINTS_WITHOUT_GAP = [
+    ("PD", 1.2561),
+    ("PD", 0.9968),
+    ("GR", 0.9904),
+    ("PD", 0.852),
+    ("PD", 0.6948),
+    ("GR", 0.6339),
+    ("LP", 0.6339),
+    ("LP", 0.674),
+    ("PD", 0.6381),
+    ("PD", 0.5373),
+    ("GR", 0.4772),
+    ("LP", 0.4772),
+    ("LP", 0.5257),
+    ("PD", 0.5148),
+    ("PD", 0.4407),
+]
+"""Kind and Omega of all special points for k = 1e4, gap 0, damping .04 and load .1 from Omega = 2.3 to .4."""
+
+
 def stop(k: float = 1e3, gap: float = 0.5) -> hb.System:
     """Return a mass with a stop."""
     element = hb.Element([1.0], hb.Unilateral(k=k, gap=gap), name="stop")
@@ -54,6 +75,17 @@ def test_all_special_points_of_a_hard_stop(curve: hb.Branch) -> None:
         if multipliers is not None:
             assert point.multipliers is not None
             np.testing.assert_allclose(np.sort_complex(point.multipliers), np.sort(multipliers), atol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_curve_without_a_first_motion_is_followed_from_the_other_end() -> None:
+    """The balance with H = 32 finds no motion at Omega = .4; the curve from 2.3 covers the span."""
+    hard = replace(stop(1e4, 0.0), C=[[0.04]], load=hb.Load(cosine={1: [0.1]}))
+    curve = hb.trace(hb.ContactInstants(hard, 32), "Omega", (0.4, 2.3))
+    assert curve.status is hb.Status.REACHED_END and curve.values[-1] == pytest.approx(0.4)
+    assert "no solution was found at Omega = 0.4: followed from the other end" in curve.message
+    found = [(point.kind, round(point.parameters["Omega"], 4)) for point in curve.special]
+    assert found == SPECIAL_POINTS_WITHOUT_GAP
 
 
 def test_first_grazing_is_the_linear_response(curve: hb.Branch) -> None:
