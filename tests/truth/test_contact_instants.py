@@ -194,6 +194,15 @@ def test_multipliers_of_a_contracting_pair_are_no_second_frequency() -> None:
     assert results.machines["two masses"] == 1 and not results.ended and not results.alone
 
 
+def test_two_neimark_sacker_points_within_one_step() -> None:
+    """Two masses with a stop: the pair leaves the unit circle for .003 in Omega, and its test function is .0005 before."""
+    from studies.contact.discretisations import Results, compare, machine
+
+    results = Results()
+    compare(results, "two masses", *machine("two masses", np.random.default_rng([41, 3, 20])))
+    assert not results.ended and not [point for point in results.alone if "NS" in point]
+
+
 def test_both_discretisations_have_the_same_special_points() -> None:
     """One machine of each kind of the study; the study itself compares a thousand."""
     from studies.contact.discretisations import SAME, report, run

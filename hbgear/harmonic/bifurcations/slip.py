@@ -22,6 +22,10 @@ from hbgear.continuation.problem.base import ContinuationProblem
 SAME_SLIP_FRACTION = 1e-6
 """Fraction of a segment up to which several sliders begin to slip at the same point."""
 
+SLIP_LOCATION_TOLERANCE = 1e-10
+"""Tolerance of a first slip, as a fraction of a segment of at most .1: 1e-11 in the parameter, far below the truncation
+error. The margin has a kink where the number of sticking intervals changes, at which each digit costs three points."""
+
 
 class SlipEvent(Event):
     """First slip: a friction slider begins to slip somewhere in the period, or slips no longer.
@@ -57,7 +61,7 @@ class SlipEvent(Event):
                     known = problem.slip_margins(point.X, **{**segment.parameters, segment.name: point.value})
                 return float(known[which])
 
-            event = locate_root(segment, self, test, problem.slider_names[i])
+            event = locate_root(segment, self, test, problem.slider_names[i], SLIP_LOCATION_TOLERANCE)
             if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
                 located.append(event)
         return located

@@ -52,6 +52,9 @@ by 18 degrees needs a correction of .16."""
 LONG_STEP, NEAR_DOUBLING = 0.02, 0.6
 """Step, and distance of a multiplier from -1, from which the middle of a step is tested for two period doublings."""
 
+INTERIOR_FRACTIONS = (0.25, 0.5, 0.75)
+"""Fractions of a step at which it is tested for two Neimark-Sacker points."""
+
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
 
@@ -149,17 +152,19 @@ class Follower:
             length = self._limited(last, self.step)
             try:
                 point, samples, missed, border = self._solved(last, length)
-                if self._turns(last, point):
+                if _turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
                 if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_POLYNOMIAL_CHANGE:
                     raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
                 if missed:
                     self._open(last, point, missed)
                     return
-                if self._strays(last, point, length):
+                if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
                 if length > LONG_STEP and self._hides_doublings(last, point):
                     raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
+                if self._hides_torus_bifurcations(last, point, length):
+                    raise NoConvergence("two Neimark-Sacker points lie in a step", last.state.z, {}, [])
                 found = [] if self._leaves(point) else self._special(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
@@ -231,14 +236,6 @@ class Follower:
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
 
-    def _strays(self, last: ExactPoint, point: ExactPoint, length: float) -> bool:
-        """Return whether the correction is too large for the step: the point lies on another part of the curve."""
-        if last.state.pattern != point.state.pattern:
-            return False
-        guess = last.state.z + length * last.tangent * last.scale
-        correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
-        return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
-
     def _hides_doublings(self, last: ExactPoint, point: ExactPoint) -> bool:
         """Return whether a multiplier passes -1 and returns between two points."""
         a, b = last.tests["PD"], point.tests["PD"]
@@ -246,13 +243,20 @@ class Follower:
             return False
         return point_between(self.family, last, point, 0.5).tests["PD"] * a < 0
 
-    def _turns(self, last: ExactPoint, point: ExactPoint) -> bool:
-        """Return whether the tangent turns too far between two points of one pattern."""
-        if last.state.pattern != point.state.pattern:
+    def _hides_torus_bifurcations(self, last: ExactPoint, point: ExactPoint, length: float) -> bool:
+        """Return whether a pair of multipliers leaves the unit circle and returns between two points.
+
+        The step is tested if the test function, extrapolated from the step before, changes its sign in it.
+        """
+        if len(self.curve.points) < 2 or not self.special:
             return False
-        t = point.tangent * point.scale / last.scale
-        cosine = float(last.tangent @ t) / float(np.linalg.norm(t))
-        return cosine < LARGEST_TURN_COSINE
+        before, step = self.curve.points[-2], self.curve.steps[-1]
+        if not before.state.pattern == last.state.pattern == point.state.pattern or not step:
+            return False
+        a, b, c = (one.tests["NS"] for one in (before, last, point))
+        if b * c <= 0 or (b + (b - a) * length / step) * b > 0:
+            return False
+        return any(point_between(self.family, last, point, s).tests["NS"] * b < 0 for s in INTERIOR_FRACTIONS)
 
     # ---- grazing
 
@@ -372,23 +376,42 @@ class Follower:
         if len(curve.points) >= self.max_points:
             curve.status = Status.MAX_POINTS
             curve.message = f"{len(curve.points)} points, at {self.name} = {curve.points[-1].state.value:.6g}"
-        elif self._is_closed():
+        elif _is_closed(curve):
             curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
         return bool(curve.message)
 
-    def _is_closed(self) -> bool:
-        """Return whether the last step passed the first point in its direction."""
-        points = self.curve.points
-        if len(points) < 5 or points[0].state.pattern != points[-1].state.pattern or (
-            points[-2].state.pattern != points[-1].state.pattern
-        ):  # fmt: skip
-            return False
-        first, last, before = points[0], points[-1], points[-2]
-        offset, chord = ((p.state.z - before.state.z) / last.scale for p in (first, last))
-        length = float(np.linalg.norm(chord))
-        s = float(offset @ chord) / length**2
-        away = float(np.linalg.norm(offset - s * chord))
-        return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+def _strays(last: ExactPoint, point: ExactPoint, length: float) -> bool:
+    """Return whether the correction is too large for the step: the point lies on another part of the curve."""
+    if last.state.pattern != point.state.pattern:
+        return False
+    guess = last.state.z + length * last.tangent * last.scale
+    correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
+    return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
+
+
+def _turns(last: ExactPoint, point: ExactPoint) -> bool:
+    """Return whether the tangent turns too far between two points of one pattern."""
+    if last.state.pattern != point.state.pattern:
+        return False
+    t = point.tangent * point.scale / last.scale
+    cosine = float(last.tangent @ t) / float(np.linalg.norm(t))
+    return cosine < LARGEST_TURN_COSINE
+
+
+def _is_closed(curve: ExactCurve) -> bool:
+    """Return whether the last step passed the first point in its direction."""
+    points = curve.points
+    if len(points) < 5 or points[0].state.pattern != points[-1].state.pattern or (
+        points[-2].state.pattern != points[-1].state.pattern
+    ):  # fmt: skip
+        return False
+    first, last, before = points[0], points[-1], points[-2]
+    offset, chord = ((p.state.z - before.state.z) / last.scale for p in (first, last))
+    length = float(np.linalg.norm(chord))
+    s = float(offset @ chord) / length**2
+    away = float(np.linalg.norm(offset - s * chord))
+    return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
 
 
 def _at_value(size: int) -> Array:
