@@ -61,6 +61,13 @@ def stop(k: float = 1e3, gap: float = 0.5) -> hb.System:
     return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
 
 
+def two_equal_masses(k: float = 10.0) -> hb.System:
+    """Return two coupled masses with equal stops and loads; the symmetric motion is that of one mass."""
+    stops = [hb.Element(row, hb.Unilateral(k=k, gap=0.5), name=f"stop {i + 1}") for i, row in enumerate(np.eye(2))]
+    K = [[1.5, -0.5], [-0.5, 1.5]]
+    return hb.System(np.eye(2), 0.1 * np.eye(2), K, stops, hb.Load(cosine={1: [0.3, 0.3]}))
+
+
 @pytest.fixture(scope="module")
 def curve() -> hb.Branch:
     """Curve of the stop through four grazing points."""
@@ -86,6 +93,30 @@ def test_a_curve_without_a_first_motion_is_followed_from_the_other_end() -> None
     assert "no solution was found at Omega = 0.4: followed from the other end" in curve.message
     found = [(point.kind, round(point.parameters["Omega"], 4)) for point in curve.special]
     assert found == SPECIAL_POINTS_WITHOUT_GAP
+
+
+def test_contacts_of_a_symmetric_machine_begin_and_end_together() -> None:
+    """Two equal masses move as one; they touch and leave their stops at the same instants, also at grazing points."""
+    one = hb.trace(hb.ContactInstants(stop(10.0), 8), "Omega", (0.5, 2.2))
+    two = hb.trace(hb.ContactInstants(two_equal_masses(), 8), "Omega", (0.5, 2.2))
+    assert two.status is hb.Status.REACHED_END and len(one.special) == 6
+    assert [point.label for point in two.special] == [point.label for point in one.special]
+    for alone, both in zip(one.special, two.special, strict=True):
+        assert abs(alone.parameters["Omega"] - both.parameters["Omega"]) < 1e-12
+        for mu in alone.multipliers:  # the others belong to the disturbance of opposite motions
+            assert np.abs(both.multipliers - mu).min() < 1e-7
+    assert two["GR2"].note == "highest of stop 1 at 0.5, highest of stop 2 at 0.5"
+
+
+@pytest.mark.slow
+def test_a_fold_of_the_double_helical_pair() -> None:
+    """24 coordinates, stiffness that varies in time, two gaps that lose contact together; harmonic balance, H = 64."""
+    pair = hb.gears.DoubleHelicalPair(zeta=0.05)
+    balance = hb.trace(hb.HarmonicBalance(pair, 64), "Omega", (0.9, 0.867))
+    exact = hb.trace(hb.ContactInstants(pair, 16), "Omega", (0.87, 0.868), start=balance.at(0.87)[0])
+    (fold,) = (point for point in exact.special if point.kind == "LP")
+    assert abs(fold.parameters["Omega"] - balance["LP1"].parameters["Omega"]) < 1e-9
+    assert np.abs(fold.multipliers - 1).min() < 1e-6
 
 
 def test_first_grazing_is_the_linear_response(curve: hb.Branch) -> None:
@@ -165,7 +196,11 @@ def test_smooth_law_is_refused() -> None:
         hb.ContactInstants(hb.Duffing())
 
 
-@pytest.mark.parametrize("model", [stop(), hb.SpurPair(eps=(0.1,), e=(0.05,))], ids=["constant", "varying"])
+@pytest.mark.parametrize(
+    "model",
+    [stop(), hb.SpurPair(eps=(0.1,), e=(0.05,)), two_equal_masses(1e3)],
+    ids=["constant", "varying", "simultaneous"],
+)
 def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
     """Central differences of the residual; the stop has a short contact whose equation is divided."""
     from hbgear.harmonic.instants.corrector import CurveState

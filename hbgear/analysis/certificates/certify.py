@@ -26,7 +26,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.contact_instants import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.checking import sample_gaps
-from hbgear.harmonic.instants.corrector import CurveState, shrinking_contacts
+from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.grazing import without_contacts
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
@@ -210,11 +210,11 @@ def _at_whole_turn(at: EquationsAt, iterate: Iterate) -> Iterate:
 
 def _grazing(at: EquationsAt, iterate: Iterate) -> tuple[Iterate, tuple[int, int, int, int], float]:
     """Return the motion without the contact that grazes, the contact, and its phase."""
-    durations = iterate.durations(at.period)
-    short = [i for i in shrinking_contacts(iterate.pattern) if durations[i] < VANISHING_DURATION * at.period]
-    if short:
-        i = min(short, key=lambda i: float(durations[i]))
-        state, contacts = without_contacts(lambda _: at, CurveState.of(iterate, at.Omega), [i])
+    visits = iterate.pattern.visits()
+    durations = iterate.visit_durations(visits, at.period)
+    if durations.min(initial=np.inf) < VANISHING_DURATION * at.period:
+        shortest = visits[int(np.argmin(durations))]
+        state, contacts = without_contacts(lambda _: at, CurveState.of(iterate, at.Omega), [shortest])
         iterate, t, switch = state.iterate, contacts[0].t, contacts[0].switch
         element, breakpoint, side = switch
     else:

@@ -168,19 +168,13 @@ def _failed(state: CurveState) -> NoConvergence:
     )
 
 
-def shrinking_contacts(pattern: Pattern) -> list[int]:
-    """Return the segments that begin and end at the same breakpoint, and vanish at a grazing."""
-    K = pattern.count
-    return [i for i in range(K) if K > 1 and pattern.switches[i].opposite(pattern.switches[(i + 1) % K])]
-
-
 def _factor(family: Family, state: CurveState, step: Array) -> float:
     """Return the factor of a step that takes at most a part of the duration of each contact."""
-    contacts = shrinking_contacts(state.pattern)
-    if not contacts:
+    visits = state.pattern.visits()
+    if not visits:
         return 1.0
     period = family(state.value).period
-    before, after = (s.iterate.durations(period)[contacts] for s in (state, state.moved(state.z + step)))
+    before, after = (s.iterate.visit_durations(visits, period) for s in (state, state.moved(state.z + step)))
     loss = (before - after) / np.maximum(MAX_SEGMENT_LOSS * np.abs(before), np.finfo(float).tiny)
     return float(1.0 / max(1.0, loss.max()))
 

@@ -23,10 +23,11 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.checking import MissedCrossing, Samples, sample_gaps
-from hbgear.harmonic.instants.corrector import CurveState, Family, shrinking_contacts
+from hbgear.harmonic.instants.corrector import CurveState, Family
 from hbgear.harmonic.instants.critical import ExactPoint, exact_point, point_between, special_points
 from hbgear.harmonic.instants.grazing import (
     GRAZING_DURATION,
+    SIMULTANEOUS_DURATION,
     Grazing,
     GrazingPoint,
     locate_grazing,
@@ -54,6 +55,10 @@ LONG_STEP, NEAR_DOUBLING = 0.02, 0.6
 
 INTERIOR_FRACTIONS = (0.25, 0.5, 0.75)
 """Fractions of a step at which it is tested for two Neimark-Sacker points."""
+
+SIMULTANEOUS_SWITCHES = 1e-9
+"""Duration, over the period, by which two switches may be in the wrong order: contacts of a symmetric machine switch at
+the same instant up to rounding of 1e-15, and grazing contacts last for 2e-8."""
 
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
@@ -193,7 +198,7 @@ class Follower:
         point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
         at = self.family(point.state.value)
         durations = point.state.iterate.durations(at.period)
-        exchanged = [int(i) for i in np.flatnonzero(durations < 0)]
+        exchanged = [int(i) for i in np.flatnonzero(durations < -SIMULTANEOUS_SWITCHES * at.period)]
         border: list[ExactPoint] = []
         if exchanged:
             if self.special:
@@ -209,6 +214,8 @@ class Follower:
             state = (last, point)[int(s)].state if s in (0.0, 1.0) else point_between(self.family, last, point, s).state
             return float(state.iterate.durations(self.family(state.value).period)[i])
 
+        if duration(0.0) <= 0:  # both switches coincide at the last point
+            return [self._exchanged(last, i)]
         s = float(scipy.optimize.brentq(duration, 0.0, 1.0, xtol=1e-13))
         before = point_between(self.family, last, point, s)
         return [before, self._exchanged(before, i)]
@@ -227,12 +234,12 @@ class Follower:
 
     def _limited(self, last: ExactPoint, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
-        contacts = shrinking_contacts(last.state.pattern)
-        if not contacts:
+        visits = last.state.pattern.visits()
+        if not visits:
             return length
         period = self.family(last.state.value).period
-        after = last.state.moved(last.state.z + length * last.tangent * last.scale).iterate.durations(period)[contacts]
-        now = last.state.iterate.durations(period)[contacts]
+        ahead = last.state.moved(last.state.z + length * last.tangent * last.scale)
+        now, after = (state.iterate.visit_durations(visits, period) for state in (last.state, ahead))
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
 
@@ -279,11 +286,12 @@ class Follower:
         self._add(here, self._gaps(here), 0.0, self._special(last, here))
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
-        self.step = GRAZING_DURATION * self.family(first.state.value).period
+        duration = GRAZING_DURATION if len(found.contacts) == 1 else SIMULTANEOUS_DURATION
+        self.step = duration * self.family(first.state.value).period
 
-    def _close(self, point: ExactPoint, segments: list[int]) -> None:
+    def _close(self, point: ExactPoint, visits: list[tuple[int, int]]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
-        guess, contacts = without_contacts(self.family, point.state, segments)
+        guess, contacts = without_contacts(self.family, point.state, visits)
         found = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
         here = self._grazing_point(found, None)
         self._accept(here, self._gaps(here), 0.0)
@@ -301,15 +309,15 @@ class Follower:
             return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
         return point
 
-    def _vanishing(self, point: ExactPoint) -> list[int]:
+    def _vanishing(self, point: ExactPoint) -> list[tuple[int, int]]:
         """Return the contacts that vanish along the curve."""
-        period = self.family(point.state.value).period
-        contacts = shrinking_contacts(point.state.pattern)
-        if not contacts:
-            return []
-        now = point.state.iterate.durations(period)
-        after = point.state.moved(point.state.z + 1e-3 * point.tangent * point.scale).iterate.durations(period)
-        return [i for i in contacts if now[i] < GRAZING_DURATION * period and after[i] < now[i]]
+        period, visits = self.family(point.state.value).period, point.state.pattern.visits()
+        ahead = point.state.moved(point.state.z + 1e-3 * point.tangent * point.scale)
+        now, after = (state.iterate.visit_durations(visits, period) for state in (point.state, ahead))
+        short = [(visit, a) for visit, a, b in zip(visits, now, after, strict=True)
+                 if a < SIMULTANEOUS_DURATION * period and b < a]  # fmt: skip
+        limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
+        return [visit for visit, a in short if a < limit]
 
     # ---- acceptance
 

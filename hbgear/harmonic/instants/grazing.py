@@ -20,7 +20,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.checking import MissedCrossing
-from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian, shrinking_contacts
+from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
 from hbgear.harmonic.instants.pattern import Pattern, Switch
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
@@ -28,6 +28,10 @@ from hbgear.harmonic.instants.shooting import Iterate
 
 GRAZING_DURATION = 2e-8
 """Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""
+
+SIMULTANEOUS_DURATION = 1e-5
+"""The same for several contacts, as of a symmetric machine. The duration of one is prescribed, and the others follow
+from equations with the slope delta, so that rounding of 1e-16 changes them by 1e-11."""
 
 MAX_GRAZING_ITERATIONS = 15
 """Largest number of Newton iterations for a grazing point."""
@@ -147,34 +151,32 @@ def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
     """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
     at = family(point.state.value)
-    delta = GRAZING_DURATION * at.period
+    delta = (GRAZING_DURATION if len(point.contacts) == 1 else SIMULTANEOUS_DURATION) * at.period
     missed = [MissedCrossing(t - 0.5 * delta, t + 0.5 * delta, switch) for t, switch in point.contacts]
     guess = CurveState.of(with_missed_crossings(at, point.state.iterate, missed), point.state.value)
-    durations = guess.iterate.durations(at.period)
     switch = point.contacts[0].switch
-    pair = min(
-        (i for i in shrinking_contacts(guess.pattern) if guess.pattern.switches[i] == switch),
-        key=lambda i: durations[i],
-    )
+    visits = [visit for visit in guess.pattern.visits() if guess.pattern.switches[visit[0]] == switch]
+    first, last = visits[int(np.argmin(guess.iterate.visit_durations(visits, at.period)))]
     row = np.zeros(len(guess.z))
-    row[guess.phase_column(pair)], row[guess.phase_column((pair + 1) % guess.pattern.count)] = -1.0, 1.0
+    row[guess.phase_column(first)], row[guess.phase_column(last)] = -1.0, 1.0
     size = guess.scale(scale[-1])
     state = correct(family, guess, row, size)[0]
     return state, row
 
 
-def without_contacts(family: Family, state: CurveState, segments: Sequence[int]) -> tuple[CurveState, list[Grazing]]:
+def without_contacts(
+    family: Family, state: CurveState, visits: Sequence[tuple[int, int]]
+) -> tuple[CurveState, list[Grazing]]:
     """Return the state without contacts that vanish, as a guess, and the contacts as they graze."""
     at, iterate = family(state.value), state.iterate
-    durations = iterate.durations(at.period)
-    grazing = [Grazing(float(iterate.tau[i] + 0.5 * durations[i]), iterate.pattern.switches[i]) for i in segments]
-    for i in sorted(segments, reverse=True):
-        pattern, K = iterate.pattern, iterate.pattern.count
-        kept = [k for k in range(K) if k not in (i, (i + 1) % K)]
-        if kept:
-            iterate = Iterate(pattern.without(i), iterate.tau[kept], iterate.x[kept])
-            continue
-        j = (i + 1) % K
-        empty = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
-        iterate = Iterate(empty, iterate.tau[[j]], iterate.x[[j]])
-    return CurveState.of(iterate, state.value), grazing
+    pattern, durations = iterate.pattern, iterate.visit_durations(visits, at.period)
+    grazing = [Grazing(float(iterate.tau[i] + 0.5 * duration), pattern.switches[i])
+               for (i, _), duration in zip(visits, durations, strict=True)]  # fmt: skip
+    removed = {switch for visit in visits for switch in visit}
+    kept = [k for k in range(pattern.count) if k not in removed]
+    if kept:
+        return CurveState.of(Iterate(pattern.without(visits), iterate.tau[kept], iterate.x[kept]), state.value), grazing
+    firsts = {i for i, _ in visits}
+    j = next(j for _, j in visits if (j + 1) % pattern.count in firsts)  # after it, all contacts are outside
+    outside = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
+    return CurveState.of(Iterate(outside, iterate.tau[[j]], iterate.x[[j]]), state.value), grazing

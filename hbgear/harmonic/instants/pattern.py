@@ -76,21 +76,40 @@ class Pattern:
         """Number of switches, and of segments."""
         return len(self.switches)
 
-    def without(self, i: int) -> Pattern:
-        """Return the pattern without switch i and the one after it, which are opposite."""
-        removed = {i, (i + 1) % self.count}
-        return self._with_switches([s for j, s in enumerate(self.switches) if j not in removed], i in (self.count - 1,))
+    def visits(self) -> list[tuple[int, int]]:
+        """Return the first and the last switch of each visit of a gap beyond a breakpoint.
+
+        Switches of other elements may lie between them. If a gap alternates between both sides of a breakpoint, the
+        visits of either side are returned.
+        """
+        found = []
+        for i, switch in enumerate(self.switches):
+            later = ((i + step) % self.count for step in range(1, self.count))
+            j = next((j for j in later if self.switches[j].element == switch.element), None)
+            if j is not None and switch.opposite(self.switches[j]):
+                found.append((i, j))
+        return found
+
+    def segments_between(self, i: int, j: int) -> list[int]:
+        """Return the segments from switch i to switch j."""
+        return [(i + step) % self.count for step in range((j - i) % self.count)]
+
+    def without(self, visits: Sequence[tuple[int, int]]) -> Pattern:
+        """Return the pattern without the first and last switches of some visits."""
+        levels = list(self.contacts[-1].levels)
+        for i, j in visits:
+            if i > j:  # the visit includes the begin of the period
+                element = self.switches[j].element
+                levels[element] = self.contacts[j].levels[element]
+        removed = {switch for visit in visits for switch in visit}
+        kept = [switch for k, switch in enumerate(self.switches) if k not in removed]
+        return Pattern.of(kept, levels, self.contacts[-1].section)
 
     def swapped(self, i: int) -> Pattern:
         """Return the pattern with switch i after the one that follows it."""
         switches, j = list(self.switches), (i + 1) % self.count
         switches[i], switches[j] = switches[j], switches[i]
-        return self._with_switches(switches, False)
-
-    def _with_switches(self, switches: list[Switch], around: bool) -> Pattern:
-        """Return the pattern of other switches; around : whether the last switch is among the removed ones."""
-        start = self.contacts[0] if around else self.contacts[-1]
-        return Pattern.of(switches, start.levels, start.section)
+        return Pattern.of(switches, self.contacts[-1].levels, self.contacts[-1].section)
 
 
 def fixed_switches(equations: Equations) -> list[tuple[float, Switch]]:

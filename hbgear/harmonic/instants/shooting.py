@@ -7,13 +7,15 @@ The force is continuous, so the state and its disturbance are continuous at a sw
 product of the flows. Where a contact becomes short, the second of its two switching equations becomes equal to the
 first. It is therefore replaced by the difference divided by the duration,
 
-    (h_{i+1} - h_i) / delta = row (Psi_i - 1) y_i / delta = 0
+    (h_j - h_i) / delta = sum_k row (Psi_k - 1) y_k / delta = 0,   k from i to j - 1
 
-which is regular through delta = 0, where the contact is a grazing one.
+which is regular through delta = 0, where the contact is a grazing one. Switches of other elements may lie between i
+and j: contacts of a symmetric machine begin and end at the same instants.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,7 +27,8 @@ from hbgear.harmonic.instants.pattern import Pattern
 from hbgear.harmonic.instants.propagation import growth_rate_slopes, growths, rates_of_each
 
 SHORT_SEGMENT_RATIO = 0.25
-"""Duration of a segment, over its shorter neighbour, below which its second equation is divided by it."""
+"""Duration of a visit beyond a breakpoint, over the times to the switches of the same gap before and after it, below
+which its second equation is divided by it."""
 
 
 class Linearisation(NamedTuple):
@@ -51,15 +54,22 @@ class Iterate:
         out[-1] = self.tau[0] + period - self.tau[-1]
         return out
 
+    def visit_durations(self, visits: Sequence[tuple[int, int]], period: float) -> Array:
+        """Return the durations of visits (i, j) from switch i to switch j."""
+        return np.array([self.tau[j] - self.tau[i] + (period if j < i else 0.0) for i, j in visits])
+
 
 def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
-    """Return the switches whose equation is divided, each with the segment that ends there."""
-    duration, K, out = iterate.durations(period), iterate.pattern.count, {}
-    switches = iterate.pattern.switches
-    for i in range(K):
-        j = (i + 1) % K
-        neighbour = min(duration[i - 1], duration[j])
-        if K > 1 and switches[i].opposite(switches[j]) and duration[i] < SHORT_SEGMENT_RATIO * neighbour:
+    """Return the switches whose equation is divided, each with the first switch of the visit that ends there."""
+    pattern, out = iterate.pattern, {}
+    switches = pattern.switches
+    visits = [(i, j) for i, j in pattern.visits()
+              if not any(switches[k].is_fixed for k in pattern.segments_between(i, j)[1:])]  # fmt: skip
+    for (i, j), duration in zip(visits, iterate.visit_durations(visits, period), strict=True):
+        others = [k for k in range(pattern.count) if switches[k].element == switches[i].element]
+        n = others.index(i)
+        neighbours = [(others[n - 1], i), (j, others[(n + 2) % len(others)])]
+        if duration < SHORT_SEGMENT_RATIO * iterate.visit_durations(neighbours, period).min():
             out[j] = i
     return out
 
@@ -92,11 +102,11 @@ def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True
     following = (each + 1) % K
     R[: K * r] = (iterate.x[following] - iterate.x - change[:, :r]).ravel()
     R[K * r + whole] = (rows[whole] * y[at]).sum(axis=1) - levels[whole]
-    ends = np.array(list(short), dtype=int)
-    begins = np.array(list(short.values()), dtype=int)
-    own = np.array([column[j] for j in short], dtype=int)
-    row, delta = rows[own - K * r], duration[begins]
-    R[own] = (row * change[begins]).sum(axis=1) / delta
+    visits = [(i, j) for j, i in short.items()]
+    own, delta = np.array([column[j] for j in short], dtype=int), iterate.visit_durations(visits, equations.period)
+    row = rows[own - K * r]
+    for n, (i, j) in enumerate(visits):
+        R[own[n]] = float(row[n] @ change[pattern.segments_between(i, j)].sum(axis=0)) / delta[n]
     if not derivatives:
         return Linearisation(R, np.zeros((0, 0)), [])
     J, unit = np.zeros((len(R), len(R))), np.eye(r)
@@ -111,14 +121,25 @@ def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True
     equation = J[:, : K * r].reshape(-1, K, r)
     equation[K * r + whole, at] = rows[whole, :r]
     J[K * r + whole, K * r + whole] = (rows[whole, r:] * rate[at, r:]).sum(axis=1)
-    if len(ends):
+    single = np.array([n for n, (i, j) in enumerate(visits) if (j - i) % K == 1], dtype=int)
+    if len(single):
+        begins, at = np.array([visits[n][0] for n in single], dtype=int), own[single]
         chosen = [segments[i] for i in begins]
-        slope = growth_rate_slopes(chosen, iterate.tau[begins], delta, Z[begins])
-        slopes = (row * (slope @ y[begins, :, None])[..., 0]).sum(axis=1)
-        carried = (row[:, None] @ Z[begins])[:, 0] / delta[:, None]
-        equation[own, begins] = carried[:, :r]
-        J[own, own] += slopes
-        J[own, [column[i] for i in begins]] += (carried[:, r:] * rate[begins, r:]).sum(axis=1) - slopes
+        slope = growth_rate_slopes(chosen, iterate.tau[begins], delta[single], Z[begins])
+        slopes = (row[single] * (slope @ y[begins, :, None])[..., 0]).sum(axis=1)
+        carried = (row[single, None] @ Z[begins])[:, 0] / delta[single, None]
+        equation[at, begins] = carried[:, :r]
+        J[at, at] += slopes
+        J[at, [column[i] for i in begins]] += (carried[:, r:] * rate[begins, r:]).sum(axis=1) - slopes
+    start = np.concatenate([moved, rate[:, r:]], axis=1)
+    for n in set(range(len(visits))) - set(single.tolist()):
+        i, j = visits[n]
+        for k in pattern.segments_between(i, j):
+            equation[own[n], k] += row[n] @ Z[k][:, :r] / delta[n]
+            J[own[n], column[k]] -= row[n] @ start[k] / delta[n]
+            J[own[n], column[(k + 1) % K]] += row[n] @ end[k] / delta[n]
+        J[own[n], column[i]] += R[own[n]] / delta[n]
+        J[own[n], column[j]] -= R[own[n]] / delta[n]
     return Linearisation(R, J, list(unit + Z[:, :r, :r]))
 
 
