@@ -232,7 +232,7 @@ def test_multipliers_of_a_contracting_pair_are_no_second_frequency() -> None:
 
 
 def test_two_neimark_sacker_points_within_one_step() -> None:
-    """Two masses with a stop: the pair leaves the unit circle for .003 in Omega, and its test function is .0005 before."""
+    """The pair leaves the unit circle for .003 in Omega; its test function is .0005 at the point before."""
     from studies.contact.discretisations import Results, compare, machine
 
     results = Results()

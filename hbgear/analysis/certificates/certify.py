@@ -100,6 +100,7 @@ def certify(point: Point) -> Certificate:
             f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and "
             "load curves with load(path, problem=HarmonicBalance(...))"
         )
+    problem = problem.at_resolution_of(point)
     with flint.ctx.workprec(PRECISION):
         try:
             equations = problem.compiled(dict(point.parameters)).contact_equations
