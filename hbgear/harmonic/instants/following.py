@@ -166,7 +166,7 @@ class Follower:
                     return
                 if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
-                if length > LONG_STEP and self._hides_doublings(last, point):
+                if length > LONG_STEP and _hides_doublings(self.family, last, point):
                     raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
                 if self._hides_torus_bifurcations(last, point, length):
                     raise NoConvergence("two Neimark-Sacker points lie in a step", last.state.z, {}, [])
@@ -242,13 +242,6 @@ class Follower:
         now, after = (state.iterate.visit_durations(visits, period) for state in (last.state, ahead))
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
-
-    def _hides_doublings(self, last: ExactPoint, point: ExactPoint) -> bool:
-        """Return whether a multiplier passes -1 and returns between two points."""
-        a, b = last.tests["PD"], point.tests["PD"]
-        if last.state.pattern != point.state.pattern or a * b <= 0 or min(abs(a), abs(b)) > NEAR_DOUBLING:
-            return False
-        return point_between(self.family, last, point, 0.5).tests["PD"] * a < 0
 
     def _hides_torus_bifurcations(self, last: ExactPoint, point: ExactPoint, length: float) -> bool:
         """Return whether a pair of multipliers leaves the unit circle and returns between two points.
@@ -387,6 +380,14 @@ class Follower:
         elif _is_closed(curve):
             curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
         return bool(curve.message)
+
+
+def _hides_doublings(family: Family, last: ExactPoint, point: ExactPoint) -> bool:
+    """Return whether a multiplier passes -1 and returns between two points."""
+    a, b = last.tests["PD"], point.tests["PD"]
+    if last.state.pattern != point.state.pattern or a * b <= 0 or min(abs(a), abs(b)) > NEAR_DOUBLING:
+        return False
+    return point_between(family, last, point, 0.5).tests["PD"] * a < 0
 
 
 def _strays(last: ExactPoint, point: ExactPoint, length: float) -> bool:
