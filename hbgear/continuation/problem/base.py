@@ -332,7 +332,7 @@ class ContinuationProblem:
         return branch
 
     def remarks(self, branch: Branch) -> Sequence[str]:
-        """Return sentences about a finished branch that its message contains; by default none."""
+        """Return sentences about a finished branch for its message, of which some may be empty; by default none."""
         return ()
 
     def describe(self) -> dict[str, Any]:

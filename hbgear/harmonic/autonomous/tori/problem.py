@@ -301,8 +301,6 @@ class TorusProblem(ContinuationProblem):
         """The model with all excitations."""
         return self.balance.model
 
-    # ---- quantities of a motion
-
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the regime, the size of the outermost coefficients, which estimates the error, and the stability.
 
@@ -338,7 +336,7 @@ class TorusProblem(ContinuationProblem):
 
     def remarks(self, branch: Branch) -> Sequence[str]:
         """Return locking as the reason of the end, and where the stability is not determined."""
-        return [text for text in (locking_remark(branch), stability_remark(branch)) if text]
+        return locking_remark(branch), stability_remark(branch)
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

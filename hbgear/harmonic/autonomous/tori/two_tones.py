@@ -207,7 +207,7 @@ class TwoToneProblem(TorusProblem):
 
     def remarks(self, branch: Branch) -> Sequence[str]:
         """Return where the stability is not determined; the ratio is given, so that no frequencies lock."""
-        return [text for text in (stability_remark(branch),) if text]
+        return (stability_remark(branch),)
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file, with the second excitation."""
