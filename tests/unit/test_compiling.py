@@ -277,14 +277,25 @@ def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
     assert files(tmp_path / "other") == {}
 
 
+def one_mass(law):
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.3]}))
+
+
 @pytest.mark.parametrize(
-    "model, found",
-    [(hb.SpurPair(), False), (hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)), True)],
+    "model, sizes",
+    [
+        (hb.SpurPair(), None),
+        (hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)), (2, 0, 0)),
+        (one_mass(hb.mechanics.Jenkins(k=1.0, limit=0.5)), (0, 0, 1)),
+    ],
 )
-def test_kernels_get_no_segments_of_a_model_without_breakpoints(model, found):
-    """They are compiled without the code for these; tables of compiled laws and sliders are empty."""
+def test_kernels_know_two_types_of_models(model, sizes):
+    """Without breakpoints, compiled laws and friction there are no tables of them; with any of these there are all."""
     packed = hb.HarmonicBalance(model, 8).compiled({}).packed
-    assert (packed.piecewise is not None) is found and not packed.own.element.size and not packed.sliders.element.size
+    if sizes is None:
+        assert packed[3:] == (None, None, None)
+    else:
+        assert (len(packed.piecewise.phases), len(packed.own.element), len(packed.sliders.element)) == sizes
 
 
 def test_products_and_sums_are_not_fused(tmp_path):

@@ -169,7 +169,7 @@ def _read(path: Path) -> dict[str, bytes]:
         _warn_once("hbgear compiles a part of its core again, for stored code cannot be used: %s", error)
         return {}
     if not parts and _writable() is None and not any(_store().iterdir()):
-        _warn_once("hbgear compiles its core for this processor: once, for about a minute")
+        _warn_once("hbgear compiles its core for this processor: once, for about half a minute")
     return parts
 
 

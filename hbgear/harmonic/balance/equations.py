@@ -283,7 +283,8 @@ class HarmonicEquations(ContinuationProblem):
         derivatives are computed in Python.
         """
         packed = self._packed_model(name, parameters)
-        if packed is None or (which == FOLD and (packed.own.element.size or packed.sliders.element.size)):
+        compiled = self.compiled(parameters)
+        if packed is None or (which == FOLD and (compiled.user_laws or compiled.sliders)):
             return None
         from hbgear.harmonic.equations.newton_kernels import locate
 

@@ -226,6 +226,8 @@ def _add_linear(coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any
 @kernel
 def _add_compiled_laws(own: Any, packed: Any, coefficients: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add forces and slopes of compiled laws of the user, if any; return the sum of the norms of the forces."""
+    if own is None:
+        return 0.0
     size = 0.0
     for q in range(own.element.shape[0]):
         size += _add_samples(own, packed, coefficients, q, omega, R, J, dR)

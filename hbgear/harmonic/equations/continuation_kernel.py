@@ -75,28 +75,21 @@ def trace_compiled(
     number : float
         Value for the message of this status.
     """
-    n = u.shape[1] - 1
-    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), workspace_for(packed)
-    arrays = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
-    return _trace_in_workspace(packed, arrays, u, t, count, size, step, span, control, tolerances, points)
-
-
-@inlined
-def _trace_in_workspace(
-    packed: Any, arrays: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
-    tolerances: Any, points: Any,
-) -> tuple[int, float, int, float]:  # fmt: skip
-    """Run `trace_compiled` in preallocated arrays."""
-    n, m = u.shape[1] - 1, packed.laws.cubic.shape[0]
-    work, vectors, statistics, limits = arrays
-    scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    n, m, workspace = u.shape[1] - 1, packed.laws.cubic.shape[0], workspace_for(packed)
+    R, dR, A, v = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1)
+    scale, normal, predicted, found, direction = (
+        np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
+    )  # fmt: skip
+    statistics, limits = np.empty(3), np.empty(2)
     limits[0] = control[2]
     made, why, number = 0, ACCEPTED, 0.0
     while made < points.shape[0]:
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        why = _corrected(packed, predicted, normal, tolerances, work, found, direction, statistics)
+        why = _corrected(
+            packed, predicted, normal, tolerances, R, dR, A, v, workspace, found, direction, statistics
+        )  # fmt: skip
         number, prediction_error = statistics[2], 0.0
         if why == ACCEPTED:
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
@@ -157,13 +150,13 @@ def _store(point: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
 
 @inlined
 def _corrected(
-    packed: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, statistics: Any
-) -> int:
+    packed: Any, predicted: Any, normal: Any, tolerances: Any, R: Any, dR: Any, A: Any, u: Any, workspace: Any,
+    found: Any, direction: Any, statistics: Any,
+) -> int:  # fmt: skip
     """Solve by Newton's method in the plane through the prediction; return the status.
 
     statistics (3,) receives the sign of the determinant, the number of iterations and the residual.
     """
-    R, dR, A, u, workspace = work
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]

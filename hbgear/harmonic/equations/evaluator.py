@@ -87,8 +87,8 @@ class Evaluator:
         Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)
         Laws whose force jumps (`Law.damped`), each with the number of its element.
-    sliders : int
-        Number of friction sliders.
+    sliders, user_laws : int
+        Number of friction sliders, and of compiled laws of the user.
     normal_pairs : tuple of (int, int)
         Elements with friction whose limit is proportional to the force of another element, and this element.
     breakpoints, element, displacement : ndarray, shape (K,)
@@ -117,17 +117,18 @@ class Evaluator:
         self.vectors = vector_groups(self.laws)
         alone = [j for j in packing.left if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
         laws, left = packing.table, np.array(alone, dtype=int)
-        own = own_of(self.laws)
+        own, sliders = own_of(self.laws), sliders_of(system.elements, nu, H)
         coupled = [j for elements, _ in self.vectors for j in elements]
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *own.element, *coupled))
         linear = self.receptance.packed
         self.piecewise = piecewise = piecewise_excitation(
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
         )
-        corners = piecewise if len(piecewise.phases) or packing.levels else None
-        self.packed = PackedModel(laws, linear, transform.basis, corners, own, sliders_of(system.elements, nu, H))
-        self.sliders = len(self.packed.sliders.element)
-        normal = zip(self.packed.sliders.element.tolist(), self.packed.sliders.normal.tolist(), strict=True)
+        self.sliders, self.user_laws = len(sliders.element), len(own.element)
+        is_plain = not (len(piecewise.phases) or packing.levels or self.sliders or self.user_laws)
+        tables = (None, None, None) if is_plain else (piecewise, own, sliders)
+        self.packed = PackedModel(laws, linear, transform.basis, *tables)
+        normal = zip(sliders.element.tolist(), sliders.normal.tolist(), strict=True)
         self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
         if left.size:

@@ -76,6 +76,8 @@ def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
 def _fill_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements with friction by those of their slider margins (P, Q)."""
     sliders = evaluator.packed.sliders
+    if sliders is None:
+        return
     for j in sorted(set(sliders.element.tolist())):
         slips = margins[:, sliders.element == j] > 0
         regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)

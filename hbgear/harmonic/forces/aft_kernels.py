@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import inlined, kernel
+from hbgear.common.process.compiling import kernel
 from hbgear.mechanics.laws.c_callback import called
 from hbgear.mechanics.series.fourier_kernels import sampled
 
@@ -55,9 +55,11 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
         out[k] = complex(real / N, imaginary / N)
 
 
-@inlined
+@kernel
 def truncated_sample_harmonics(own: Any, packed: Any, coefficients: Any, omega: float, f: Any) -> None:
     """Fill f (m, L) with the one-sided truncated force harmonics of the compiled laws, if any."""
+    if own is None:
+        return
     H, N, left = packed.basis.shape[0] // 2, packed.basis.shape[1], packed.linear.left
     part = np.empty(2 * H + 1, dtype=np.complex128)
     for q in range(own.element.shape[0]):

@@ -88,17 +88,17 @@ class PackedModel(NamedTuple):
     """Model for kernels.
 
     basis (2H + 1, N) : real Fourier basis at N samples.
-    piecewise : None for a model without breakpoints in the phase. Kernels are then compiled without the code for them,
-        in two thirds of the time.
-    own, sliders : empty arrays for a model without compiled laws or friction.
+    piecewise, own, sliders : None, all three, for a model without breakpoints in the phase, compiled laws of the user
+        and friction. Kernels are then compiled without the code for them, in half of the time. In all other models
+        those that are absent are empty arrays, so that kernels are compiled for two types of models only.
     """
 
     laws: PackedLaws
     linear: PackedLinearPart
     basis: Array
     piecewise: PiecewiseExcitation | None
-    own: Own
-    sliders: Sliders
+    own: Own | None
+    sliders: Sliders | None
 
 
 def sliders_of(elements: Sequence[Element], nu: int, H: int) -> Sliders:

@@ -122,6 +122,8 @@ class SliderWorkspace(NamedTuple):
 @kernel
 def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
     """Return a `SliderWorkspace` for motions with H harmonics and N samples."""
+    if sliders is None:
+        return None
     Q, C, width = sliders.element.shape[0], 2 * H + 4, 2 * H + 1
     extra: Any = np.int64(0)
     if sliders.moves.any():
@@ -414,9 +416,11 @@ def _indicator(begin: float, end: float, s: Any, length: int) -> None:
         s[n] = (p - q) * complex(0.0, -1.0 / (2 * math.pi * n))
 
 
-@inlined
+@kernel
 def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi: Any) -> None:
     """Add the coefficients of sliders to kappa and chi (m, L)."""
+    if sliders is None:
+        return
     march(sliders, basis, rows, space)
     s, length = space.part, kappa.shape[1]
     space.cross[:, :] = 0j
@@ -457,6 +461,8 @@ def _add_slip(sliders: Any, i: int, kind: int, zone: int, s: Any, chi: Any, cros
 @kernel
 def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
     """Add the derivatives of slider positions and of limits to dP/dd of `add_sliders` at the unknown orders."""
+    if sliders is None:
+        return
     K, n = orders.shape[0], 2 * orders.shape[0] - 1
     s, column, line = space.part, space.column, space.line
     for i in range(sliders.element.shape[0]):
@@ -482,9 +488,11 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
                         J[at + a, other + b] -= lean * column[a] * line[b]
 
 
-@inlined
+@kernel
 def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: int) -> int:
     """Insert the phases in [0, 2 pi) at which sliders stick or slip into n ascending phases; return their number."""
+    if sliders is None:
+        return n
     march(sliders, basis, rows, space)
     for i in range(sliders.element.shape[0]):
         for p in range(space.number[i] if space.slips[i] else 0):

@@ -465,6 +465,8 @@ def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, the
 def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Array) -> None:
     """Add the derivatives of friction forces with respect to the displacement of the normal force, while they slip."""
     sliders, pairs = compiled.packed.sliders, _coupled_pairs(compiled).tolist()
+    if sliders is None:
+        return
     for i in np.flatnonzero(sliders.normal >= 0).tolist():
         begin = slides.begin[i, : slides.number[i]]
         now = np.searchsorted(begin, begin[0] + np.mod(theta - begin[0], 2 * np.pi), side="right") - 1

@@ -117,12 +117,16 @@ def segment_arrays(packed: Any, space: Any) -> Any:
 @kernel
 def _event_count(slides: Any) -> int:
     """Return the largest number of slider events of a period."""
+    if slides is None:
+        return 0
     return int(slides.begin.size)
 
 
 @kernel
 def slider_count(sliders: Any) -> int:
     """Return the number of sliders."""
+    if sliders is None:
+        return 0
     return int(sliders.element.shape[0])
 
 
@@ -331,6 +335,8 @@ def fill_stiffness_modulation(
 @kernel
 def _add_stuck(sliders: Any, slides: Any, j: int, segments: Any, count: int, s: int, k: Any) -> None:
     """Add the stiffness of the sliders of element j that stick to k, at the s Gauss points of all steps."""
+    if sliders is None:
+        return
     for q in range(sliders.element.shape[0]):
         at: Any = np.int64(0)
         for i in range(count if sliders.element[q] == j else 0):
@@ -350,6 +356,8 @@ def _middle(segments: Any, i: int) -> float:
 @kernel
 def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: Any) -> None:
     """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors."""
+    if sliders is None:
+        return
     workspace.memory[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         workspace.stuck[i] = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
@@ -359,6 +367,8 @@ def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: An
 @kernel
 def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspace: Any) -> None:
     """Set the states of the sliders in a segment, and their forces on the ports."""
+    if sliders is None:
+        return
     workspace.pull[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         now = interval_at(slides.number[i], slides.begin[i], phase)
@@ -399,6 +409,8 @@ def _end_memory(
     sliders: Any, slides: Any, phase: float, modes: Any, r: int, factor: float, workspace: Any, out: Any
 ) -> None:
     """Store the disturbances of the sliders at the end of the period in the last rows of the monodromy matrix."""
+    if sliders is None:
+        return
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
             workspace.memory[i, :] = 0.0

@@ -17,7 +17,7 @@ def has_sampled_slopes(compiled: Evaluator) -> bool:
 
     Not so with contacts with dampers, friction, laws of several displacements and compiled laws of the user.
     """
-    return not (compiled.damped or compiled.sliders or compiled.vectors or compiled.packed.own.element.size)
+    return not (compiled.damped or compiled.sliders or compiled.vectors or compiled.user_laws)
 
 
 class SampledSlopes:
