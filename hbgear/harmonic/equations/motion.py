@@ -153,6 +153,8 @@ def slip_margins(evaluator: Evaluator, X: Array) -> Array:
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
     """Return the positions (Q,) of the friction sliders of a motion X (n,) at a basis phase."""
     out, sliders = np.empty(evaluator.sliders), friction_limits(evaluator.system.elements)
+    if not sliders:
+        return out
     from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, slider_motion
 
     rows = _rows(evaluator, X)
