@@ -41,6 +41,7 @@ def test_spur_pair_agrees(report):
     assert {row.stable for row in report.rows} == {True, False}
 
 
+@pytest.mark.slow
 def test_double_helical_pair_of_low_damping():
     """24 coordinates: rms to 1e-5 with 24 harmonics at 7 points, and every verdict on stability.
 

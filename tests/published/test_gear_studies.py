@@ -8,6 +8,7 @@ import pytest
 pytestmark = pytest.mark.usefixtures("on_path")
 
 
+@pytest.mark.slow
 def test_planets_in_phase_and_one_after_the_other():
     """In phase the sun turns and rests in its bearings; else it moves sideways, and the symmetry breaks."""
     study = importlib.import_module("studies.gears.phasing")

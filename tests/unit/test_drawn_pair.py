@@ -81,8 +81,8 @@ def test_a_curve_in_the_backlash_is_at_one_speed():
     """Beyond all contact with the back flanks and without loss of contact the backlash has no effect."""
     model = drawn().replace(damping=0.2, tip_relief=20.0)
     problem = hb.HarmonicBalance(model, 4)
-    curve = hb.trace(problem, "backlash", (80.0, 90.0), at={"Omega": 1.2}, stability=False, special=False)
-    assert curve.values[-1] == 90.0
+    curve = hb.trace(problem, "backlash", (80.0, 82.0), at={"Omega": 1.2}, stability=False, special=False)
+    assert curve.values[-1] == 82.0
     size = Ordinate("pp2").along(curve)
     np.testing.assert_allclose(size, size[0], rtol=1e-9)
     assert Abscissa([curve]).label == "backlash [um]"

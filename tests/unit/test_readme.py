@@ -164,12 +164,14 @@ OTHERS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", OTHERS)
 def test_commands_of_a_page(page, folder, capsys):
     (folder / "docs").mkdir()
     run_page(page, folder, capsys)
 
 
+@pytest.mark.slow
 def test_commands(folder, capsys):
     out = run_page("docs/howto/command_line.md", folder, capsys)
     low = hb.load("low.npz")
@@ -203,6 +205,7 @@ def test_commands_of_many_designs(folder, capsys):
     assert Path("by_dask/table.csv").exists()
 
 
+@pytest.mark.slow
 def test_commands_from_a_drawing(folder, capsys):
     """And the file that is shown, which the first of them would have written with less in it."""
     run_page("docs/howto/drawing.md", folder, capsys)
