@@ -1,5 +1,7 @@
 """Trains as files, on the command line and as figures."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import scipy
@@ -83,6 +85,91 @@ def test_a_file_is_the_train(file):
         wheels, meshes, [hb.gears.Shaft("middle", "flange", 2e4)], [hb.gears.Bearing("flange")], balance="out"
     )
     assert train == made and is_train(file)
+
+
+EPICYCLIC = """[epicyclic]
+planets = 3
+torque = "100 N m"
+carrier_inertia = "40 kg cm^2"
+bodies = [["large", "small"]]
+
+[[wheel]]
+name = "sun"
+inertia = "1e-4 kg m^2"
+teeth = 24
+base_radius = "22.5526 mm"
+
+[[wheel]]
+name = "large"
+inertia = "2e-4 kg m^2"
+mass = "0.5 kg"
+teeth = 30
+base_radius = "28.1908 mm"
+x = "54 mm"
+
+[[wheel]]
+name = "small"
+inertia = "1e-4 kg m^2"
+mass = "0.3 kg"
+teeth = 18
+base_radius = "11.7099 mm"
+x = "54 mm"
+
+[[wheel]]
+name = "ring"
+inertia = "1e-2 kg m^2"
+teeth = 96
+base_radius = "62.4533 mm"
+internal = true
+
+[[mesh]]
+first = "sun"
+second = "large"
+k_mean = "4e8 N/m"
+half_backlash = "20 um"
+eps = [0.2]
+
+[[mesh]]
+first = "small"
+second = "ring"
+k_mean = "4e8 N/m"
+half_backlash = "20 um"
+"""
+
+
+def test_a_file_with_a_carrier_is_an_epicyclic_set(file):
+    file.write_text(EPICYCLIC)
+    wheel, mesh = hb.gears.Wheel, hb.gears.Mesh
+    wheels = [
+        wheel("sun", 1e-4, teeth=24, base_radius="22.5526 mm"),
+        wheel("large", 2e-4, 0.5, teeth=30, base_radius="28.1908 mm", x="54 mm"),
+        wheel("small", 1e-4, 0.3, teeth=18, base_radius="11.7099 mm", x="54 mm"),
+        wheel("ring", 1e-2, teeth=96, base_radius="62.4533 mm", internal=True),
+    ]
+    meshes = [mesh("sun", "large", 4e8, "20 um", eps=(0.2,)), mesh("small", "ring", 4e8, "20 um")]
+    made = hb.gears.EpicyclicSet(wheels, meshes, 0.004, 3, (("large", "small"),))
+    found = read_train(file)
+    assert found.carrier_inertia == pytest.approx(0.004, rel=1e-15)
+    assert found.replace(carrier_inertia=0.004) == made and made.ratio == 1 + Fraction(30 * 96, 24 * 18)
+    arguments = ["trace", str(file), "--from", "1.2", "--to", "1.1", "--harmonics", "4"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("planets = 3", "planets = 5", r"line 1: in the mesh small\d-ring the teeth are .* pitches apart"),
+        ('"100 N m"', '"100 N"', r"line 3: .*torque"),
+        ('[["large", "small"]]', '[["large", "smal"]]', "'smal' is no gear of a planet; did you mean 'small'"),
+        ("[[mesh]]", '[[shaft]]\nfirst = "sun"\nsecond = "large"\n\n[[mesh]]', "an epicyclic set has no shaft"),
+        ("planets = 3", "planets = 3\nrings = 2", r"line 3: unknown key 'epicyclic.rings'"),
+    ],
+)
+def test_a_wrong_epicyclic_set(file, old, new, words):
+    file.write_text(EPICYCLIC.replace(old, new, 1))
+    with pytest.raises(TrainFileError, match=words) as found:
+        read_train(file)
+    assert len(found.value.args[0]) >= 1
 
 
 def test_a_wheel_that_no_spring_turns(file):

@@ -31,6 +31,11 @@ its `GearPair` and a torque on the first wheel, which determine stiffness, error
     K = "stiffness.mtx"
     names = ["left", "right"]
     seats = { pinion = { y = "left" } }
+
+    [epicyclic]             # the gears turn on a carrier: an `EpicyclicSet`, without shafts, bearings and housing
+    planets = 3
+    torque = "100 N m"      # of the driver; the other fields have the defaults of `EpicyclicSet`
+    bodies = [["large", "small"]]
 """
 
 from __future__ import annotations
@@ -44,6 +49,7 @@ from hbgear.common.process.signals import defer_signals
 from hbgear.common.units import to_si
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.planets.epicyclic import EpicyclicSet
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train import Train
@@ -72,8 +78,8 @@ def is_train(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def read_train(path: str | os.PathLike[str]) -> Train:
-    """Read and check the file of a train.
+def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
+    """Read and check the file of a train or of an epicyclic set.
 
     Parameters
     ----------
@@ -82,8 +88,8 @@ def read_train(path: str | os.PathLike[str]) -> Train:
 
     Returns
     -------
-    Train
-        The train.
+    Train or EpicyclicSet
+        The train; the set if the file has a table ``[epicyclic]``.
 
     Raises
     ------
@@ -117,6 +123,11 @@ def _schema() -> Any:
         "housing", __config__=exactly(), M=(matrix, ...), K=(matrix, ...), C=(matrix, None), names=(list[str], ()),
         seats=(dict[str, dict[str, str]], {}),
     )  # fmt: skip
+    epicyclic = create_model(
+        "epicyclic", __config__=exactly(), planets=(int, ...), torque=(str | float, ...),
+        carrier_inertia=(str | float, 0.01), bodies=(list[list[str]], ()), driver=(str, ""), output=(str, ""),
+        fixed=(str, ""),
+    )  # fmt: skip
     lists: dict[str, Any] = {
         "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
         "shaft": form("shaft", Shaft, _KINDS, ("first", "second")),
@@ -127,7 +138,9 @@ def _schema() -> Any:
     whole: dict[str, Any] = {
         name: (list[each], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
         for name, each in lists.items()
-    } | {"balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None)}
+    } | {
+        "balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None), "epicyclic": (epicyclic, None),
+    }  # fmt: skip
     return create_model("train", __config__=exactly(), **whole)
 
 
@@ -138,11 +151,13 @@ _FUNCTIONS = ("stiffness", "error", "contacts")
 """Fields of a mesh that a file cannot hold."""
 
 
-def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | None:
-    """Return the train; None if a value was refused."""
+def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | EpicyclicSet | None:
+    """Return the train or epicyclic set; None if a value was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
+    if "epicyclic" in data:
+        return _epicyclic(data, wheels, meshes, problems)
     shafts, beams = (
         [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("beam", Beam))
@@ -155,6 +170,28 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
               "housing": housing, **rest}  # fmt: skip
     return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
+
+
+_QUANTITIES = {"torque": "N m", "carrier_inertia": "kg m^2"}
+"""Units of the quantities of an epicyclic set."""
+
+
+def _epicyclic(
+    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: list[tuple[Place, str]]
+) -> EpicyclicSet | None:
+    """Return the epicyclic set; None if a value was refused."""
+    own = dict(data["epicyclic"])
+    for name in data.keys() - {"wheel", "mesh", "epicyclic"}:
+        problems.append(((name,), f"an epicyclic set has no {name}; remove it, or the table [epicyclic]"))
+    for name, unit in _QUANTITIES.items():
+        if name in own:
+            try:
+                own[name] = to_si("EpicyclicSet", name, own[name], unit)
+            except ValueError as error:
+                problems.append((("epicyclic", name), bare(error)))
+    if problems:
+        return None
+    return made(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **own})  # type: ignore[no-any-return]
 
 
 def _wheel(
