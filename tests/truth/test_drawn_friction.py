@@ -151,21 +151,38 @@ def test_space_and_line_of_action_agree_and_supports_carry_the_friction():
     assert abs(forces.across.mean()) > 3e-4
 
 
-def test_a_train_of_one_mesh_is_the_pair():
-    mesh = hb.gears.Mesh.of("a", "b", PAIR, TORQUE, ZETA, friction=MU)
-    wheels = [hb.gears.Wheel.of("a", PINION, torque=TORQUE), hb.gears.Wheel.of("b", WHEEL)]
+def pair_with_helix(angle):
+    """Return the pair with another helix angle [deg]."""
+    gears = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", helix_angle=f"{side * angle} deg")
+             for z, side in ((25, 1), (40, -1)))  # fmt: skip
+    return hb.GearPair(*gears, backlash="80 um")
+
+
+@pytest.mark.parametrize("angle", [0, 15])
+def test_a_train_of_one_mesh_is_the_pair(angle):
+    drawn = pair_with_helix(angle)
+    mesh = hb.gears.Mesh.of("a", "b", drawn, TORQUE, ZETA, friction=MU)
+    wheels = [hb.gears.Wheel.of("a", drawn.pinion, torque=TORQUE), hb.gears.Wheel.of("b", drawn.wheel)]
     train = hb.gears.Train(wheels, [mesh], balance="b")
-    pair = PAIR.model(TORQUE, ZETA, friction=MU)
-    pair = pair.replace(F_m=pair.F_m / friction_mesh(hb.gears.tooth_mesh(PAIR, TORQUE), MU).load)
+    pair = drawn.model(TORQUE, ZETA, friction=MU)
+    pair = pair.replace(F_m=pair.F_m / friction_mesh(hb.gears.tooth_mesh(drawn, TORQUE), MU).load)
     problem = hb.HarmonicBalance(pair, 8)
     X = solve(problem, problem.start(Omega=0.3), {"Omega": 0.3}).X
     whole = hb.HarmonicBalance(train, 8, samples=8192)
     assert whole.layout.elements[1:] == ("a-b friction 1", "a-b friction 2", "a-b friction 3")
-    found = solve(whole, whole.start(Omega=0.3), {"Omega": 0.3}).X
+    Omega = 0.3 * pair.scales.frequency / train.scales.frequency  # lengths of the pair are along the normal
+    found = solve(whole, whole.start(Omega=Omega), {"Omega": Omega}).X
     np.testing.assert_allclose(whole.rows(found)[0], X, rtol=0, atol=2e-5)
-    losses = [hb.analysis.machine_quantities(hb.trace(one, "Omega", (0.3, 0.299), special=False, stability=False))
-              for one in (whole, problem)]  # fmt: skip
-    assert losses[0]["power loss"][0] == pytest.approx(losses[1]["power loss"][0], rel=1e-4)
+    slow = {"special": False, "stability": False}
+    of_train = hb.analysis.machine_quantities(hb.trace(whole, "Omega", (Omega, Omega - 0.001), **slow))
+    of_pair = hb.analysis.machine_quantities(hb.trace(problem, "Omega", (0.3, 0.299), **slow))
+    assert of_train["power loss"][0] == pytest.approx(of_pair["power loss"][0], rel=1e-4)
+    assert of_train["efficiency"][0] == pytest.approx(of_pair["efficiency"][0], abs=1e-5)
+
+
+def test_friction_that_acts_against_the_drive_is_refused():
+    mesh = hb.gears.Mesh.of("a", "b", PAIR, TORQUE, ZETA, friction=MU)
+    wheels = [hb.gears.Wheel.of("a", PINION, torque=TORQUE), hb.gears.Wheel.of("b", WHEEL)]
     driven = hb.gears.Mesh.of("c", "b", PAIR, TORQUE, friction=MU)
     chain = hb.gears.Train([*wheels, hb.gears.Wheel.of("c", PINION)], [mesh, driven], balance="c")
     with pytest.raises(ValueError, match=r"mesh c-b .* 'b' drives 'c'; exchange them"):

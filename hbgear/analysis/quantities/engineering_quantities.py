@@ -364,7 +364,7 @@ def _friction(
     nu, count, sliding = problem.nu, _FRICTION_PHASES * problem.nu, one.law.sliding
     d = gap_samples(one.displacement, kept, nu, problem.rows(X)[index], count)
     forces = one.law.sliding_forces(d, 2 * np.pi * nu * (np.arange(count) / count))
-    torque = float((forces.normal + sliding.lever * forces.across + forces.slide).mean())
+    torque = float((sliding.cosine * forces.normal + sliding.lever * forces.across + forces.slide).mean())
     loss = sliding.relative * float(forces.slide.mean())
     efficiency = 1 - loss / torque if torque > 0 else torque / (torque - loss) if loss else math.nan
     speed = sliding.speed * here["Omega"] * getattr(scales, "frequency", 1.0)

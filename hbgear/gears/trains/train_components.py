@@ -441,7 +441,8 @@ class Mesh:  # numpydoc ignore=PR02
         c = cos(pair.pinion.base_helix_angle)
         contacts = found.contacts if found.contacts is None or c == 1 else found.contacts.scaled(1.0, c)
         if contacts is not None and contacts.sliding is not None:  # its forces are those of the transverse displacement
-            contacts = replace(contacts, sliding=contacts.sliding.changed(lambda one: one.scaled(c)))
+            sliding = contacts.sliding.changed(lambda one: one.scaled(c))
+            contacts = replace(contacts, sliding=replace(sliding, cosine=c))
         error = found.error if found.error is not None and found.error.varies else None
         own: dict[str, Any] = {
             "k_mean": found.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": found.stiffness,

@@ -110,7 +110,7 @@ class ToothSliding:  # numpydoc ignore=PR02
     """Friction between the teeth of a mesh, for each of its contacts.
 
         a_j = mu sign(s - s_P) k_j,   b_j = mu |s - s_P| p_b k_j / r_b1
-        M_1 / r_b1 = p + lever across + slide,   P_loss = relative omega_1 r_b1 slide
+        M_1 / r_b1 = cosine p + lever across + slide,   P_loss = relative omega_1 r_b1 slide
         relative rotation: p + lever across + lever_slope slide
 
     s is the position of the contact on the path of contact in base pitches p_b, s_P the pitch point, mu the coefficient
@@ -133,6 +133,9 @@ class ToothSliding:  # numpydoc ignore=PR02
     normal : tuple of Series or Periodic, optional
         Stiffness k_j(tau) of the normal forces, if the stiffness of the contacts includes friction. Default (): the
         contacts have the normal forces.
+    cosine : float, default 1.0
+        Cosine of the angle between the force p and the transverse plane: that of the base helix angle if p is the force
+        normal to the flanks, 1 if it is the transverse force.
     """
 
     across: tuple[Phased, ...]
@@ -143,6 +146,7 @@ class ToothSliding:  # numpydoc ignore=PR02
     radius: float
     speed: float
     normal: tuple[Phased, ...] = ()
+    cosine: float = 1.0
 
     def changed(self, stiffness: Callable[[Phased], Phased]) -> ToothSliding:
         """Return the friction with changed functions of the phase."""
