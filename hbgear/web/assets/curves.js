@@ -126,7 +126,7 @@ const hbgear = (() => {
         const color = many ? own : ink.regimes[g.regime];
         const width = many ? (settings.widths[g.regime] * WIDTH[g.stability]) / 1.4 : WIDTH[g.stability];
         traces.push({ x: g.x, y: g.y, text: g.text, customdata: g.points, mode: "lines", hoverinfo: "text",
-                      line: { color, width, dash: DASH[g.stability] }, showlegend: false });
+                      line: { color, width, dash: DASH[g.stability], shape: "spline" }, showlegend: false });
         if (many) entry(legend, `branch ${n}`, nameOf(curve), { color: own, width: 2.5 });
         else if (g.regime !== "unknown") entry(legend, g.regime, words(g.regime), { color, width: 2 });
         if (many && g.regime !== "unknown")
@@ -301,7 +301,7 @@ const hbgear = (() => {
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const lines = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash } : { color: ink.line, width: 0.8 },
+      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash, shape: "spline" } : { color: ink.line, width: 0.8 },
       opacity: b.mode === "lines" && !b.sizes ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
