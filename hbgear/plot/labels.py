@@ -36,6 +36,10 @@ _DISTANCES = (5.0, 9.0, 14.0, 20.0, 27.0, 35.0, 45.0)
 """Distances [pt] of a label from its symbol, the nearest first."""
 
 
+TICK_LENGTH = 3.5
+"""Length [pt] of the ticks inside of the axes, which labels avoid."""
+
+
 LEADER_DISTANCE = 7.0
 """Distance [pt] from which a line connects a label and its symbol."""
 
@@ -171,7 +175,7 @@ class _Obstacles:
     """Objects that labels avoid, in pixels; boxes are rows (x0, y0, x1, y1)."""
 
     def __init__(self, ax: Axes, renderer: Any, marks: Sequence[Mark]) -> None:
-        self.renderer, self.border = renderer, _box_array([ax.bbox])
+        self.renderer, self.border = renderer, _box_array([ax.bbox.padded(-_pixels(ax, TICK_LENGTH))])
         half = _pixels(ax, 3.2)
         self.symbols = np.array([_pixel_position(mark.line) for mark in marks if mark.line.get_visible()]).reshape(
             -1, 2
