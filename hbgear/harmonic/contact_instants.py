@@ -258,8 +258,9 @@ class ContactInstants(HarmonicBalance):
         return _stored(equations_at)
 
     def own_trace(
-        self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool
-    ) -> Branch:
+        self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool,
+        unresolved: bool = False,
+    ) -> Branch:  # fmt: skip
         """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
 
         With ``cover``, a curve that turns back to its start is followed from the other end as well, and a curve without
@@ -387,15 +388,16 @@ times the stiffness of the mass; below it, few harmonics are the choice of the u
 
 
 def trace_hard_stops(
-    balance: HarmonicBalance, span: tuple[float, float], start: Any, settings: Any, cover: bool
+    balance: HarmonicBalance, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool
 ) -> Branch | None:
     """Return the curve of a harmonic balance in contact instants if its harmonics do not resolve the contacts.
 
         w = max sqrt(eig(M^-1 (K + W k W^T))),   w > 2 H Omega_low / nu,   w > 10 Omega_high
 
     k is the reference stiffness of the laws. Contacts then take less than a quarter of the period of the highest
-    harmonic, and less than a twentieth of the period of the excitation. None is returned for other models, and if the
-    curve cannot be completed in contact instants.
+    harmonic, and less than a twentieth of the period of the excitation. If a trace has shown that the harmonics do not
+    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient. None is returned for other
+    models, and if the curve cannot be completed in contact instants.
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
@@ -403,8 +405,10 @@ def trace_hard_stops(
     if system.n > MAX_HARD_COORDINATES or any(e.law.piecewise is None for e in system.elements):
         return None
     fastest = _contact_frequency(system)
-    highest = balance.H * min(map(abs, span)) / balance.nu
-    if not (fastest > UNRESOLVED_CONTACT * highest and fastest > HARD_STOP_RATIO * max(map(abs, span))):
+    lowest, highest = min(map(abs, span)), max(map(abs, span))
+    hard = fastest > UNRESOLVED_CONTACT * balance.H * lowest / balance.nu and fastest > HARD_STOP_RATIO * highest
+    constant = not any(law.stiffness.varies for e in system.elements for law in e.law.piecewise or ())
+    if not (hard or (unresolved and fastest and constant)):
         return None
     try:
         exact = ContactInstants(balance.model, balance.H, nu=balance.nu)

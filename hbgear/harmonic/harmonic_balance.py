@@ -182,10 +182,12 @@ class HarmonicBalance(PeriodicMotions):
         checked("start", "Omega", Omega, FREQUENCIES)
         return find_motion(self, {name: float(value) for name, value in (parameters | {"Omega": Omega}).items()})
 
-    def own_trace(self, span: tuple[float, float], start: Any, settings: Any, cover: bool) -> Branch | None:
+    def own_trace(
+        self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
+    ) -> Branch | None:
         """Return a curve of hard stops, which H harmonics do not resolve, in contact instants; else None."""
         found: Branch | None = call(
-            "hbgear.harmonic.contact_instants.trace_hard_stops", self, span, start, settings, cover
+            "hbgear.harmonic.contact_instants.trace_hard_stops", self, span, start, settings, cover, unresolved
         )
         return found
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 import hbgear as hb
+from hbgear.time.integration import state_of
 
 GAP, C, F = 0.5, 0.1, 0.3
 
@@ -32,3 +33,22 @@ def test_a_curve_of_a_hard_stop_is_traced_through_its_grazing_points(k):
         np.testing.assert_allclose(np.linalg.norm(each.X[free, 1:], axis=1), q, rtol=1e-8)
         size = np.abs(each.multipliers[free, 0])
         np.testing.assert_allclose(size, np.exp(-C * np.pi / each.values[free]), rtol=1e-6)
+
+
+def test_contacts_that_few_harmonics_do_not_resolve():
+    """A stop without gap: H = 16 leaves an error of 5 % and loses points; the curve is traced in contact instants.
+
+    Integration confirms the period doublings: motions of one period with the multiplier -1.
+    """
+    stop = hb.Element([1.0], hb.Unilateral(k=36.0, gap=0.0), name="stop")
+    model = hb.System([[1.0]], [[0.05]], [[1.0]], [stop], hb.Load(cosine={1: [0.2]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.6, 0.45))
+    assert curve.status is hb.Status.REACHED_END
+    assert "traced in contact instants, because H = 16 does not resolve contacts" in curve.message
+    assert [point.label for point in curve.special] == ["GR1", "LP1", "LP2", "PD1", "PD2"]
+    finer = hb.trace(hb.ContactInstants(model, 48), "Omega", (0.6, 0.45))  # start values of the integration
+    for label in ("PD1", "PD2"):
+        Omega = curve[label].parameters["Omega"]
+        assert abs(Omega - finer[label].parameters["Omega"]) < 1e-10
+        orbit = hb.time.shoot(model, Omega, state_of(finer.problem, finer[label].X, Omega=Omega))
+        assert np.abs(orbit.multipliers + 1).min() < 1e-6

@@ -258,10 +258,13 @@ class ContinuationProblem:
         """
         return ()
 
-    def own_trace(self, span: tuple[float, float], start: Any, settings: Any, cover: bool) -> Branch | None:
+    def own_trace(
+        self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
+    ) -> Branch | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 
         ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`. With None the curve is traced by `Tracer`.
+        It is asked again with ``unresolved`` if the number of unknowns did not resolve the curve.
         """
         return None
 

@@ -216,6 +216,9 @@ def _trace_refined(
         try:
             branch = tracer.run()
         except UnderResolvedError as finding:
+            own = None if refined else requested.own_trace(span, start, settings, cover, unresolved=True)
+            if own is not None:
+                return own
             problem, refined = finding.finer, str(finding)
             work = work.renewed()
             continue
