@@ -396,8 +396,8 @@ def trace_hard_stops(
 
     k is the reference stiffness of the laws. Contacts then take less than a quarter of the period of the highest
     harmonic, and less than a twentieth of the period of the excitation. If a trace has shown that the harmonics do not
-    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient. None is returned for other
-    models, and if the curve cannot be completed in contact instants.
+    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient, and the curve must reach the end
+    of the span. None is returned for other models, and if the curve cannot be completed in contact instants.
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
@@ -415,7 +415,7 @@ def trace_hard_stops(
         branch = exact.own_trace(span, start, settings, cover)
     except (NotPiecewiseLinear, NoConvergence, InconsistentPatternError):
         return None
-    if not branch.status.complete:
+    if not branch.status.complete or (unresolved and branch.status is not Status.REACHED_END):
         return None
     ratio = fastest / min(map(abs, span))
     text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"
