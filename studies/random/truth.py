@@ -54,6 +54,9 @@ KNOWN = 1e-5
 ROWS = 4
 """Rows of each curve whose verdict is compared: half of them those nearest to the unit circle."""
 
+SAME_MOTION = 1e-4
+"""Distance of displacements, over their size, within which shooting stays at the motion of a point."""
+
 MOST = 8
 """Special points of a machine that are looked for by shooting: first those without a partner in the finer trace."""
 
@@ -415,7 +418,11 @@ def _distance(it: Machine, one: SpecialPoint, other: SpecialPoint) -> float:
 
 
 def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.random.Generator) -> list[Verdict]:
-    """Compare points, half of them nearest to the unit circle, with the multipliers found by shooting."""
+    """Compare points, half of them nearest to the unit circle, with the multipliers found by shooting.
+
+    Close to a fold shooting may go to the motion beyond it. Its displacements differ from those of the finer balance;
+    the velocities of the balance converge slowly where the excitation has a corner.
+    """
     if branch.multipliers is None:
         return []
     plain = np.setdiff1d(np.arange(len(branch)), [p.index for p in branch.special])
@@ -431,7 +438,8 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
             orbit = hb.time.shoot(it.model, point.parameters["Omega"], y, tolerance=1e-10)
         except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
             continue
-        if np.linalg.norm(orbit.state - y) < 0.02 * np.linalg.norm(y):
+        n = len(y) // 2
+        if np.linalg.norm(orbit.state[:n] - y[:n]) < SAME_MOTION * np.linalg.norm(y[:n]):
             sizes = [float(np.abs(mu).max(initial=0.0)) for mu in (point.multipliers, orbit.multipliers)]
             out.append(Verdict(it.name, point.parameters["Omega"], said(point), *sizes))
     return out
