@@ -125,19 +125,20 @@ def test_a_doubling_is_no_neimark_sacker_point():
         )
 
 
-@pytest.fixture(scope="module")
-def stopped():
-    """Two masses, one of them between stops, where H = 16 has a Neimark-Sacker point at 0.53300."""
+def between_stops():
+    """Return two masses, one of them between stops, where H = 16 has a Neimark-Sacker point at 0.53300."""
     C = [[0.02954701, -0.01334178], [-0.01334178, 0.02488377]]
     K = [[1.85088655, -1.20091555], [-1.20091555, 1.20091555]]
     stops = hb.Element([0.0, 1.0], hb.Backlash(b=0.35092747, k=25.50283167))
     load = hb.Load(cosine={1: [0.0, 0.05034684], 2: [0.0, 0.01510405]})
-    model = hb.System(np.diag([0.9163537, 1.17723058]), C, K, [stops], load)
-    return hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.5, 0.6))
+    return hb.System(np.diag([0.9163537, 1.17723058]), C, K, [stops], load)
 
 
-def test_an_error_is_told_where_the_first_step_with_more_harmonics_ends_where_it_began(stopped):
-    point, model = stopped["NS1"], stopped.problem.model
+def test_an_error_is_estimated_where_the_first_step_with_more_harmonics_ends_where_it_began():
+    model = between_stops()
+    balance = hb.HarmonicBalance(model, 16)  # with a start, the curve is not traced in contact instants
+    stopped = hb.trace(balance, "Omega", (0.5, 0.54), balance.start(Omega=0.5))
+    point = stopped["NS1"]
     problem = stopped.problem.at_resolution_of(point)
     state = state_of(problem, problem.from_point(point), **point.parameters)
     Omega = point.parameters["Omega"] + np.array([-1e-6, 1e-6])
@@ -147,6 +148,9 @@ def test_an_error_is_told_where_the_first_step_with_more_harmonics_ends_where_it
     assert point.error < 1e-6
 
 
-def test_a_point_at_which_newton_ends_from_several_rows_is_one_point(stopped):
+def test_a_curve_that_the_harmonics_do_not_resolve_has_each_point_once():
+    """H = 16 leaves an error of the Neimark-Sacker point; the curve is traced in contact instants."""
+    stopped = hb.trace(hb.HarmonicBalance(between_stops(), 16), "Omega", (0.5, 0.6))
+    assert "contact instants" in stopped.message
     assert [point.label for point in stopped.special if point.kind == "PD"] == ["PD1", "PD2"]
     assert stopped["PD1"].parameters["Omega"] < 0.55 < stopped["PD2"].parameters["Omega"]
