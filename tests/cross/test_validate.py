@@ -55,6 +55,20 @@ def test_double_helical_pair_of_low_damping():
     assert len(unstable) >= 2 and all(row.growth > 1 for row in unstable)
 
 
+@pytest.mark.slow
+def test_teeth_of_a_drawing():
+    """Contacts of teeth begin at tau = 0, where the rates of H = 16 have an error of 1e-2; points near the fold, too.
+
+    From the state of the series, shooting goes to the motion beyond the fold at one of them.
+    """
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    model = hb.GearPair(pinion, wheel, backlash="80 um").model(200.0, 0.04)
+    curve = hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.9, 0.6), cover=False)
+    found = validate(curve, 5)
+    assert found.ok and len(found.rows) == 5 and {row.stable for row in found.rows} == {True, False}
+    assert max(row.closure for row in found.rows) < 3e-3
+
+
 def test_period_doubling_of_the_double_helical_pair():
     """Between Omega = 0.3306 and 0.3435 the default pair is unstable with a multiplier below -1."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 10)
