@@ -83,6 +83,45 @@ def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) ->
     return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0], positions])
 
 
+_START_TOLERANCE = 1e-11
+"""Error per step [-] of the integration to the start of the period, relative to the size of the motion."""
+
+
+def start_state(problem: Any, X: Array, **parameters: float) -> Array:
+    """Return the state of a harmonic-balance solution at tau = 0, with accurate rates at breakpoints of the excitation.
+
+    At a breakpoint of the excitation the rates of a truncated series have an error of the order 1/H. The state is
+    therefore integrated from the phase before tau = 0 that is farthest from all breakpoints. Without breakpoints, and
+    if the integration fails, it is that of `state_of`.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Problem of the solution.
+    X : ndarray, shape (m (2H + 1),)
+        Coefficients of the solution.
+    **parameters : float
+        ``Omega``, and values of model parameters that differ from those of the model.
+
+    Returns
+    -------
+    ndarray, shape (2n,)
+        Displacements, then velocities, then the positions of friction sliders.
+    """
+    phases = problem.compiled({name: x for name, x in parameters.items() if name != "Omega"}).piecewise.phases
+    if not len(phases):
+        return state_of(problem, X, **parameters)
+    ends = np.append(phases, phases[0] + 2 * np.pi)
+    widest, Omega = int(np.argmax(np.diff(ends))), parameters["Omega"]
+    start = 0.5 * (ends[widest] + ends[widest + 1]) % (2 * np.pi) - 2 * np.pi
+    y = state_of(problem, X, start / problem.nu, **parameters)
+    flow = Flow(problem.model.at(parameters).system(), Omega)
+    try:
+        return flow.integrate(start / Omega, y, 0.0, "DOP853", _START_TOLERANCE)[0]
+    except ArithmeticError:
+        return state_of(problem, X, **parameters)
+
+
 _MAX_RECORDED_SAMPLES = 10_000_000
 """Largest number of samples [-] of one motion; their memory is 80 MB per element and quantity."""
 

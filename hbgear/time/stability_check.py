@@ -15,7 +15,7 @@ from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.multipliers.hill import hill_multipliers
-from hbgear.time.integration import state_of
+from hbgear.time.integration import start_state
 from hbgear.time.shooting import Orbit, shoot
 
 
@@ -130,7 +130,7 @@ def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityCo
     except ValueError as error:
         notes.append(str(error))
     try:
-        orbit = shoot(problem.model.at(at), at["Omega"], state_of(problem, X, **at), problem.nu)
+        orbit = shoot(problem.model.at(at), at["Omega"], start_state(problem, X, **at), problem.nu)
     except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
         notes.append(f"shooting: {error}")
     shooting = None if orbit is None else orbit.multipliers

@@ -43,7 +43,7 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.series.fourier import to_complex
-from hbgear.time.integration import state_of
+from hbgear.time.integration import start_state
 from hbgear.time.jump_integration import JumpOutcome, arrivals, landed
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
@@ -273,7 +273,7 @@ def _compared(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, f
     """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
     changes = {k: v for k, v in here.items() if k != "Omega"}
     model = problem.model.replace(**changes) if changes else problem.model
-    y = _start_state(problem, model, X, here)
+    y = start_state(problem, X, **here)
     layout = problem.layout
     rows = [layout.rows(X, j) for j in range(len(layout.elements))]
     mu = problem.multipliers(X, **here) if mu is None else mu
@@ -283,27 +283,6 @@ def _compared(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, f
     except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
         return _Compared(problem.H, rows, mu, closure)
     return _Compared(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
-
-
-def _start_state(problem: Any, model: Any, X: Array, here: dict[str, float]) -> Array:
-    """Return the state at tau = 0.
-
-    At a breakpoint of the excitation the rates of a truncated series have an error of the order 1/H. The state is
-    therefore integrated from the phase before tau = 0 that is farthest from all breakpoints.
-    """
-    phases = problem.compiled({name: value for name, value in here.items() if name != "Omega"}).piecewise.phases
-    if not len(phases):
-        return state_of(problem, X, **here)
-    ends = np.append(phases, phases[0] + 2 * np.pi)
-    widest = int(np.argmax(np.diff(ends)))
-    start = 0.5 * (ends[widest] + ends[widest + 1]) % (2 * np.pi) - 2 * np.pi
-    y = state_of(problem, X, start / problem.nu, **here)
-    try:
-        return Flow(model.system(), here["Omega"]).integrate(
-            start / here["Omega"], y, 0.0, "DOP853", _INTEGRATION_TOLERANCE
-        )[0]
-    except ArithmeticError:
-        return state_of(problem, X, **here)
 
 
 def _refinements(
