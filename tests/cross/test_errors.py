@@ -75,9 +75,10 @@ def test_verdicts_of_two_masses(default_curve):
 
 @pytest.mark.slow
 def test_a_backlash_fifty_times_as_stiff():
-    """Motions of 16 harmonics are off by a sixth below Omega = 0.5, a fold of 32 by 4e-3: it is followed with more.
+    """Motions of 16 harmonics are off by a sixth below Omega = 0.5, a fold of 32 by 4e-3: contact instants follow it.
 
-    Then nothing is false and nothing missing, and every point right to the error that it states.
+    Nothing is false and nothing missing; the balance with H = 80 has errors of 2e-5. Grazing points at which the regime
+    does not change are points of contact instants only.
     """
     system = hb.System(
         np.diag([0.8534, 1.922]), [[0.1714, -0.0922], [-0.0922, 0.1114]], [[1.4258, -0.8069], [-0.8069, 0.8069]],
@@ -85,15 +86,12 @@ def test_a_backlash_fifty_times_as_stiff():
         hb.Load(cosine={1: [0.13765, 0.0]}),
     )  # fmt: skip
     curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (2.5, 0.4))
-    assert curve.layout.harmonics >= 32
-    assert f"followed with H = {curve.layout.harmonics}, for H = " in curve.message
+    assert "traced in contact instants, because H = 16 does not resolve contacts" in curve.message
     fine = hb.trace(hb.HarmonicBalance(system, 80), "Omega", (2.5, 0.4), accuracy=None)
-    assert sorted(p.kind for p in curve.special) == sorted(p.kind for p in fine.special)
-    for mine in curve.special:
-        places = [p.parameters["Omega"] for p in fine.special if p.kind == mine.kind]
-        assert np.abs(np.array(places) - mine.parameters["Omega"]).min() <= STATED * mine.error + 2e-5, mine.label
-    vague = [p.label for p in curve.special if p.error > 2e-5 * p.parameters["Omega"]]
-    assert all(label in " ".join(curve.warnings) for label in vague)
+    found, known = ([p for p in one.special if p.kind != "GR"] for one in (curve, fine))
+    assert [p.kind for p in found] == [p.kind for p in known] and len(found) == 12 and not curve.warnings
+    for mine, other in zip(found, known, strict=True):
+        assert abs(mine.parameters["Omega"] - other.parameters["Omega"]) < 3e-5, mine.label
     asked = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (0.6, 0.45), accuracy=None)
     assert asked.layout.harmonics == 16 and "the relative error of motions is up to" in " ".join(asked.warnings)
 
