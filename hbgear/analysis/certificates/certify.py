@@ -211,7 +211,7 @@ def _at_whole_turn(at: EquationsAt, iterate: Iterate) -> Iterate:
 
 def _grazing(at: EquationsAt, iterate: Iterate) -> tuple[Iterate, tuple[int, int, int, int], float]:
     """Return the motion without the contact that grazes, the contact, and its phase."""
-    visits = iterate.pattern.visits()
+    visits = iterate.pattern.visits
     durations = iterate.visit_durations(visits, at.period)
     if durations.min(initial=np.inf) < VANISHING_DURATION * at.period:
         shortest = visits[int(np.argmin(durations))]

@@ -170,7 +170,7 @@ def _failed(state: CurveState) -> NoConvergence:
 
 def _factor(family: Family, state: CurveState, step: Array) -> float:
     """Return the factor of a step that takes at most a part of the duration of each contact."""
-    visits = state.pattern.visits()
+    visits = state.pattern.visits
     if not visits:
         return 1.0
     period = family(state.value).period

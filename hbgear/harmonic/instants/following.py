@@ -34,7 +34,7 @@ from hbgear.harmonic.instants.grazing import (
     with_contacts,
     without_contacts,
 )
-from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Visit
 from hbgear.harmonic.instants.shooting import Iterate
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
@@ -234,7 +234,7 @@ class Follower:
 
     def _limited(self, last: ExactPoint, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
-        visits = last.state.pattern.visits()
+        visits = last.state.pattern.visits
         if not visits:
             return length
         period = self.family(last.state.value).period
@@ -279,10 +279,9 @@ class Follower:
         self._add(here, self._gaps(here), 0.0, self._special(last, here))
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
-        duration = GRAZING_DURATION if len(found.contacts) == 1 else SIMULTANEOUS_DURATION
-        self.step = duration * self.family(first.state.value).period
+        self.step = found.first_duration * self.family(first.state.value).period
 
-    def _close(self, point: ExactPoint, visits: list[tuple[int, int]]) -> None:
+    def _close(self, point: ExactPoint, visits: list[Visit]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
         guess, contacts = without_contacts(self.family, point.state, visits)
         found = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
@@ -302,9 +301,9 @@ class Follower:
             return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
         return point
 
-    def _vanishing(self, point: ExactPoint) -> list[tuple[int, int]]:
+    def _vanishing(self, point: ExactPoint) -> list[Visit]:
         """Return the contacts that vanish along the curve."""
-        period, visits = self.family(point.state.value).period, point.state.pattern.visits()
+        period, visits = self.family(point.state.value).period, point.state.pattern.visits
         ahead = point.state.moved(point.state.z + 1e-3 * point.tangent * point.scale)
         now, after = (state.iterate.visit_durations(visits, period) for state in (point.state, ahead))
         short = [(visit, a) for visit, a, b in zip(visits, now, after, strict=True)

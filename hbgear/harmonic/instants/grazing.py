@@ -21,10 +21,9 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.checking import MissedCrossing
 from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
-from hbgear.harmonic.instants.pattern import Pattern, Switch
+from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
-from hbgear.harmonic.instants.shooting import Iterate
 
 GRAZING_DURATION = 2e-8
 """Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""
@@ -56,6 +55,11 @@ class GrazingPoint(NamedTuple):
     state: CurveState
     contacts: list[Grazing]
     gradient: Array
+
+    @property
+    def first_duration(self) -> float:
+        """Duration of the first contacts on a curve that leaves the point, over the period."""
+        return GRAZING_DURATION if len(self.contacts) == 1 else SIMULTANEOUS_DURATION
 
 
 def _segment_at(state: CurveState, period: float, t: float) -> tuple[int, float]:
@@ -151,11 +155,11 @@ def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
     """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
     at = family(point.state.value)
-    delta = (GRAZING_DURATION if len(point.contacts) == 1 else SIMULTANEOUS_DURATION) * at.period
+    delta = point.first_duration * at.period
     missed = [MissedCrossing(t - 0.5 * delta, t + 0.5 * delta, switch) for t, switch in point.contacts]
     guess = CurveState.of(with_missed_crossings(at, point.state.iterate, missed), point.state.value)
     switch = point.contacts[0].switch
-    visits = [visit for visit in guess.pattern.visits() if guess.pattern.switches[visit[0]] == switch]
+    visits = [visit for visit in guess.pattern.visits if guess.pattern.switches[visit[0]] == switch]
     first, last = visits[int(np.argmin(guess.iterate.visit_durations(visits, at.period)))]
     row = np.zeros(len(guess.z))
     row[guess.phase_column(first)], row[guess.phase_column(last)] = -1.0, 1.0
@@ -164,19 +168,10 @@ def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[Cu
     return state, row
 
 
-def without_contacts(
-    family: Family, state: CurveState, visits: Sequence[tuple[int, int]]
-) -> tuple[CurveState, list[Grazing]]:
+def without_contacts(family: Family, state: CurveState, visits: Sequence[Visit]) -> tuple[CurveState, list[Grazing]]:
     """Return the state without contacts that vanish, as a guess, and the contacts as they graze."""
-    at, iterate = family(state.value), state.iterate
-    pattern, durations = iterate.pattern, iterate.visit_durations(visits, at.period)
-    grazing = [Grazing(float(iterate.tau[i] + 0.5 * duration), pattern.switches[i])
+    iterate = state.iterate
+    durations = iterate.visit_durations(visits, family(state.value).period)
+    grazing = [Grazing(float(iterate.tau[i] + 0.5 * duration), iterate.pattern.switches[i])
                for (i, _), duration in zip(visits, durations, strict=True)]  # fmt: skip
-    removed = {switch for visit in visits for switch in visit}
-    kept = [k for k in range(pattern.count) if k not in removed]
-    if kept:
-        return CurveState.of(Iterate(pattern.without(visits), iterate.tau[kept], iterate.x[kept]), state.value), grazing
-    firsts = {i for i, _ in visits}
-    j = next(j for _, j in visits if (j + 1) % pattern.count in firsts)  # after it, all contacts are outside
-    outside = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
-    return CurveState.of(Iterate(outside, iterate.tau[[j]], iterate.x[[j]]), state.value), grazing
+    return CurveState.of(iterate.without(visits), state.value), grazing

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from hbgear.harmonic.instants.equations import Contacts, Equations
 from hbgear.mechanics.series.piecewise_polynomial import TURN
+
+Visit = tuple[int, int]
+"""Numbers of two switches of an element that follow each other, and the time between them."""
 
 
 class Switch(NamedTuple):
@@ -76,25 +80,39 @@ class Pattern:
         """Number of switches, and of segments."""
         return len(self.switches)
 
-    def visits(self) -> list[tuple[int, int]]:
-        """Return the first and the last switch of each visit of a gap beyond a breakpoint.
+    @cached_property
+    def visits(self) -> tuple[Visit, ...]:
+        """First and last switch of each visit of a gap beyond a breakpoint.
 
         Switches of other elements may lie between them. If a gap alternates between both sides of a breakpoint, the
-        visits of either side are returned.
+        visits of either side are included.
         """
+        return tuple((i, own[(n + 1) % len(own)]) for i, own, n in self._in_element()
+                     if self.switches[i].opposite(self.switches[own[(n + 1) % len(own)]]))  # fmt: skip
+
+    @cached_property
+    def divisible_visits(self) -> tuple[tuple[Visit, Visit, Visit], ...]:
+        """Visits without a fixed switch, each with the intervals of its gap before and after it."""
+        places = {i: (own, n) for i, own, n in self._in_element()}
         found = []
+        for i, j in self.visits:
+            if not any(self.switches[k].is_fixed for k in self.segments_between(i, j)[1:]):
+                own, n = places[i]
+                found.append(((i, j), (own[n - 1], i), (j, own[(n + 2) % len(own)])))
+        return tuple(found)
+
+    def _in_element(self) -> list[tuple[int, list[int], int]]:
+        """Return each switch with the switches of its element and its place among them."""
+        own: dict[int, list[int]] = {}
         for i, switch in enumerate(self.switches):
-            later = ((i + step) % self.count for step in range(1, self.count))
-            j = next((j for j in later if self.switches[j].element == switch.element), None)
-            if j is not None and switch.opposite(self.switches[j]):
-                found.append((i, j))
-        return found
+            own.setdefault(switch.element, []).append(i)
+        return [(i, own[s.element], own[s.element].index(i)) for i, s in enumerate(self.switches)]
 
     def segments_between(self, i: int, j: int) -> list[int]:
         """Return the segments from switch i to switch j."""
         return [(i + step) % self.count for step in range((j - i) % self.count)]
 
-    def without(self, visits: Sequence[tuple[int, int]]) -> Pattern:
+    def without(self, visits: Sequence[Visit]) -> Pattern:
         """Return the pattern without the first and last switches of some visits."""
         levels = list(self.contacts[-1].levels)
         for i, j in visits:

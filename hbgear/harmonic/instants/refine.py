@@ -267,11 +267,7 @@ def _without_segment(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
     """Return the iterate with the switches at the ends of a vanishing segment removed or exchanged."""
     pattern, j = iterate.pattern, (i + 1) % iterate.pattern.count
     if pattern.switches[i].opposite(pattern.switches[j]):
-        kept = [k for k in range(pattern.count) if k not in (i, j)]
-        if not kept:
-            start = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
-            return Iterate(start, iterate.tau[[j]], iterate.x[[j]])
-        return Iterate(pattern.without([(i, j)]), iterate.tau[kept], iterate.x[kept])
+        return iterate.without([(i, j)])
     if pattern.switches[i].element == pattern.switches[j].element or j == 0:
         raise _failure("two contact instants of an element meet", at.Omega)
     tau, width = iterate.tau.copy(), float(iterate.tau[j] - iterate.tau[i])

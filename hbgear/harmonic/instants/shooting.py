@@ -23,7 +23,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import EquationsAt
-from hbgear.harmonic.instants.pattern import Pattern
+from hbgear.harmonic.instants.pattern import Pattern, Switch, Visit
 from hbgear.harmonic.instants.propagation import growth_rate_slopes, growths, rates_of_each
 
 SHORT_SEGMENT_RATIO = 0.25
@@ -54,24 +54,29 @@ class Iterate:
         out[-1] = self.tau[0] + period - self.tau[-1]
         return out
 
-    def visit_durations(self, visits: Sequence[tuple[int, int]], period: float) -> Array:
+    def visit_durations(self, visits: Sequence[Visit], period: float) -> Array:
         """Return the durations of visits (i, j) from switch i to switch j."""
         return np.array([self.tau[j] - self.tau[i] + (period if j < i else 0.0) for i, j in visits])
+
+    def without(self, visits: Sequence[Visit]) -> Iterate:
+        """Return the iterate without some visits; without switches, it begins after the last one of them."""
+        pattern, removed = self.pattern, {switch for visit in visits for switch in visit}
+        kept = [k for k in range(pattern.count) if k not in removed]
+        if kept:
+            return Iterate(pattern.without(visits), self.tau[kept], self.x[kept])
+        firsts = {i for i, _ in visits}
+        j = next(j for _, j in visits if (j + 1) % pattern.count in firsts)
+        outside = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
+        return Iterate(outside, self.tau[[j]], self.x[[j]])
 
 
 def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
     """Return the switches whose equation is divided, each with the first switch of the visit that ends there."""
-    pattern, out = iterate.pattern, {}
-    switches = pattern.switches
-    visits = [(i, j) for i, j in pattern.visits()
-              if not any(switches[k].is_fixed for k in pattern.segments_between(i, j)[1:])]  # fmt: skip
-    for (i, j), duration in zip(visits, iterate.visit_durations(visits, period), strict=True):
-        others = [k for k in range(pattern.count) if switches[k].element == switches[i].element]
-        n = others.index(i)
-        neighbours = [(others[n - 1], i), (j, others[(n + 2) % len(others)])]
-        if duration < SHORT_SEGMENT_RATIO * iterate.visit_durations(neighbours, period).min():
-            out[j] = i
-    return out
+    visits = iterate.pattern.divisible_visits
+    intervals = [interval for each in visits for interval in each]
+    times = iterate.visit_durations(intervals, period).reshape(-1, 3)
+    short = times[:, 0] < SHORT_SEGMENT_RATIO * times[:, 1:].min(axis=1)
+    return {visits[n][0][1]: visits[n][0][0] for n in np.flatnonzero(short).tolist()}
 
 
 def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
