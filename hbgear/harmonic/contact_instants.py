@@ -32,7 +32,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.continuation.tracing.coverage import coverage_message
+from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
@@ -274,8 +274,8 @@ class ContactInstants(HarmonicBalance):
         if branch.status is Status.LEFT_SPAN and first == span:
             with suppress(NoConvergence):
                 others = (self._followed(span[::-1], None, settings),)
-        no_start = f"no solution was found at {settings.parameter} = {span[0]:.6g}: followed from the other end"
-        texts = branch.message, "" if first == span else no_start, coverage_message(branch, others, span)
+        no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
+        texts = branch.message, no_start, coverage_message(branch, others, span)
         return replace(branch, others=others, message="; ".join(text for text in texts if text))
 
     def _first_curve(

@@ -284,7 +284,7 @@ def torus_section(
     name, known = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
     x, y = name, name
     if known is not None:
-        d, v = 1e6 * known.length * d, known.length * known.frequency * v
+        d, v = 1e6 * known.length * d, known.velocity * v
         x, y = in_figure(in_micrometres(name)), in_metres_per_second(name)
     with styled():
         ax = axes_or_new(ax, (3.6, 3.2))

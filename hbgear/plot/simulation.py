@@ -208,7 +208,7 @@ def bifurcation(
         raise ValueError("no sweep to draw")
     own, across = ax is None, _axis(found[0], model, dimensionless)
     known = None if dimensionless or model is None else model.scales
-    factor = 1.0 if known is None else known.length * (known.frequency if rate else 1e6)
+    factor = 1.0 if known is None else known.velocity if rate else 1e6 * known.length
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for s in found:
@@ -267,7 +267,7 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
 
     count = len(found.attractors)
     known = None if dimensionless or model is None or not found.element else model.scales
-    units = np.array([1.0, 1.0] if known is None else [1e6 * known.length, known.length * known.frequency])
+    units = np.array([1.0, 1.0] if known is None else [1e6 * known.length, known.velocity])
     d, v = units[0] * found.d, units[1] * found.v
     with styled():
         ax = axes_or_new(ax, (4.6, 3.9))

@@ -39,6 +39,7 @@ from hbgear.cli.support import (
 from hbgear.common.text.symbols import unit_of
 from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales_at
 from hbgear.io.branches.columns import bracketed, label_of
+from hbgear.mechanics.structures.scales import Scales
 
 ROWS = 8
 """Number of rows of the tables of backbones, limit cycles and tori."""
@@ -118,8 +119,7 @@ def cycles(
     points = hb.analysis.hopf_points(machine, name, span)
     if not points:
         raise ValueError(f"--in {within}: no Hopf point: no pair of eigenvalues crosses the imaginary axis there")
-    known = None if dimensionless else machine.scales
-    unit, header = (1.0, "Omega") if known is None else (known.frequency / (2 * np.pi), "Omega [Hz]")
+    unit, header = _in_hertz("Omega", None if dimensionless else machine.scales)
     headers = [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", header]
     print_table(headers, [[f"{one.value:.8g}", f"{unit * one.Omega:.8g}"] for one in points], "Hopf points")
     found = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
@@ -222,11 +222,15 @@ def _some(count: int) -> list[int]:
     return sorted(set(np.linspace(0, count - 1, min(ROWS, count)).round().astype(int).tolist()))
 
 
+def _in_hertz(frequency: str, known: Scales | None) -> tuple[float, str]:
+    """Return the unit of a frequency [Hz] and its header in a table; that of the model without scales."""
+    return (1.0, frequency) if known is None else (known.frequency / (2 * np.pi), f"{frequency} [Hz]")
+
+
 def _show_frequencies(found: hb.Branch, frequency: str, measure: str, element: int | str, dimensionless: bool) -> None:
     """Print the parameter, the unknown frequency and the amplitude at some points of a branch."""
     across, height = Abscissa([found], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
-    known = None if dimensionless else scales_at(found, 0)
-    unit, name = (1.0, frequency) if known is None else (known.frequency / (2 * np.pi), f"{frequency} [Hz]")
+    unit, name = _in_hertz(frequency, None if dimensionless else scales_at(found, 0))
     x, y, heights = across.along(found), unit * found.tracked[frequency], height.along(found)
     rows = [[f"{x[i]:.6g}", f"{y[i]:.6g}", f"{heights[i]:.5g}"] for i in _some(len(found))]
     print_table([PINION if across.scale != 1 else found.parameter, name, height.header(found)], rows)

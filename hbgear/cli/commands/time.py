@@ -216,7 +216,7 @@ def basins(
     check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
     at, known = Omega_of(machine, "--omega", omega), machine.scales
-    length, rate = (None, None) if known is None else (known.length, known.length * known.frequency)
+    length, rate = (None, None) if known is None else (known.length, known.velocity)
     spans = _ends("--d", d, "m", length), _ends("--v", v, "m/s", rate)
     settling, which = (
         SteadyStateSettings(tolerance, max_periods, min(16, max_periods)),

@@ -215,6 +215,11 @@ def trace_both_directions(
     return whole if settings is None else replace(whole, jump_records=find_jumps(whole, settings))
 
 
+def reversed_span_message(name: str, value: float) -> str:
+    """Return the sentence for a curve that is followed from the other end, because it has no solution at a value."""
+    return f"no solution was found at {name} = {value:.6g}: followed from the other end"
+
+
 def coverage_message(first: Branch, others: Sequence[Branch], span: tuple[float, float], inside: bool = True) -> str:
     """Return the message on the coverage of a span.
 

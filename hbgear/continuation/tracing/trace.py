@@ -46,7 +46,13 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
 from hbgear.continuation.stepping.control import StepControl
-from hbgear.continuation.tracing.coverage import UNCOVERED, CoverageSearch, cover_span, coverage_message
+from hbgear.continuation.tracing.coverage import (
+    UNCOVERED,
+    CoverageSearch,
+    cover_span,
+    coverage_message,
+    reversed_span_message,
+)
 from hbgear.continuation.tracing.first_point import ArbitrarySolutionError, begin, solution_by_problem
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.loop import ContinuationLoop
@@ -209,8 +215,7 @@ def _trace_refined(
         except NoConvergence:
             if reversed_span or start is not None or not cover:
                 raise
-            name = settings.parameter
-            reversed_span = f"no solution was found at {name} = {span[0]:.6g}: followed from the other end"
+            reversed_span = reversed_span_message(settings.parameter, span[0])
             span = span[::-1]
             continue
         try:

@@ -48,16 +48,18 @@ def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, fl
 
 def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float | None:
     """Return the unit of element coordinates [m] with these parameters; None if the model has no scales."""
-    own = None if model is None else model.scales
-    if model is not None and own is not None and parameters:
-        own = model.at(parameters).scales
+    own = _scales_with(model, parameters)
     return None if own is None else own.length
 
 
 def scales_at(branch: Branch, row: int) -> Scales | None:
     """Return the scales of the model at a point of a branch; None if it has none."""
-    model = model_of(branch)
-    return None if model is None or model.scales is None else model.at(branch.parameters_at(row)).scales
+    return _scales_with(model_of(branch), branch.parameters_at(row))
+
+
+def _scales_with(model: Model | None, parameters: Mapping[str, float]) -> Scales | None:
+    own = None if model is None else model.scales
+    return own if model is None or own is None or not parameters else model.at(parameters).scales
 
 
 def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:

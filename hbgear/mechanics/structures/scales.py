@@ -60,6 +60,11 @@ class Scales:  # numpydoc ignore=PR02
             checked("Scales", name, getattr(self, name), POSITIVE)
 
     @property
+    def velocity(self) -> float:
+        """Unit of the first derivative of a length [m/s]."""
+        return self.length * self.frequency
+
+    @property
     def acceleration(self) -> float:
         """Unit of the second derivative of a length [m/s^2]."""
         return self.length * self.frequency**2
