@@ -322,7 +322,8 @@ def test_progress_bar_on_a_terminal(tmp_path):
             seen += part
     os.close(master)
     assert process.returncode == 0
-    assert re.search(rb"Omega = \d\.\d+", seen) and re.search(rb"\d+ points, step \d\.\de-\d\d", seen)
+    # The display shows the state ten times a second and once at its end: a fast trace is seen only there.
+    assert re.search(rb"Omega = \d\.\d+, \d+ points", seen)
 
 
 # ---- bad input

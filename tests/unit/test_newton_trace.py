@@ -390,7 +390,7 @@ def test_progress_is_told_of_every_row():
     assert [now.numbers["points"] for now in seen] == list(range(2, len(curve) + 1))
     np.testing.assert_array_equal([now.numbers["value"] for now in seen], curve.values[1:])
     np.testing.assert_allclose([now.done for now in seen], (curve.values[1:] + 2) / 4, atol=1e-12)
-    assert f"p = {curve.values[1]:.5f}, 2 points" in str(seen[0])
+    assert f"p = {curve.values[1]:.5f}, 2 points, step {seen[0].numbers['step']:.1e}" in str(seen[0])
 
 
 def test_progress_of_stability_that_takes_long(monkeypatch):
