@@ -37,15 +37,14 @@ from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.instants.checking import sample_gaps
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.following import ExactCurve, Follower
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch
+from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
-from hbgear.harmonic.instants.spectrum import coefficients
 from hbgear.harmonic.stability.exact_motion import exact_iterate
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model

@@ -1,4 +1,4 @@
-"""Kernels of small dense linear algebra: solutions by Gaussian elimination, and norms.
+"""Kernels of small dense linear algebra: solutions by Gaussian elimination, products and norms.
 
     A = P L U,   X = U^-1 L^-1 P^T B,   the sign of det A from the pivots and their order
 
@@ -141,6 +141,29 @@ def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
         a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
         for k in range(row.shape[0]):
             row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
+
+
+@kernel
+def add_product(A: Any, B: Any, factor: float, out: Any) -> None:
+    """Add factor A B to out, four rows of B at a time, so that out is read and written once for four rows.
+
+    Parameters
+    ----------
+    A, B, out : ndarray, shape (n, m), (m, k), (n, k)
+        Matrices; ``out`` is overwritten.
+    factor : float
+        Factor of the product.
+    """
+    n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
+    for i in range(A.shape[0]):
+        for k in range(0, whole, 4):
+            a, b, c, d = factor * A[i, k], factor * A[i, k + 1], factor * A[i, k + 2], factor * A[i, k + 3]
+            for j in range(B.shape[1]):
+                out[i, j] += a * B[k, j] + b * B[k + 1, j] + c * B[k + 2, j] + d * B[k + 3, j]
+        for k in range(whole, n):
+            a = factor * A[i, k]
+            for j in range(B.shape[1]):
+                out[i, j] += a * B[k, j]
 
 
 @kernel

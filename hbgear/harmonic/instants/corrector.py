@@ -24,12 +24,8 @@ from hbgear.harmonic.instants.shooting import Iterate, Linearisation, linearise,
 Family = Callable[[float], EquationsAt]
 """The equations as a function of the continuation parameter."""
 
-MAX_CORRECTOR_ITERATIONS = 12
+MAX_CORRECTOR_ITERATIONS = 13
 """Largest number of corrector iterations; a good prediction needs two to four."""
-
-CORRECTOR_TOLERANCE = 1e-7
-"""Scaled size of a Newton step after which the equations are linearised once more, and the state has one more step; its
-size is 1e-13 or less on the curves of hard stops."""
 
 MAX_FINAL_STEP = 1e-10
 """Scaled size of the last step: the linearised equations of a point differ from its state by this distance."""
@@ -150,14 +146,9 @@ def correct(
         size = float(np.abs(step / scale).max())
         if not np.isfinite(size) or size > 1e3:
             break
-        factor = _factor(family, state, step)
-        state = state.moved(state.z + factor * step)
-        if factor == 1.0 and size <= CORRECTOR_TOLERANCE:
-            now = linearise(family(state.value), state.iterate)
-            bordered[:-1, :-1] = now.J
-            step = np.linalg.solve(bordered * scale, -np.append(now.R, row @ ((state.z - start) / scale))) * scale
-            if float(np.abs(step / scale).max()) <= MAX_FINAL_STEP:
-                return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
+        if size <= MAX_FINAL_STEP:
+            return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
+        state = state.moved(state.z + _factor(family, state, step) * step)
     raise _failed(state)
 
 

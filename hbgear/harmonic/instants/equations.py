@@ -90,6 +90,7 @@ class Equations:
         self.system, self.nu, self.m = system, nu, len(system.elements)
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
+        self._bounds: dict[tuple[int, ...], Array] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
 
     @cached_property
@@ -167,6 +168,15 @@ class Equations:
                     row[1 + self.degree + 2 * i :][:2] = c[2 * order - 1 : 2 * order + 1]
         return E
 
+    def bounds(self, levels: tuple[int, ...]) -> Array:
+        """Return the breakpoints (m, 2) below and above each gap; -inf or inf without one."""
+        found = self._bounds.get(levels)
+        if found is None:
+            all_of = [(-math.inf, *points, math.inf) for points in self.breakpoints]
+            pairs = [points[level : level + 2] for points, level in zip(all_of, levels, strict=True)]
+            found = self._bounds[levels] = np.array(pairs, dtype=float)
+        return found
+
     def at(self, Omega: float) -> EquationsAt:
         """Return the equations at a frequency of the excitation."""
         return EquationsAt(self, Omega)
@@ -219,6 +229,7 @@ class StateSpace:
         L = np.diag(np.concatenate([1 / s, 1 / (s * clock)]))
         self.A, self.input, self.D, self.reduce = _observable_part(A, force, D, L)
         self.gaps: dict[int, Array] = {}  # of each section, see `EquationsAt.gaps`
+        self.switching_rows: dict[Any, tuple[Array, Array]] = {}  # of each pattern, see `shooting.switching_rows`
 
 
 class EquationsAt:
@@ -230,7 +241,12 @@ class EquationsAt:
         self.size = len(self.structure.A)
         self._flows: dict[Contacts, Flow] = {}
         self._forcing: dict[int, Array] = {}
-        self.input = self.structure.input @ self.structure.W / self.Omega
+
+    @cached_property
+    def input(self) -> Array:
+        """Derivatives (r, m) of the state by the forces of the elements."""
+        found: Array = self.structure.input @ self.structure.W / self.Omega
+        return found
 
     @property
     def period(self) -> float:
@@ -385,7 +401,7 @@ def _constant_stiffness(stiffness: Phased, start: float) -> float | None:
     return None
 
 
-def shifted_polynomial(derivatives: Sequence[float], by: float) -> list[float]:
+def shifted_polynomial(derivatives: Sequence[Any], by: float) -> list[Any]:
     """Return the coefficients of powers of s about a shifted point, from derivatives of a polynomial at the point."""
     c = [d / math.factorial(n) for n, d in enumerate(derivatives)]
     return [

@@ -22,7 +22,6 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.checking import MissedCrossing, Samples, sample_gaps
 from hbgear.harmonic.instants.corrector import CurveState, Family
 from hbgear.harmonic.instants.critical import ExactPoint, exact_point, point_between, special_points
 from hbgear.harmonic.instants.grazing import (
@@ -35,6 +34,7 @@ from hbgear.harmonic.instants.grazing import (
     without_contacts,
 )
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Visit
+from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
@@ -63,14 +63,15 @@ the same instant up to rounding of 1e-15, and grazing contacts last for 2e-8."""
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
 
-FAST_ITERATIONS = 5
+FAST_ITERATIONS = 6
 """Number of corrector iterations up to which the step grows."""
 
 DEPARTURE = 1e-3
 """Distance, in scaled unknowns, of the first point of a branch from the point at which it leaves another one."""
 
-SHORTER_PERIOD_DISTANCE = 1e-5
-"""Distance of the states of two periods, relative to the states, at which a motion has the shorter period."""
+SHORTER_PERIOD_DIFFERENCE = 1e-2
+"""Difference of the states of both halves of a period, over that at the ends of a step in which it is reversed, up to
+which a special point is the point where both halves become equal."""
 
 MAX_POLYNOMIAL_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
 """Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
@@ -324,9 +325,10 @@ class Follower:
         self, point: ExactPoint, samples: Samples, length: float, special: list[tuple[str, float, ExactPoint]]
     ) -> None:
         """Accept a point after the special points between the last point and it."""
+        least = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
         for kind, _, found in special:
             self._accept(found, self._gaps(found), 0.0)
-            if kind == "BP" and _has_shorter_period(found.state):
+            if least and np.linalg.norm(_difference_of_halves(found.state)) < SHORTER_PERIOD_DIFFERENCE * least:
                 self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
                 self.curve.status = Status.MERGED
                 self.curve.message = f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
@@ -456,13 +458,25 @@ def _rotated(iterate: Iterate, period: float) -> Iterate:
     return Iterate(pattern, tau, np.roll(iterate.x, -1, axis=0))
 
 
-def _has_shorter_period(state: CurveState) -> bool:
-    """Return whether a motion of an even number of switches repeats after half of its period."""
-    iterate, K = state.iterate, state.pattern.count
-    if K % 2 or state.pattern.switches[: K // 2] != state.pattern.switches[K // 2 :]:
-        return False
-    difference = float(np.abs(iterate.x[: K // 2] - iterate.x[K // 2 :]).max())
-    return difference < SHORTER_PERIOD_DISTANCE * float(np.abs(iterate.x).max())
+def _reversed_difference(a: CurveState, b: CurveState) -> float:
+    """Return the smaller norm of the differences of halves at two states if one is opposite to the other, else 0.
+
+    A branch of twice the period is mapped to itself by the exchange of both halves. The difference is reversed where
+    the branch joins the motion of the single period.
+    """
+    if a.pattern != b.pattern:
+        return 0.0
+    first, second = _difference_of_halves(a), _difference_of_halves(b)
+    reversed_ = len(first) and float((first * second).sum()) < 0
+    return float(min(np.linalg.norm(first), np.linalg.norm(second))) if reversed_ else 0.0
+
+
+def _difference_of_halves(state: CurveState) -> Array:
+    """Return the differences (K / 2, r) of the states of both halves of a period; empty if their switches differ."""
+    iterate, half = state.iterate, state.pattern.count // 2
+    if state.pattern.count % 2 or state.pattern.switches[:half] != state.pattern.switches[half:]:
+        return np.empty((0, 0))
+    return iterate.x[:half] - iterate.x[half:]
 
 
 def multiplier_change(a: ExactPoint, b: ExactPoint) -> float:

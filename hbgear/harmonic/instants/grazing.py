@@ -19,11 +19,11 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.checking import MissedCrossing
 from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
 from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
+from hbgear.harmonic.instants.sampling import MissedCrossing
 
 GRAZING_DURATION = 2e-8
 """Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
+
+from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import Contacts, Equations
 from hbgear.mechanics.series.piecewise_polynomial import TURN
 
@@ -91,15 +94,22 @@ class Pattern:
                      if self.switches[i].opposite(self.switches[own[(n + 1) % len(own)]]))  # fmt: skip
 
     @cached_property
-    def divisible_visits(self) -> tuple[tuple[Visit, Visit, Visit], ...]:
-        """Visits without a fixed switch, each with the intervals of its gap before and after it."""
+    def columns(self) -> Array:
+        """Number (K,) of the phase of each switch among the unknown phases; -1 where it is prescribed."""
+        free = np.array([not switch.is_fixed for switch in self.switches], dtype=bool)
+        out: Array = np.where(free, np.cumsum(free) - 1, -1)
+        return out
+
+    @cached_property
+    def divisible_visits(self) -> Array:
+        """Visits without a fixed switch, each with the intervals of its gap before and after it (V, 3, 2)."""
         places = {i: (own, n) for i, own, n in self._in_element()}
         found = []
         for i, j in self.visits:
             if not any(self.switches[k].is_fixed for k in self.segments_between(i, j)[1:]):
                 own, n = places[i]
                 found.append(((i, j), (own[n - 1], i), (j, own[(n + 2) % len(own)])))
-        return tuple(found)
+        return np.array(found, dtype=np.int64).reshape(-1, 3, 2)
 
     def _in_element(self) -> list[tuple[int, list[int], int]]:
         """Return each switch with the switches of its element and its place among them."""

@@ -1,20 +1,21 @@
 """Transition matrices of the flow between two instants, to rounding.
 
-    Psi = 1 + Z,   Z(tau + h) = Z(tau) + sum_{k>0} h^k T_k,   T_0 = 1 + Z(tau)
-    (k + 1) T_{k+1} = A T_k + sum_s b_s sum_j kappa_s,j (r_s^T T_{k-j})
+    y(tau + h) = Psi y(tau),   Psi = 1 + Z
 
-With varying stiffness a Taylor series is used, in steps in which it converges fast; kappa_s,j are the Taylor
-coefficients of the stiffness. With constant stiffness the matrix exponential is computed by scaling and squaring.
+With constant stiffness the matrix exponential is computed by scaling and squaring. With varying stiffness a Taylor
+series is used, in steps in which it converges fast; see `kernels`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.instants import kernels
 from hbgear.harmonic.instants.equations import DEGREE, Flow, shifted_polynomial
 from hbgear.mechanics.series.fourier import Series, to_complex
 from hbgear.mechanics.series.periodic import Periodic, Phased
@@ -25,123 +26,90 @@ TAYLOR_ORDER = 26
 MAX_STEP_NORM = 2.0
 """Largest norm of the matrix times the step: 2^26 / 26! = 2e-19."""
 
-PADE = (17297280.0, 8648640.0, 1995840.0, 277200.0, 25200.0, 1512.0, 56.0, 1.0)
-"""Coefficients of the Pade approximant of order 7 of the exponential; the norm of its argument is at most 1/2."""
-
-SLOPE_ORDER = 18
-"""Order of the series of the derivative of Z / h."""
-
 
 def growth(flow: Flow, tau: float, h: float) -> Array:
     """Return Z (N, N) with y(tau + h) = (1 + Z) y(tau); Z keeps its accuracy in short segments."""
     if not flow.stiffness:
-        return exponential(flow.A * h)
+        Z: Array = kernels.constant_segments(flow.A[None], np.array([float(h)]), np.zeros((1, len(flow.A))))[0][0]
+        return Z
+    steps = taylor_steps(flow, h)
+    grown: Array = kernels.taylor_growth(flow.A, flow.b, flow.r, _stiffness_series(flow, tau, h, steps), h / steps)
+    return grown
+
+
+def taylor_steps(flow: Flow, h: float) -> int:
+    """Return the number of steps of the Taylor series in an interval of duration h; 1 with constant stiffness."""
     fastest = max((x.order for x in flow.stiffness if isinstance(x, Series)), default=0)
-    steps = max(1, math.ceil(abs(h) * max(flow.rate / MAX_STEP_NORM, fastest)))
-    Z = np.zeros_like(flow.A)
-    for i in range(steps):
-        Z = _step(flow, tau + i * h / steps, h / steps, Z)
-    return Z
+    return max(1, math.ceil(abs(h) * max(flow.rate / MAX_STEP_NORM, fastest))) if flow.stiffness else 1
 
 
-def growths(flows: Sequence[Flow], tau: Array, h: Array) -> Array:
-    """Return `growth` (K, N, N) of K flows from phases tau (K,) on, each over its own interval h (K,)."""
-    if not flows or any(flow.stiffness for flow in flows):
-        found = [growth(flow, float(t), float(d)) for flow, t, d in zip(flows, tau, h, strict=True)]
-        return np.array(found) if found else np.zeros((0, 0, 0))
-    return exponential(np.array([flow.A for flow in flows]) * np.asarray(h)[:, None, None])
+def varying_states(flow: Flow, tau: float, h: float, steps: int, y: Array, offsets: Array) -> Array:
+    """Return the states (steps, G, N) at nodes of equal steps of an interval, with varying stiffness.
 
-
-def growth_rate_slopes(flows: Sequence[Flow], tau: Array, h: Array, Z: Array) -> Array:
-    """Return the derivatives (K, N, N) of Z(h) / h in h, without cancellation in short intervals.
-
-    d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 constant stiffness, |A h| <= 1
+    Parameters
+    ----------
+    flow : Flow
+        A flow with varying stiffness.
+    tau, h : float
+        Begin and duration of the interval.
+    steps : int
+        Number of steps, at least `taylor_steps`.
+    y : ndarray, shape (N,)
+        State at the begin.
+    offsets : ndarray, shape (G,)
+        Positions of the nodes in a step, 0 to 1.
     """
-    A, d, unit = np.array([flow.A for flow in flows]), h[:, None, None], np.eye(Z.shape[-1])
-    varying = np.array([bool(flow.stiffness) for flow in flows])
-    short = (np.abs(A).sum(axis=1).max(axis=1) * np.abs(h) <= 1.0) & ~varying
-    out = np.empty_like(Z)
-    if short.any():
-        a, M = A[short], A[short] * d[short]
-        total = np.zeros_like(M)
-        for k in range(SLOPE_ORDER, 0, -1):
-            total = total @ M + unit * (k / math.factorial(k + 1))
-        out[short] = a @ a @ total
-    if not short.all():
-        end = A @ (Z + unit)
-        for i in np.flatnonzero(varying).tolist():
-            end[i] = rates(flows[i], tau[i] + h[i], (Z[i] + unit).T).T
-        out[~short] = ((end - Z / d) / d)[~short]
-    return out
+    kappa = _stiffness_series(flow, tau, h, steps)
+    states: Array = kernels.taylor_states(flow.A, flow.b, flow.r, kappa, h / steps, y, offsets)
+    return states
 
 
-def path(Z: Array, y: Array, steps: int) -> Array:
-    """Return the states (steps + 1, N) after 0, 1, ... steps of one growth Z from y, by doubling the known part."""
-    out = np.empty((steps + 1, len(y)))
-    out[0], known, power = y, 1, Z
-    while known <= steps:
-        more = min(known, steps + 1 - known)
-        out[known : known + more] = out[:more] + out[:more] @ power.T
-        known += more
-        power = 2 * power + power @ power
-    return out
+def _stiffness_series(flow: Flow, tau: float, h: float, steps: int) -> Array:
+    """Return the Taylor coefficients (steps, S, order + 1) of all stiffnesses in steps of an interval."""
+    begins = tau + np.arange(steps) * h / steps
+    return np.stack([_taylor_coefficients(x, begins, h / steps) for x in flow.stiffness], axis=1)
 
 
-def exponential(A: Array) -> Array:
-    """Return the matrix exponential of A (..., N, N) minus the unit matrix, by scaling and squaring.
+class Segments(NamedTuple):
+    """Growth Z (K, N, N) of K segments, and (K, N): Z y, the rates at both ends, and d/dh (Z / h) y."""
 
-    e^X - 1 = (V - U)^-1 2 U,   U odd, V even part of the numerator of the Pade approximant
+    Z: Array
+    change: Array
+    begin: Array
+    end: Array
+    slope: Array
 
-    It has the relative accuracy of X, so that it holds for short segments. Higham (2005), SIAM J. Matrix Anal. Appl.
-    26(4), 1179-1193, https://doi.org/10.1137/04061101X.
+
+def segments_of(flows: Sequence[Flow], tau: Array, h: Array, y: Array) -> Segments:
+    """Return the growth of states y (K, N) from phases tau (K,) on, and its derivatives in both ends.
+
+    With constant stiffness all of it is computed without cancellation in short segments.
     """
-    size = float(np.abs(A).sum(axis=-2).max(initial=0.0))
-    halvings = max(0, math.frexp(size)[1] + 1) if math.isfinite(size) else 0
-    X = A * 0.5**halvings
-    X2 = X @ X
-    X4 = X2 @ X2
-    X6, unit, p = X4 @ X2, np.eye(A.shape[-1]), PADE
-    U = X @ (p[7] * X6 + p[5] * X4 + p[3] * X2 + p[1] * unit)
-    V = p[6] * X6 + p[4] * X4 + p[2] * X2 + p[0] * unit
-    out: Array = np.linalg.solve(V - U, 2.0 * U)
-    for _ in range(halvings):
-        out = 2 * out + out @ out
-    return out
+    varying = [k for k, flow in enumerate(flows) if flow.stiffness]
+    found = Segments(*kernels.constant_segments(np.array([flow.A for flow in flows]), h, y))
+    for k in varying:
+        Z = growth(flows[k], float(tau[k]), float(h[k]))
+        change, begin = Z @ y[k], rates(flows[k], float(tau[k]), y[k])
+        end = rates(flows[k], float(tau[k] + h[k]), y[k] + change)
+        with np.errstate(divide="ignore", invalid="ignore"):  # segments that vanish have no slope
+            slope = (end - change / h[k]) / h[k]
+        for array, value in zip(found, (Z, change, begin, end, slope), strict=True):
+            array[k] = value
+    return found
 
 
-def _step(flow: Flow, tau: float, h: float, Z: Array) -> Array:
-    """Return `growth` after one more step, from Z at the beginning of the step."""
-    kappa = np.array([_taylor_coefficients(x, tau, h) for x in flow.stiffness])
-    A, terms = flow.A * h, np.empty((TAYLOR_ORDER + 1, len(flow.b), len(Z)))
-    b, T, out = (h * flow.b).T, Z + np.eye(len(Z)), Z.copy()
-    for k in range(TAYLOR_ORDER):
-        terms[k] = flow.r @ T
-        drive = np.einsum("sj,jsn->sn", kappa[:, : k + 1], terms[k::-1])
-        T = (A @ T + b @ drive) / (k + 1)
-        out += T
-    return out
-
-
-def _taylor_coefficients(stiffness: Phased, tau: float, h: float) -> Array:
-    """Return the coefficients (order + 1,) of x^j of the stiffness at tau + h x."""
+def _taylor_coefficients(stiffness: Phased, tau: Array, h: float) -> Array:
+    """Return the coefficients (steps, order + 1) of x^j of the stiffness at tau + h x, for phases tau (steps,)."""
     if isinstance(stiffness, Periodic):
-        derivatives = [float(stiffness(tau + 0.5 * h, n)) * h**n for n in range(DEGREE + 1)]  # no breakpoint lies there
-        return np.array(shifted_polynomial(derivatives, -0.5) + [0.0] * (TAYLOR_ORDER - DEGREE))
+        out = np.zeros((len(tau), TAYLOR_ORDER + 1))
+        derivatives = [stiffness(tau + 0.5 * h, n) * h**n for n in range(DEGREE + 1)]  # no breakpoint lies there
+        out[:, : DEGREE + 1] = np.stack(shifted_polynomial(derivatives, -0.5), axis=1)
+        return out
     c: ComplexArray = to_complex(stiffness.row())
-    rotated = c * np.exp(1j * np.arange(len(c)) * tau)
+    rotated = c * np.exp(1j * np.multiply.outer(tau, np.arange(len(c))))
     powers = (1j * h * np.arange(len(c)))[None, :] ** np.arange(TAYLOR_ORDER + 1)[:, None]
-    series: Array = (powers @ rotated).real / np.array(
-        [math.factorial(n) for n in range(TAYLOR_ORDER + 1)], dtype=float
-    )
+    series: Array = (rotated @ powers.T).real / np.array([math.factorial(n) for n in range(TAYLOR_ORDER + 1)], float)
     return series
-
-
-def rates_of_each(flows: Sequence[Flow], tau: Array, y: Array) -> Array:
-    """Return `rates` (K, N) of K flows, each at its own phase and state (K, N)."""
-    if any(flow.stiffness for flow in flows):
-        return np.array([rates(*each) for each in zip(flows, tau, y, strict=True)])
-    out: Array = (np.array([flow.A for flow in flows]) @ y[..., None])[..., 0]
-    return out
 
 
 def rates(flow: Flow, tau: float | Array, y: Array) -> Array:

@@ -24,10 +24,10 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.checking import MissedCrossing, Samples, sample_gaps
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Switch, fixed_switches
 from hbgear.harmonic.instants.propagation import growth
+from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate, linearise, residual_scale
 from hbgear.mechanics.series.fourier import evaluate
 

@@ -12,13 +12,12 @@ from hbgear.continuation.curve.builder import SpecialPointMark, build_branch
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.instants.checking import Samples
 from hbgear.harmonic.instants.corrector import Family
 from hbgear.harmonic.instants.critical import ExactPoint
 from hbgear.harmonic.instants.following import ExactCurve
 from hbgear.harmonic.instants.pattern import Pattern
+from hbgear.harmonic.instants.sampling import Samples, coefficients
 from hbgear.harmonic.instants.shooting import residual_scale
-from hbgear.harmonic.instants.spectrum import coefficients
 
 GRAZING_NOTE = {1: "highest", -1: "lowest"}
 """Extremum that grazes a breakpoint, by the direction of the switch."""
@@ -64,7 +63,8 @@ def build_exact_branch(
     marks = []
     for mark in curve.marks:
         low, high = points[max(mark.index - 1, 0)], points[min(mark.index + 1, len(points) - 1)]
-        note = ", ".join(_grazing_text(problem, contact.switch) for contact in mark.contacts)
+        switches = sorted(contact.switch for contact in mark.contacts)
+        note = ", ".join(_grazing_text(problem, switch) for switch in switches)
         found = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", 0.0)
         marks.append(SpecialPointMark(mark.index, found, (low.value, high.value)))
     return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)

@@ -22,13 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.harmonic.instants import kernels
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern, Switch, Visit
-from hbgear.harmonic.instants.propagation import growth_rate_slopes, growths, rates_of_each
-
-SHORT_SEGMENT_RATIO = 0.25
-"""Duration of a visit beyond a breakpoint, over the times to the switches of the same gap before and after it, below
-which its second equation is divided by it."""
+from hbgear.harmonic.instants.propagation import segments_of
 
 
 class Linearisation(NamedTuple):
@@ -70,15 +67,6 @@ class Iterate:
         return Iterate(outside, self.tau[[j]], self.x[[j]])
 
 
-def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
-    """Return the switches whose equation is divided, each with the first switch of the visit that ends there."""
-    visits = iterate.pattern.divisible_visits
-    intervals = [interval for each in visits for interval in each]
-    times = iterate.visit_durations(intervals, period).reshape(-1, 3)
-    short = times[:, 0] < SHORT_SEGMENT_RATIO * times[:, 1:].min(axis=1)
-    return {visits[n][0][1]: visits[n][0][0] for n in np.flatnonzero(short).tolist()}
-
-
 def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
     """Return the residual of the equations at an iterate, its derivatives and the flows.
 
@@ -91,72 +79,27 @@ def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True
     derivatives : bool, optional
         Whether J is computed; if False it is empty. Default: True.
     """
-    r, K, pattern = equations.size, iterate.pattern.count, iterate.pattern
-    free = [i for i, switch in enumerate(pattern.switches) if not switch.is_fixed]
-    column = {i: K * r + n for n, i in enumerate(free)}
-    short = divided_equations(iterate, equations.period)
-    duration, sections = iterate.durations(equations.period), [contacts.section for contacts in pattern.contacts]
-    segments = [equations.flow(contacts) for contacts in pattern.contacts]
-    Z = growths(segments, iterate.tau, duration)
-    y = np.concatenate([iterate.x, equations.equations.functions(iterate.tau, sections)], axis=1)
-    change = (Z @ y[..., None])[..., 0]
-    rows, levels = _switching_rows(equations, pattern, free)
-    whole = np.array([n for n, i in enumerate(free) if i not in short], dtype=int)
-    at = np.array(free, dtype=int)[whole]
-    R, each = np.empty(K * r + len(free)), np.arange(K)
-    following = (each + 1) % K
-    R[: K * r] = (iterate.x[following] - iterate.x - change[:, :r]).ravel()
-    R[K * r + whole] = (rows[whole] * y[at]).sum(axis=1) - levels[whole]
-    visits = [(i, j) for j, i in short.items()]
-    own, delta = np.array([column[j] for j in short], dtype=int), iterate.visit_durations(visits, equations.period)
-    row = rows[own - K * r]
-    for n, (i, j) in enumerate(visits):
-        R[own[n]] = float(row[n] @ change[pattern.segments_between(i, j)].sum(axis=0)) / delta[n]
-    if not derivatives:
-        return Linearisation(R, np.zeros((0, 0)), [])
-    J, unit = np.zeros((len(R), len(R))), np.eye(r)
-    states, phases = J[: K * r, : K * r].reshape(K, r, K, r), J[: K * r].reshape(K, r, -1)
-    states[each, :, following] += unit
-    states[each, :, each] -= unit + Z[:, :r, :r]
-    rate, end = (rates_of_each(segments, *where) for where in ((iterate.tau, y), (iterate.tau + duration, y + change)))
-    moved = rate[:, :r] + (Z[:, :r, :r] @ rate[:, :r, None])[..., 0]
-    columns, switched = K * r + np.arange(len(free)), np.array(free, dtype=int)
-    phases[switched, :, columns] += moved[switched]
-    phases[switched - 1, :, columns] -= end[switched - 1, :r]
-    equation = J[:, : K * r].reshape(-1, K, r)
-    equation[K * r + whole, at] = rows[whole, :r]
-    J[K * r + whole, K * r + whole] = (rows[whole, r:] * rate[at, r:]).sum(axis=1)
-    single = np.array([n for n, (i, j) in enumerate(visits) if (j - i) % K == 1], dtype=int)
-    if len(single):
-        begins, at = np.array([visits[n][0] for n in single], dtype=int), own[single]
-        chosen = [segments[i] for i in begins]
-        slope = growth_rate_slopes(chosen, iterate.tau[begins], delta[single], Z[begins])
-        slopes = (row[single] * (slope @ y[begins, :, None])[..., 0]).sum(axis=1)
-        carried = (row[single, None] @ Z[begins])[:, 0] / delta[single, None]
-        equation[at, begins] = carried[:, :r]
-        J[at, at] += slopes
-        J[at, [column[i] for i in begins]] += (carried[:, r:] * rate[begins, r:]).sum(axis=1) - slopes
-    start = np.concatenate([moved, rate[:, r:]], axis=1)
-    for n in set(range(len(visits))) - set(single.tolist()):
-        i, j = visits[n]
-        for k in pattern.segments_between(i, j):
-            equation[own[n], k] += row[n] @ Z[k][:, :r] / delta[n]
-            J[own[n], column[k]] -= row[n] @ start[k] / delta[n]
-            J[own[n], column[(k + 1) % K]] += row[n] @ end[k] / delta[n]
-        J[own[n], column[i]] += R[own[n]] / delta[n]
-        J[own[n], column[j]] -= R[own[n]] / delta[n]
-    return Linearisation(R, J, list(unit + Z[:, :r, :r]))
+    r, pattern, tau = equations.size, iterate.pattern, iterate.tau
+    sections = [contacts.section for contacts in pattern.contacts]
+    y = np.concatenate([iterate.x, equations.equations.functions(tau, sections)], axis=1)
+    flows = [equations.flow(contacts) for contacts in pattern.contacts]
+    segments = segments_of(flows, tau, iterate.durations(equations.period), y)
+    switches = pattern.columns, *switching_rows(equations, pattern), pattern.divisible_visits
+    R, J = kernels.periodicity(tuple(segments), switches, y, tau, equations.period, r, derivatives)
+    return Linearisation(R, J, list(np.eye(r) + segments.Z[:, :r, :r]) if derivatives else [])
 
 
-def _switching_rows(equations: EquationsAt, pattern: Pattern, free: list[int]) -> tuple[Array, Array]:
-    """Return the rows (F, N) that map y to the gap of each free switch, and the breakpoints (F,)."""
-    rows = np.empty((len(free), equations.size + equations.equations.count))
-    levels = np.empty(len(free))
-    for n, i in enumerate(free):
-        element, breakpoint, _ = pattern.switches[i]
-        rows[n] = equations.gaps(pattern.contacts[i].section)[element]
-        levels[n] = equations.equations.breakpoints[element][breakpoint]
-    return rows, levels
+def switching_rows(equations: EquationsAt, pattern: Pattern) -> tuple[Array, Array]:
+    """Return the rows (K, N) that map y to the gap of each switch, and its breakpoints (K,); zero for fixed phases."""
+    found = equations.structure.switching_rows.get(pattern)
+    if found is None:
+        rows, levels = np.zeros((pattern.count, equations.size + equations.equations.count)), np.zeros(pattern.count)
+        for i, (element, breakpoint, _) in enumerate(pattern.switches):
+            if element >= 0:
+                rows[i] = equations.gaps(pattern.contacts[i].section)[element]
+                levels[i] = equations.equations.breakpoints[element][breakpoint]
+        found = equations.structure.switching_rows[pattern] = rows, levels
+    return found
 
 
 def residual_scale(iterate: Iterate) -> float:

@@ -22,7 +22,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.continuation.numerics.gauss_kernels import solve_in_place
+from hbgear.continuation.numerics.gauss_kernels import add_product, solve_in_place
 from hbgear.harmonic.forces.piecewise_kernels import (
     add_contact,
     add_segments,
@@ -455,7 +455,7 @@ def monodromy(
         for _ in range(int(segments[i, 2])):
             _solve_collocation(workspace, step)
             _propagate(turns[s], state)
-            _add_product(workspace.B, workspace.u, -1.0, state)
+            add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
             if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0 and size == r:
                 log += _rescale(state, STATE_SCALING_THRESHOLD)
@@ -522,21 +522,6 @@ def _add_observed_output(output: Any, excited: Any, work: Any, L: Any, out: Any)
                 out[i, j] += (total - rest) * L[j, n]
 
 
-@kernel
-def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
-    """Add factor A B to out, four rows of B at a time, so that out is read and written once for four rows."""
-    n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
-    for i in range(A.shape[0]):
-        for k in range(0, whole, 4):
-            a, b, c, d = factor * A[i, k], factor * A[i, k + 1], factor * A[i, k + 2], factor * A[i, k + 3]
-            for j in range(B.shape[1]):
-                out[i, j] += a * B[k, j] + b * B[k + 1, j] + c * B[k + 2, j] + d * B[k + 3, j]
-        for k in range(whole, n):
-            a = factor * A[i, k]
-            for j in range(B.shape[1]):
-                out[i, j] += a * B[k, j]
-
-
 @inlined
 def _solve_collocation(workspace: Any, step: int) -> None:
     """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``shown`` D R."""
@@ -553,7 +538,7 @@ def _solve_collocation(workspace: Any, step: int) -> None:
         M[i, i] += 1.0
         for j in range(u.shape[1]):
             u[i, j] = 0.0
-    _add_product(shown, workspace.state, 1.0, u)
+    add_product(shown, workspace.state, 1.0, u)
     for i in range(n):
         for j in range(u.shape[1]):
             M[i, n + j] = u[i, j] - pull[i % g, j]

@@ -1,0 +1,478 @@
+"""Kernels of exact motions: flows of segments with constant matrices, and the equations of a periodic motion.
+
+    Z = e^(A h) - 1 = X (1 + X / 2 (1 + X / 3 (...))),   Z(2 X) = 2 Z(X) + Z(X)^2,   X = A h / 2^n
+
+Z has the relative accuracy of A h, so that it holds for short segments. The equations are described in `shooting`.
+
+References
+----------
+Moler & Van Loan (2003), SIAM Review 45(1), 3-49, section 3, https://doi.org/10.1137/S00361445024180.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import kernel
+from hbgear.continuation.numerics.gauss_kernels import add_product
+
+EXPONENTIAL_ORDER = 14
+"""Order of the series of the exponential; the norm of its argument is at most 1/2: (1/2)^15 / 15! = 2e-17."""
+
+SLOPE_ORDER = 18
+"""Order of the series of the derivative of Z / h, for |A h| up to 1: 1 / 20! = 4e-19."""
+
+SHORT_SEGMENT_RATIO = 0.25
+"""Duration of a visit beyond a breakpoint, over the times to the switches of the same gap before and after it, below
+which its second equation is divided by it."""
+
+
+@kernel
+def _exponential(A: Any, h: float, work: Any, Z: Any) -> None:
+    """Compute Z of one segment, with working memory (2, N, N); it is nan if A h is not finite."""
+    X, P, size = work[0], work[1], _norm(A) * abs(h)
+    if not math.isfinite(size):
+        Z[:] = np.nan
+        return
+    halvings = max(0, math.frexp(size)[1] + 1)
+    X[:] = A
+    X *= h * 0.5**halvings
+    Z[:] = X
+    for k in range(EXPONENTIAL_ORDER, 1, -1):
+        P[:] = Z
+        P /= k
+        Z[:] = X
+        add_product(X, P, 1.0, Z)
+    for _ in range(halvings):
+        P[:] = Z
+        Z *= 2.0
+        add_product(P, P, 1.0, Z)
+
+
+@kernel
+def _norm(A: Any) -> float:
+    """Return the largest sum of the moduli of a column."""
+    most = 0.0
+    for j in range(A.shape[1]):
+        total = 0.0
+        for i in range(A.shape[0]):
+            total += abs(A[i, j])
+        if not total <= most:
+            most = total
+    return most
+
+
+@kernel
+def _multiply(A: Any, B: Any, out: Any) -> None:
+    """Set out to A B."""
+    out[:] = 0.0
+    add_product(A, B, 1.0, out)
+
+
+@kernel
+def taylor_growth(A: Any, b: Any, r: Any, kappa: Any, h: float) -> Any:
+    """Return Z (N, N) after successive steps with varying stiffness, by the Taylor series of each step.
+
+    Parameters
+    ----------
+    A, b, r : ndarray, shape (N, N), (S, N), (S, N)
+        Matrices of the flow.
+    kappa : ndarray, shape (steps, S, J + 1)
+        Coefficients of x^j of each stiffness, x from 0 to 1 in a step.
+    h : float
+        Duration of a step.
+    """
+    N = A.shape[0]
+    Z, T = np.zeros((N, N)), np.empty((kappa.shape[2], N, N))
+    for step in range(kappa.shape[0]):
+        T[0] = Z
+        for i in range(N):
+            T[0, i, i] += 1.0
+        _taylor_series(A, b, r, kappa[step], h, T)
+        for k in range(1, T.shape[0]):
+            Z += T[k]
+    return Z
+
+
+@kernel
+def taylor_states(A: Any, b: Any, r: Any, kappa: Any, h: float, y: Any, offsets: Any) -> Any:
+    """Return the states (steps, G, N) at nodes of successive steps from y (N,); see `taylor_growth`.
+
+    Parameters
+    ----------
+    A, b, r, kappa, h : ndarray and float
+        Flow, coefficients of its stiffness, and duration of a step.
+    y : ndarray, shape (N,)
+        State at the begin of the first step.
+    offsets : ndarray, shape (G,)
+        Positions of the nodes in a step, 0 to 1.
+    """
+    steps, N = kappa.shape[0], A.shape[0]
+    states, T = np.empty((steps, offsets.shape[0], N)), np.empty((kappa.shape[2], N, 1))
+    T[0, :, 0] = y
+    for step in range(steps):
+        _taylor_series(A, b, r, kappa[step], h, T)
+        for g in range(offsets.shape[0]):
+            states[step, g] = _polynomial(T, offsets[g])
+        T[0, :, 0] = _polynomial(T, 1.0)
+    return states
+
+
+@kernel
+def _polynomial(T: Any, x: float) -> Any:
+    """Return sum_k T_k x^k of columns T (J + 1, N, 1)."""
+    out = T[T.shape[0] - 1, :, 0].copy()
+    for k in range(T.shape[0] - 2, -1, -1):
+        for i in range(out.shape[0]):
+            out[i] = out[i] * x + T[k, i, 0]
+    return out
+
+
+@kernel
+def _taylor_series(A: Any, b: Any, r: Any, kappa: Any, h: float, T: Any) -> None:
+    """Compute the Taylor coefficients T (J + 1, N, c) of columns of a flow in a step, from T_0.
+
+    (k + 1) T_{k+1} = h A T_k + h sum_s b_s sum_j kappa_s,j (r_s^T T_{k-j})
+    """
+    J, N, columns, S = T.shape[0] - 1, T.shape[1], T.shape[2], b.shape[0]
+    terms, drive = np.empty((J, S, columns)), np.empty((S, columns))
+    for k in range(J):
+        _multiply(r, T[k], terms[k])
+        drive[:] = 0.0
+        for s in range(S):
+            for j in range(k + 1):
+                for i in range(columns):
+                    drive[s, i] += kappa[s, j] * terms[k - j, s, i]
+        _multiply(A, T[k], T[k + 1])
+        add_product(b.T, drive, 1.0, T[k + 1])
+        for i in range(N):
+            for j in range(columns):
+                T[k + 1, i, j] *= h / (k + 1)
+
+
+@kernel
+def constant_segments(A: Any, h: Any, y: Any) -> Any:
+    """Return Z, the changes Z y, the rates A y at both ends of each segment, and d/dh (Z / h) y.
+
+        d/dh (Z / h) = A^2 sum_k k (A h)^(k - 1) / (k + 1)!                 |A h| <= 1
+
+    Parameters
+    ----------
+    A, h, y : ndarray, shape (K, N, N), (K,), (K, N)
+        Matrices, durations and initial states.
+
+    Returns
+    -------
+    (Z, change, begin, end, slope) : tuple of ndarray
+        (K, N, N) and four times (K, N).
+    """
+    K, N = y.shape
+    Z, memory = np.empty((K, N, N)), np.empty((2, N, N))
+    change, begin, end, slope = np.empty((K, N)), np.empty((K, N)), np.empty((K, N)), np.empty((K, N))
+    work, total = np.empty(N), np.empty(N)
+    for k in range(K):
+        _exponential(A[k], h[k], memory, Z[k])
+        _apply(Z[k], y[k], change[k])
+        _apply(A[k], y[k], begin[k])
+        _apply(A[k], y[k] + change[k], end[k])
+        if _norm(A[k]) * abs(h[k]) > 1.0:
+            slope[k] = (end[k] - change[k] / h[k]) / h[k]
+            continue
+        total[:] = 0.0
+        factorial = 1.0
+        for i in range(2, SLOPE_ORDER + 2):
+            factorial *= i
+        for i in range(SLOPE_ORDER, 0, -1):
+            _apply(A[k], total, work)
+            for j in range(N):
+                total[j] = h[k] * work[j] + y[k, j] * (i / factorial)
+            factorial /= i + 1
+        _apply(A[k], total, work)
+        _apply(A[k], work, slope[k])
+    return Z, change, begin, end, slope
+
+
+@kernel
+def _apply(A: Any, x: Any, out: Any) -> None:
+    """Set out to A x."""
+    for i in range(A.shape[0]):
+        total = 0.0
+        for j in range(A.shape[1]):
+            total += A[i, j] * x[j]
+        out[i] = total
+
+
+@kernel
+def short_visits(visits: Any, tau: Any, period: float) -> Any:
+    """Return the first switch (K,) of the short visit that ends with each switch; -1 for the others.
+
+    Parameters
+    ----------
+    visits : ndarray, shape (V, 3, 2)
+        First and last switch of each visit, and of the intervals of its gap before and after it.
+    tau, period : ndarray, shape (K,), and float
+        Phases of the switches, and of a period.
+    """
+    first = np.full(tau.shape[0], -1)
+    for v in range(visits.shape[0]):
+        own, before, after = visits[v, 0], visits[v, 1], visits[v, 2]
+        nearest = min(_duration(before, tau, period), _duration(after, tau, period))
+        if _duration(own, tau, period) < SHORT_SEGMENT_RATIO * nearest:
+            first[own[1]] = own[0]
+    return first
+
+
+@kernel
+def _duration(visit: Any, tau: Any, period: float) -> float:
+    """Return the duration of a visit from switch i to switch j."""
+    i, j = visit[0], visit[1]
+    out: float = tau[j] - tau[i] + (period if j < i else 0.0)
+    return out
+
+
+@kernel
+def periodicity(segments: Any, pattern: Any, y: Any, tau: Any, period: float, r: int, derivatives: bool) -> Any:
+    """Return the residual R of the equations of a periodic motion, and its derivatives J.
+
+    Parameters
+    ----------
+    segments : tuple of ndarray
+        Z, change, begin, end and slope, see `constant_segments`.
+    pattern : tuple of ndarray
+        column (K,), number of the instant of each switch among the free ones, -1 for a prescribed phase; rows (K, N) of
+        the gap of each switch; levels (K,), its breakpoint; visits, see `short_visits`.
+    y, tau, period : ndarray, shape (K, N), (K,), and float
+        States and phases of the switches, and the period.
+    r : int
+        Number of states of the structure, the first entries of y.
+    derivatives : bool
+        Whether J is computed; it is empty if not.
+    """
+    column, rows, levels, visits = pattern
+    change, K = segments[1], y.shape[0]
+    size, first = K * r + column.max() + 1, short_visits(visits, tau, period)
+    R = np.zeros(size)
+    for k in range(K):
+        after = (k + 1) % K
+        for a in range(r):
+            R[k * r + a] = y[after, a] - y[k, a] - change[k, a]
+        if column[k] < 0:
+            continue
+        n = K * r + column[k]
+        if first[k] < 0:
+            R[n] = _dot(rows[k], y[k]) - levels[k]
+            continue
+        i = first[k]
+        while i != k:
+            R[n] += _dot(rows[k], change[i])
+            i = (i + 1) % K
+        R[n] /= _duration(np.array((first[k], k)), tau, period)
+    J = np.zeros((size, size) if derivatives else (0, 0))
+    if derivatives:
+        _periodicity_slopes(segments, column, r, J)
+        for k in range(K):
+            if column[k] < 0:
+                continue
+            if first[k] < 0:
+                J[K * r + column[k], k * r : (k + 1) * r] = rows[k, :r]
+                J[K * r + column[k], K * r + column[k]] = _dot(rows[k, r:], segments[2][k, r:])
+            else:
+                visit = np.array((first[k], k))
+                _divided_slopes(segments, column, rows[k], visit, _duration(visit, tau, period), R, r, J)
+    return R, J
+
+
+@kernel
+def _dot(a: Any, b: Any) -> float:
+    """Return the scalar product."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
+def _moved(Z: Any, begin: Any, a: int, r: int) -> float:
+    """Return entry a of the derivative of the final state of a segment in its begin, with the sign of its advance."""
+    out: float = begin[a] + _dot(Z[a, :r], begin[:r])
+    return out
+
+
+@kernel
+def _periodicity_slopes(segments: Any, column: Any, r: int, J: Any) -> None:
+    """Add the derivatives of the equations of continuity x_{i+1} - Psi_i y_i = 0."""
+    Z, _, begin, end, _ = segments
+    K = Z.shape[0]
+    for k in range(K):
+        after = (k + 1) % K
+        for a in range(r):
+            e = k * r + a
+            J[e, after * r + a] += 1.0
+            J[e, e] -= 1.0
+            for b in range(r):
+                J[e, k * r + b] -= Z[k, a, b]
+            if column[k] >= 0:
+                J[e, K * r + column[k]] += _moved(Z[k], begin[k], a, r)
+            if column[after] >= 0:
+                J[e, K * r + column[after]] -= end[k, a]
+
+
+@kernel
+def _divided_slopes(
+    segments: Any, column: Any, row: Any, visit: Any, delta: float, R: Any, r: int, J: Any
+) -> None:  # fmt: skip
+    """Add the derivatives of the divided equation of a short visit."""
+    Z, _, begin, end, slope = segments
+    K, i, j = Z.shape[0], visit[0], visit[1]
+    n, first, last = K * r + column[j], K * r + column[i], K * r + column[j]
+    k = i
+    while k != j:
+        for b in range(r):
+            for a in range(row.shape[0]):
+                J[n, k * r + b] += row[a] * Z[k, a, b] / delta
+        k = (k + 1) % K
+    if (i + 1) % K == j:  # without cancellation
+        change = _dot(row, slope[i])
+        J[n, last] += change
+        J[n, first] -= change
+        for a in range(row.shape[0]):
+            J[n, first] += row[a] * _dot(Z[i, a, r:], begin[i, r:]) / delta
+        return
+    k = i
+    while k != j:
+        after = (k + 1) % K
+        for a in range(row.shape[0]):
+            moved = begin[k, a] if a >= r else _moved(Z[k], begin[k], a, r)
+            J[n, K * r + column[k]] -= row[a] * moved / delta
+            J[n, K * r + column[after]] += row[a] * end[k, a] / delta
+        k = after
+    J[n, first] += R[n] / delta
+    J[n, last] -= R[n] / delta
+
+
+@kernel
+def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> Any:
+    """Return gaps and their derivatives at nodes of all panels of K segments of constant matrices.
+
+    Parameters
+    ----------
+    A, y, rows : ndarray, shape (K, N, N), (K, N), (K, m, N)
+        Matrices, initial states and rows of the gaps.
+    h, counts : ndarray, shape (K,)
+        Durations and numbers of the panels of each segment.
+    offsets : ndarray, shape (G,)
+        Positions of the nodes in a panel, 0 to 1.
+
+    Returns
+    -------
+    (gaps, slopes) : tuple of ndarray, shape (P, G, m)
+        P is the number of all panels.
+    """
+    (K, m, N), G, P = rows.shape, offsets.shape[0], 0
+    for k in range(K):
+        P += counts[k]
+    gaps, slopes, p = np.empty((P, G, m)), np.empty((P, G, m)), 0
+    state, change, node, rate = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
+    work, Z, whole = np.empty((2, N, N)), np.empty((G, N, N)), np.empty((N, N))
+    for k in range(K):
+        for g in range(G):
+            _exponential(A[k], h[k] * offsets[g], work, Z[g])
+        _exponential(A[k], h[k], work, whole)
+        state[:] = y[k]
+        for _ in range(counts[k]):
+            for g in range(G):
+                _apply(Z[g], state, change)
+                node[:] = state + change
+                _apply(A[k], node, rate)
+                for j in range(m):
+                    gaps[p, g, j], slopes[p, g, j] = _dot(rows[k, j], node), _dot(rows[k, j], rate)
+            _apply(whole, state, change)
+            state += change
+            p += 1
+    return gaps, slopes
+
+
+@kernel
+def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: Any, rounding: float) -> Any:
+    """Return the intervals in which gaps lie beyond their breakpoints between two switches.
+
+    Between two samples an extremum is estimated by cubic interpolation.
+
+    Parameters
+    ----------
+    tau, gaps, slopes : ndarray, shape (P,), (P, m), (P, m)
+        Phases, gaps and their derivatives, from the begin to the end of each segment.
+    counts : ndarray, shape (K,)
+        Number of samples of each segment.
+    bounds : ndarray, shape (K, m, 2)
+        Breakpoints below and above each gap; -inf or inf without one.
+    rounding : float
+        Distance beyond a breakpoint, relative to the size of the motion of a gap, that is attributed to rounding.
+
+    Returns
+    -------
+    ndarray, shape (C, 5)
+        Number of the segment, of the element, side (-1 or +1), begin and end of the first interval.
+    """
+    K, m, found, C, first = bounds.shape[0], bounds.shape[1], np.empty((2 * gaps.shape[1] * counts.shape[0], 5)), 0, 0
+    beyond, slope = np.empty(gaps.shape[0]), np.empty(gaps.shape[0])
+    for k in range(K):
+        last = first + counts[k]
+        for j in range(m):
+            extent = np.max(gaps[first:last, j]) - np.min(gaps[first:last, j])
+            for side in (1, -1):
+                bound = bounds[k, j, (1 + side) // 2]
+                if not math.isfinite(bound):
+                    continue
+                for p in range(first, last):
+                    beyond[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
+                begin, end = _first_interval(
+                    tau[first:last], beyond[first:last], slope[first:last], rounding * max(extent, abs(bound))
+                )
+                if end >= begin:
+                    found[C, 0], found[C, 1], found[C, 2], found[C, 3], found[C, 4] = k, j, side, begin, end
+                    C += 1
+        first = last
+    return found[:C]
+
+
+@kernel
+def _first_interval(tau: Any, h: Any, slope: Any, rounding: float) -> tuple[float, float]:
+    """Return the interval where h is positive for the first time, by cubic interpolation; (inf, -inf) if nowhere."""
+    end = tau.shape[0] - 1
+    for s in range(1, end):
+        if h[s] > rounding:
+            last = s
+            while last + 1 < end and h[last + 1] > rounding:
+                last += 1
+            return _linear_root(tau, h, s - 1), _linear_root(tau, h, last)
+    for s in range(end):
+        if slope[s] > 0 and slope[s + 1] < 0:
+            width = tau[s + 1] - tau[s]
+            maximum, offset = _cubic_maximum(h[s], h[s + 1], slope[s] * width, slope[s + 1] * width)
+            if maximum > rounding:
+                half = math.sqrt(2 * maximum * width / (slope[s] - slope[s + 1]))
+                middle = tau[s] + offset * width
+                return max(middle - half, tau[s]), min(middle + half, tau[s + 1])
+    return np.inf, -np.inf
+
+
+@kernel
+def _linear_root(tau: Any, h: Any, s: int) -> float:
+    """Return the zero of the line between samples s and s + 1."""
+    fraction = h[s] / (h[s] - h[s + 1]) if h[s] != h[s + 1] else 0.5
+    out: float = tau[s] + min(max(fraction, 0.0), 1.0) * (tau[s + 1] - tau[s])
+    return out
+
+
+@kernel
+def _cubic_maximum(left: float, right: float, a: float, b: float) -> tuple[float, float]:
+    """Return the largest value of the cubic on [0, 1] with these values and slopes at its ends, and its position."""
+    c, d = 3 * (right - left) - 2 * a - b, 2 * (left - right) + a + b
+    root = math.sqrt(max(c * c - 3 * d * a, 0.0))
+    x = a / (root - c) if root > c else 0.5  # root of a + 2 c x + 3 d x^2 at a maximum
+    x = min(max(x, 0.0), 1.0)
+    return left + x * (a + x * (c + x * d)), x

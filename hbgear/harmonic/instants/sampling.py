@@ -1,0 +1,127 @@
+"""Gaps of exact motions between their switches: missed crossings and Fourier coefficients.
+
+Newton's method solves for the given switches. A solution is a motion of the system only if no gap crosses a breakpoint
+elsewhere. Gaps are sampled in steps in which the fastest motion of the structure turns by a fraction of a radian.
+
+    c_k = 1 / T int_0^T d(tau) e^(-i k theta) dtau,   theta = tau / nu,   T = 2 pi nu
+
+The integral is computed by Gauss quadrature on panels so short that 12 nodes integrate the fastest mode and the highest
+harmonic to rounding. All gaps are values of the flow, not of an interpolation.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.harmonic.instants import kernels
+from hbgear.harmonic.instants.equations import EquationsAt
+from hbgear.harmonic.instants.pattern import Switch
+from hbgear.harmonic.instants.propagation import rates, taylor_steps, varying_states
+from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.mechanics.series.fourier import to_real, waves
+
+MAX_STEP_OF_FLOW = 0.5
+"""Largest product of the rate of the flow and the sampling step."""
+
+MIN_SEGMENT_STEPS, MAX_SEGMENT_STEPS = 6, 400
+"""Range of the number of sampling steps of a segment."""
+
+CROSSING_ROUNDING = 1e-9
+"""Distance beyond a breakpoint, relative to the size of the gap's motion, that is attributed to rounding."""
+
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""Nodes and weights of the Gauss-Legendre rule of 12 points on [-1, 1], exact for polynomials of degree 23."""
+
+PANEL_ANGLE = 3.0
+"""Largest angle by which a mode or a harmonic turns in a panel; 12 nodes integrate 2 * 3 rad to 1e-15."""
+
+
+class MissedCrossing(NamedTuple):
+    """A crossing without switch: phases at which a gap passes a breakpoint and returns."""
+
+    begin: float
+    end: float
+    first: Switch
+
+
+class Samples(NamedTuple):
+    """Phases (T,) of all steps and the gaps (T, m) there."""
+
+    tau: Array
+    gaps: Array
+
+
+def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list[MissedCrossing]]:
+    """Return the gaps over a period, and the crossings for which the iterate has no switches."""
+    contacts, durations = iterate.pattern.contacts, iterate.durations(equations.period)
+    flows = [equations.flow(one) for one in contacts]
+    steps = np.array([
+        max(min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(d * flow.rate / MAX_STEP_OF_FLOW))),
+            taylor_steps(flow, d))
+        for d, flow in zip(durations.tolist(), flows, strict=True)
+    ])  # fmt: skip
+    gaps, slopes = (found[:, 0] for found in _gaps_along(
+        equations, iterate, np.arange(len(flows)), durations / steps, steps + 1, np.zeros(1)
+    ))  # fmt: skip
+    step = np.concatenate([np.arange(count + 1) for count in steps])
+    tau = np.repeat(iterate.tau, steps + 1) + np.repeat(durations / steps, steps + 1) * step
+    bounds = np.array([equations.equations.bounds(one.levels) for one in contacts])
+    missed = []
+    crossings = kernels.unexpected_crossings(tau, gaps, slopes, steps + 1, bounds, CROSSING_ROUNDING)
+    for k, j, side, begin, end in crossings.tolist():
+        level = contacts[int(k)].levels[int(j)]
+        missed.append(MissedCrossing(begin, end, Switch(int(j), level if side > 0 else level - 1, int(side))))
+    inner = np.ones(len(tau), dtype=bool)
+    inner[np.cumsum(steps + 1) - 1] = False  # the end of a segment is the begin of the next one
+    return Samples(tau[inner], gaps[inner]), missed
+
+
+def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
+    """Return the real coefficients (m, 2H + 1) of all gaps, and the rms of the harmonics above H, the largest gap's."""
+    nu, (tau, weights, gaps) = at.equations.nu, _nodes(at, iterate, H / at.equations.nu)
+    c = ((gaps * weights[:, None]).T @ waves(tau / nu, H).conj()) / at.period
+    power = np.abs(c[:, 0]) ** 2 + 2 * (np.abs(c[:, 1:]) ** 2).sum(axis=1)
+    rest = math.sqrt(max(0.0, float((weights @ gaps**2 / at.period - power).max(initial=0.0))))
+    c[:, 1:] *= 2  # one-sided amplitudes
+    return to_real(c), rest
+
+
+def _nodes(at: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, Array, Array]:
+    """Return phases (T,), weights (T,) and gaps (T, m) at the nodes of all segments."""
+    durations = iterate.durations(at.period)
+    used = np.flatnonzero(durations > 0)
+    flows = [at.flow(iterate.pattern.contacts[i]) for i in used]
+    panels = np.array([
+        max(1, math.ceil(d * max(flow.rate, highest) / PANEL_ANGLE), taylor_steps(flow, d))
+        for d, flow in zip(durations[used].tolist(), flows, strict=True)
+    ])  # fmt: skip
+    h, offsets = durations[used] / panels, 0.5 * (1 + GAUSS_NODES)
+    gaps = _gaps_along(at, iterate, used, h, panels, offsets)[0]
+    panel = np.concatenate([np.arange(count) for count in panels])
+    tau = np.repeat(iterate.tau[used], panels)[:, None] + np.repeat(h, panels)[:, None] * (panel[:, None] + offsets)
+    weights = 0.5 * np.multiply.outer(np.repeat(h, panels), GAUSS_WEIGHTS)
+    return tau.ravel(), weights.ravel(), gaps.reshape(tau.size, -1)
+
+
+def _gaps_along(
+    at: EquationsAt, iterate: Iterate, used: Any, h: Array, panels: Any, offsets: Array
+) -> tuple[Array, Array]:
+    """Return gaps and their derivatives (P, G, m) at nodes of panels of duration h in the segments ``used``."""
+    contacts, starts = [iterate.pattern.contacts[i] for i in used], iterate.tau[used]
+    sections, flows = [one.section for one in contacts], [at.flow(one) for one in contacts]
+    y = np.concatenate([iterate.x[used], at.equations.functions(starts, sections)], axis=1)
+    rows = np.array([at.gaps(section) for section in sections])
+    gaps, slopes = kernels.gaps_along(np.array([flow.A for flow in flows]), y, rows, h, panels, offsets)
+    ends = np.cumsum(panels)
+    for k, flow in enumerate(flows):
+        if flow.stiffness:
+            tau = starts[k] + h[k] * np.add.outer(np.arange(panels[k]), offsets)
+            duration = float(h[k] * panels[k])
+            states = varying_states(flow, float(starts[k]), duration, int(panels[k]), y[k], offsets)
+            own = slice(ends[k] - panels[k], ends[k])
+            gaps[own], slopes[own] = states @ rows[k].T, rates(flow, tau, states) @ rows[k].T
+    return gaps, slopes
