@@ -25,6 +25,7 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import model_of, speeds_at
 from hbgear.mechanics.fields import defaults_of, kinds_of
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.periodic import Phased
 
 Rows = list[list[str]]
@@ -282,7 +283,7 @@ def speeds_in_text(branch: Branch, point: Point) -> list[str]:
 
 
 def title_of(branch: Branch) -> str:
-    """Return the title of the model of a branch in words, or its class with the fields that are no defaults.
+    """Return the title of the model of a branch in words, with the parameters that are no defaults: "Duffing, F = 0.2".
 
     Parameters
     ----------
@@ -295,7 +296,13 @@ def title_of(branch: Branch) -> str:
         Title.
     """
     model = model_of(branch)
-    return (model.title if model is not None else "") or describe_changes(branch)
+    if model is None:
+        return describe_changes(branch)
+    if model.title:
+        return model.title
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(model).__name__).replace("_", " ")
+    numbers = [f"{name} = {text_of(value)}" for name, value in _changes(model).items() if _is_short(value)]
+    return ", ".join([words[:1].upper() + words[1:].lower(), *numbers])
 
 
 def values_text(branch: Branch, values: Sequence[float], dimensionless: bool = False, digits: int = 6) -> list[str]:
@@ -376,9 +383,20 @@ def describe_changes(branch: Branch) -> str:
         name = description["class"] if model_registry.is_description(description) else "unknown"
         source = description.get("from") if model_registry.is_description(description) else None
         return f"{name} (not a model of hbgear{f'; from {source}' if isinstance(source, str) else ''})"
-    defaults, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
-    changed = [f"{f}={text_of(x)}" for f, x in values.items() if f not in defaults or not _is_default(x, defaults[f])]
+    changed = [f"{name}={text_of(value)}" for name, value in _changes(model).items()]
     return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
+
+
+def _changes(model: Model) -> dict[str, Any]:
+    """Return the fields of a model that differ from their defaults."""
+    defaults, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
+    return {f: x for f, x in values.items() if f not in defaults or not _is_default(x, defaults[f])}
+
+
+def _is_short(value: Any) -> bool:
+    """Return whether a value is a number or at most three numbers."""
+    values = value if isinstance(value, tuple) else (value,)
+    return 0 < len(values) <= 3 and all(isinstance(x, int | float) for x in values)
 
 
 def _is_default(value: Any, default: Any) -> bool:

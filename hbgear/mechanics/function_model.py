@@ -76,11 +76,6 @@ class SystemOfLaws(System):  # numpydoc ignore=PR02
         return float(self.elements[i].damping if key == "damping" else self.laws[i][1][key])
 
     @property
-    def title(self) -> str:
-        names = ", ".join(element.name for element in self.elements)
-        return f"Structure of {self.n} coordinates with {names}"
-
-    @property
     def parameters(self) -> dict[str, float]:
         """Numbers of the laws and dampers by name."""
         return {name: self._value(*place) for name, place in self._places().items()}

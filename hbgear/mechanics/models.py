@@ -117,7 +117,7 @@ class Model(ABC):
 
     @property
     def title(self) -> str:
-        """Machine in words, such as "Gear pair 25/40, m = 3 mm, 200 N m"; empty if it has no drawing."""
+        """Machine in words: "Gear pair 25/40, m = 3 mm, 200 N m"; empty for models whose name and numbers suffice."""
         return ""
 
     @property
@@ -453,6 +453,10 @@ class Load:  # numpydoc ignore=PR02
         return out
 
 
+_TITLE_ELEMENTS = 3
+"""Number of elements in the title of a structure."""
+
+
 @dataclass(frozen=True, eq=False)
 class System(Model):  # numpydoc ignore=PR02
     """Equations of motion from matrices. Every model is reduced to this form, which is a model itself.
@@ -614,6 +618,14 @@ class System(Model):  # numpydoc ignore=PR02
                 f"time integration needs a mass of every coordinate, and '{self.massless}' has none: give it a small "
                 "one, or use harmonic balance, whose multipliers need none"
             )
+
+    @property
+    def title(self) -> str:
+        """Number of coordinates and names of the elements, up to three of them."""
+        names = ", ".join(element.name for element in self.elements[:_TITLE_ELEMENTS])
+        more = len(self.elements) - _TITLE_ELEMENTS
+        coordinates = f"{self.n} coordinate{'s' * (self.n != 1)}"
+        return f"Structure of {coordinates} with {names}{f' and {more} more elements' if more > 0 else ''}"
 
     @property
     def n(self) -> int:

@@ -68,7 +68,7 @@ def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> st
     settings = {"palettes": PALETTES, "widths": WIDTHS}
     text = environment.get_template(template).render(
         version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
-        curves=asset("curves.js"), explorer=asset("explorer.js"), policy=_POLICY, **values,
+        curves=asset("lines.js") + asset("curves.js"), explorer=asset("explorer.js"), policy=_POLICY, **values,
     )  # fmt: skip
     return str(text).replace(_POLICY, policy_of(str(text), connect), 1)
 

@@ -12,12 +12,14 @@ from browser import browser, check_only_own_scripts_run, check_toolbars, clicked
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
+from hbgear.analysis.summary import title_of
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.design.studies.results import Results, read_results
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.plot.branch_sections import SmoothCurve
 from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script
@@ -57,6 +59,27 @@ def shown(driver, page):
 
 
 # ---- what is written
+
+
+@pytest.mark.parametrize(
+    ("model", "title"),
+    [
+        (hb.Duffing(F=0.3), "Duffing, F = 0.3"),
+        (
+            hb.SpurPair(zeta=0.04, e=(0.2, 0.1), reference=(38000.0, 37.6e-6, 15000.0, 25)),
+            "Spur pair, zeta = 0.04, e = (0.2,0.1)",
+        ),
+        (hb.gears.DoubleHelicalPair(), "Double helical pair"),
+        (hb.gears.PlanetarySet(), "Planetary set 28/36/100, 4 planets, 300 N m"),
+        (
+            hb.System([[1.0]], None, [[1.0]], [hb.Element([1.0], hb.Cubic(1.0), name=f"s{i}") for i in range(5)]),
+            "Structure of 1 coordinate with s0, s1, s2 and 2 more elements",
+        ),
+    ],
+)
+def test_titles_are_words(model, title):
+    curve = hb.trace(hb.HarmonicBalance(model, 2), "Omega", (1.5, 1.49), stability=False, special=False)
+    assert title_of(curve) == title
 
 
 def test_what_is_drawn_is_the_curve(pair):
@@ -384,6 +407,43 @@ def test_curve_is_drawn_as_engineers_draw(shown, pair):
     ]
     assert len(arrows) == 2
     np.testing.assert_allclose(drawn["arrows"], arrows, rtol=1e-5)
+
+
+def test_lines_are_those_of_the_figures(shown, pair):
+    """Vertices are the same on the page and in figures, at the sharp fold of a hard stop and in the drawn traces."""
+    element = hb.Element([1.0], hb.Unilateral(k=1e4, gap=0.5))
+    model = hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+    stop = hb.trace(hb.ContactInstants(model, 8), "Omega", (1.9, 1.2))
+    amplitude = stop.amplitude("max")
+    assert len(stop) > 40 and np.diff(stop.values).min() < 0 < np.diff(stop.values).max()
+    for x, y in [
+        (stop.values, amplitude),
+        (stop.values[:4], amplitude[:4]),
+        (np.repeat(stop.values, 2), np.repeat(amplitude, 2)),
+    ]:
+        for first, last in [(0, len(x) - 1), (len(x) // 3, len(x) - 2)]:
+            drawn = shown.execute_script(
+                "return hbgearLines.smooth(arguments[0], arguments[1])(arguments[2], arguments[3])",
+                x.tolist(), y.tolist(), first, last,
+            )  # fmt: skip
+            expected = SmoothCurve(x, y).between(first, last)
+            np.testing.assert_allclose([drawn["x"], drawn["y"]], expected, rtol=0, atol=1e-12)
+            np.testing.assert_array_equal(sorted(set(drawn["point"])), range(first, last + 1))
+    traces = shown.execute_script(
+        "return document.getElementById('response').data.filter(t => t.mode === 'lines' && t.x.length > 1)"
+        ".map(t => [t.x, t.y])"
+    )
+    vertices = np.array([xy for x, y in traces for xy in zip(x, y, strict=True) if None not in xy])
+    line = SmoothCurve(pair.problem.model.scales.pinion_speed(pair.values), transmission_error(pair))
+    whole = np.array(line.between(0, len(pair) - 1)).T
+    assert np.abs(vertices[:, None] - whole).max(axis=2).min(axis=1).max() < 1e-5 * whole.max()
+    assert len({tuple(x) for x in vertices}) == pytest.approx(len(whole), abs=2)
+
+
+def test_gaps_in_lines_of_other_motions_stay(shown):
+    x, y = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.0, 1.0, None, 0.0, 1.0, 4.0, 9.0]
+    drawn = shown.execute_script("return hbgearLines.smoothParts(arguments[0], arguments[1])", x, y)
+    assert drawn["x"][:3] == [0.0, 1.0, None] and drawn["y"][2:4] == [None, 0.0] and drawn["y"][-1] == 9.0
 
 
 def test_curves_of_different_lengths_are_drawn_without_units(driver, tmp_path):

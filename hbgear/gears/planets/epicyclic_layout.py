@@ -19,7 +19,7 @@ from hbgear.common.ranges import POSITIVE, Range, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.mesh.mesh_excitation import parameters_of_meshes
 from hbgear.gears.trains.train import Train
-from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel, tooth_counts
 from hbgear.gears.trains.train_kinematics import RADIUS_TOLERANCE, inner_first, kinematics, phase_mismatch
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.periodic import Periodic, Phased
@@ -64,6 +64,12 @@ class EpicyclicLayout(Model):
     ranges: ClassVar[Mapping[str, Range]] = {
         "carrier_inertia": POSITIVE, "torque": POSITIVE, "backlash_scale": Range(low=0, high=1e6),
     }  # fmt: skip
+
+    @property
+    def title(self) -> str:
+        """Tooth counts of all meshes, number of planets and torque."""
+        teeth = tooth_counts(self.wheels, self.meshes)
+        return f"Epicyclic set {teeth}, {self.planets} planet{'s' * (self.planets != 1)}, {self.torque:g} N m"
 
     def __post_init__(self) -> None:
         for name, kind in (("wheels", Wheel), ("meshes", Mesh)):

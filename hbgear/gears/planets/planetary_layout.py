@@ -112,6 +112,12 @@ class PlanetaryLayout(Model):
         **dict.fromkeys(("e_sp", "e_rp", "planet_errors"), Range(-1e-3, 1e-3)),
     }
 
+    @property
+    def title(self) -> str:
+        """Tooth counts, number of planets and torque."""
+        teeth = f"{self.teeth_s}/{self.teeth_p}/{self.teeth_r}"
+        return f"Planetary set {teeth}, {self.planets} planet{'s' * (self.planets != 1)}, {self.torque:g} N m"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "torque_orders", torque_orders("PlanetarySet", self.torque_orders))
         super().__post_init__()

@@ -6,6 +6,7 @@ shafts act on these coordinates.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import cos, pi, sqrt
 from typing import Any, Literal
@@ -468,3 +469,10 @@ class Mesh:  # numpydoc ignore=PR02
     def error_used(self) -> Phased:
         """Return e(tau) [m]."""
         return lagged_series(self.e, self.e_lag) if self.error is None else self.error
+
+
+def tooth_counts(wheels: Sequence[Wheel], meshes: Sequence[Mesh]) -> str:
+    """Return the tooth counts of meshes in words: "25/40 and 20/60"."""
+    teeth = {wheel.name: wheel.teeth for wheel in wheels}
+    pairs = [f"{teeth.get(mesh.first, 0)}/{teeth.get(mesh.second, 0)}" for mesh in meshes]
+    return " and ".join([", ".join(pairs[:-1]), pairs[-1]]) if len(pairs) > 1 else "".join(pairs)

@@ -18,7 +18,7 @@ from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.mesh.mesh_excitation import check_contact_scale, parameters_of_meshes
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
-from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel, tooth_counts
 from hbgear.gears.trains.train_kinematics import Kinematics, kinematics
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.structures.scales import Scales
@@ -62,6 +62,11 @@ class TrainLayout(Model):
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(("backlash_scale", "clearance_scale"), Range(low=0, high=1e6))
+
+    @property
+    def title(self) -> str:
+        """Tooth counts of all meshes."""
+        return f"Gear train {tooth_counts(self.wheels, self.meshes)}"
 
     def __post_init__(self) -> None:
         lists = {"wheels": Wheel, "meshes": Mesh, "shafts": Shaft, "bearings": Bearing, "beams": Beam}

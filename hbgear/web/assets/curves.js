@@ -110,23 +110,23 @@ const hbgear = (() => {
   function curveTraces() {
     const many = state.curves.length > 1, traces = [], legend = new Map(), ink = palette();
     state.curves.forEach((curve, n) => {
-      const y = sizes(curve), groups = new Map();
+      const y = sizes(curve), groups = new Map(), line = hbgearLines.smooth(curve.x, y);
       const hover = y.map((v, i) => (many ? `<b>${escaped(nameOf(curve))}</b><br>` : "") + pointText(curve, i, v).join("<br>"));
       for (const [regime, stability, first, last] of curve.sections[elementOf(curve)]) {
         const key = `${regime}|${stability}`;
         if (!groups.has(key)) groups.set(key, { regime, stability, x: [], y: [], text: [], points: [] });
         const g = groups.get(key);
         if (g.x.length) { g.x.push(null); g.y.push(null); g.text.push(""); g.points.push(null); }
-        for (let i = first; i <= last; i++) {
-          g.x.push(curve.x[i]); g.y.push(y[i]); g.text.push(hover[i]); g.points.push([n, i]);
-        }
+        const drawn = line(first, last);
+        g.x.push(...drawn.x); g.y.push(...drawn.y);
+        for (const i of drawn.point) { g.text.push(hover[i]); g.points.push([n, i]); }
       }
       const own = ink.branches[n % ink.branches.length];
       for (const g of groups.values()) {
         const color = many ? own : ink.regimes[g.regime];
         const width = many ? (settings.widths[g.regime] * WIDTH[g.stability]) / 1.4 : WIDTH[g.stability];
         traces.push({ x: g.x, y: g.y, text: g.text, customdata: g.points, mode: "lines", hoverinfo: "text",
-                      line: { color, width, dash: DASH[g.stability], shape: "spline" }, showlegend: false });
+                      line: { color, width, dash: DASH[g.stability] }, showlegend: false });
         if (many) entry(legend, `branch ${n}`, nameOf(curve), { color: own, width: 2.5 });
         else if (g.regime !== "unknown") entry(legend, g.regime, words(g.regime), { color, width: 2 });
         if (many && g.regime !== "unknown")
@@ -184,7 +184,7 @@ const hbgear = (() => {
     kinds.forEach((k) => k.x.forEach((x, i) => { const [px, py] = at(x, k.y[i]); taken.push([px - 5, px + 5, py - 5, py + 5]); }));
     if (state.at) { // the ring of the selected point
       const [n, i] = state.at, [px, py] = at(state.curves[n].x[i], sizes(state.curves[n])[i]);
-      taken.push([px - 9, px + 9, py - 9, py + 9]);
+      taken.push([px - 6, px + 6, py - 6, py + 6]);
     }
     const lines = drawnPoints().map(([x, y]) => at(x, y));
     const covered = ([x0, x1, y0, y1]) => lines.filter(([x, y]) => x > x0 && x < x1 && y > y0 && y < y1).length;
@@ -300,8 +300,8 @@ const hbgear = (() => {
     const shown = behind().filter((b) => b.y && (!b.measure || b.measure === state.measure)); // points of another measure are not comparable
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
-    const lines = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash, shape: "spline" } : { color: ink.line, width: 0.8 },
+    const lines = shown.map((b) => ({ ...(b.sizes ? hbgearLines.smoothParts(b.x, b.y) : { x: b.x, y: b.y }), mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
+      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash } : { color: ink.line, width: 0.8 },
       opacity: b.mode === "lines" && !b.sizes ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
@@ -335,7 +335,7 @@ const hbgear = (() => {
   function chosenTrace() {
     const [n, i] = state.at, curve = state.curves[n], ink = palette();
     return { x: [curve.x[i]], y: [sizes(curve)[i]], mode: "markers", hoverinfo: "skip", showlegend: false, cliponaxis: false,
-             marker: { symbol: "circle-open", size: 14, color: ink.text, line: { width: 2 } } };
+             marker: { symbol: "circle-open", size: 13, color: ink.text, line: { width: 2 } } };
   }
 
   // Only these buttons: others of Plotly upload the data to its servers.
