@@ -120,7 +120,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
             return "", 204  # not an error status: browsers would log it for each move of a slider
         except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
-            return flask.jsonify(error=str(text)), 422
+            return flask.jsonify(error=str(text))  # no error status, for the same reason: the page shows the sentence
 
     def file(given: dict[str, Any], session: str, asked: Request) -> Any:
         name, content = explorer.saved_as(session, given["kind"], asked)

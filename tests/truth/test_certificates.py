@@ -10,6 +10,7 @@ import copy
 import dataclasses
 import json
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -342,3 +343,20 @@ def test_the_command_writes_proofs_into_the_file_and_states_what_fails(tmp_path:
     hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6)).save(tmp_path / "duffing.npz")
     refused = CliRunner().invoke(app, ["certify", str(tmp_path / "duffing.npz"), "LP1"])
     assert refused.exit_code == 1 and not (tmp_path / "duffing.LP1.json").exists()
+
+
+def test_the_command_states_speeds_of_models_with_scales(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from hbgear.cli.app import app
+
+    model = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    path = str(tmp_path / "pair.npz")
+    hb.trace(hb.ContactInstants(model), "Omega", (0.9, 0.6)).save(path)
+    done = CliRunner().invoke(app, ["certify", path, "LP1"])
+    speed = model.scales.pinion_speed(0.70803161872183103)
+    found = re.search(r"with pinion r/min in \[([\d.]+), ([\d.]+)\]", done.output)
+    assert done.exit_code == 0 and found is not None and "Omega" not in done.output
+    assert float(found[1]) == pytest.approx(speed, rel=1e-14) and 0 <= float(found[2]) - float(found[1]) < 1e-11
+    dimensionless = CliRunner().invoke(app, ["certify", path, "LP1", "--dimensionless"])
+    assert "with Omega in [0.7080316187218310" in dimensionless.output

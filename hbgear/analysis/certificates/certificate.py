@@ -87,14 +87,32 @@ class Certificate:
 
     @property
     def statement(self) -> str:
-        """One sentence that states what was proved."""
+        """One sentence that states the proved properties, in Omega."""
+        return self.statement_in("Omega", self.Omega)
+
+    def statement_in(self, quantity: str, bounds: tuple[str, str]) -> str:
+        """Return the `statement` in another quantity, such as the speed of the pinion.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the quantity, with its unit.
+        bounds : tuple of str
+            Decimals between which the quantity lies.
+
+        Returns
+        -------
+        str
+            One sentence.
+        """
         special = {
             "LP": " with multiplier 1 (a nondegenerate fold)",
             "PD": " with multiplier -1, which it passes with nonzero speed",
             "GR": " with one quadratic grazing contact",
             "motion": "",
         }[self.kind]
-        where = f"at Omega = {self.Omega[0]}" if self.kind == "motion" else f"with Omega in [{', '.join(self.Omega)}]"
+        equal = bounds[0] == bounds[1]
+        where = f"at {quantity} = {bounds[0]}" if equal else f"with {quantity} in [{', '.join(bounds)}]"
         count = len(self.instants)
         contacts = f"{count} transversal contact instants" if count else "no contact instants"
         rest = "all multipliers" if self.kind in ("motion", "GR") else "all other multipliers"
@@ -110,7 +128,7 @@ class Certificate:
 
     @property
     def assumptions(self) -> str:
-        """One sentence that states what was assumed."""
+        """One sentence that states the assumptions."""
         return (
             "Assumed: the coefficients are exactly the decimals that the certificate lists; Arb, hbgear and the "
             "machine compute as specified."

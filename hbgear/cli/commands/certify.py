@@ -54,6 +54,7 @@ def certify(
         raise ValueError(f"--output {output}: {len(names)} points; give one POINT")
     chosen = [(name, point_of(branch, name, "POINT")) for name in names]
     rows, failed, certified = [], False, branch
+    quantity = certified_header(branch, dimensionless).removeprefix("certified ")
     with outputs() as out:
         for name, point in chosen:
             try:
@@ -69,12 +70,11 @@ def certify(
             stability = {True: "stable", False: "unstable", None: "undecided"}[proof.stable]
             bounds = certified_bounds(branch, point, proof.Omega, dimensionless)
             rows.append([name, *bounds, stability, f"{proof.uniqueness:.0e}"])
-            print(f"{name}: {proof.statement}")
+            print(f"{name}: {proof.statement_in(quantity, bounds)}")
         if certified is not branch:
             out.write(file, certified.save)
         if rows:
             print(proof.assumptions)
-            header = certified_header(branch, dimensionless).removeprefix("certified ")
-            print_table(["point", f"{header} from", "to", "multipliers", "unique within"], rows)
+            print_table(["point", f"{quantity} from", "to", "multipliers", "unique within"], rows)
     if failed:
         raise typer.Exit(NOT_PROVED)

@@ -12,9 +12,9 @@ const explorer = (() => {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(body),
       headers: { "Content-Type": "application/json", "X-Hbgear-Token": token } });
     if (answer.status === 204) return null; // superseded or cancelled
-    if (raw && answer.ok) return answer;
+    if (raw && answer.headers.has("X-Name")) return answer;
     const found = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
-    if (!answer.ok) throw new Error(found.error || `the server answered ${answer.status}`);
+    if (!answer.ok || found.error) throw new Error(found.error || `the server answered ${answer.status}`);
     return found;
   }
 
