@@ -487,6 +487,30 @@ def test_labels_do_not_overlap_each_other_or_leave_the_axes():
             assert not box.overlaps(legend)
 
 
+@pytest.mark.parametrize("side", ["top", "bottom", "left"])
+def test_labels_keep_clear_of_ticks(side):
+    """The usual place of this label, to the left of its point, would end two pixels from a border of the axes."""
+    b = resonance()
+    b, ax = rebuilt(b, special=(b["LP1"],), jump_records=()), plt.figure().add_subplot()
+    plot.response(b, ax=ax)
+    x, y = b["LP1"].parameters["Omega"], b["LP1"].amplitude("pp2")
+    width, height = np.ptp(b.values), b.amplitude("pp2").max()
+    ax.set(xlim=(x - width, x + width), ylim=(y - height, y + height))
+    box, (px, _) = label_boxes(ax)["LP1"], ax.transData.transform((x, y))
+    assert box.x1 < px
+    if side == "left":
+        share = (px - box.x0 + 2) / ax.bbox.width
+        ax.set_xlim(x - 2 * width * share, x + 2 * width * (1 - share))
+    else:
+        share = (box.height / 2 + 2) / ax.bbox.height
+        low, high = (share, 1 - share) if side == "bottom" else (1 - share, share)
+        ax.set_ylim(y - 2 * height * low, y + 2 * height * high)
+    tick = ax.xaxis.get_major_ticks()[0].tick1line.get_markersize() * ax.figure.dpi / 72
+    box = label_boxes(ax)["LP1"]
+    assert tick > 3 and ax.bbox.x0 + tick <= box.x0 and box.x1 <= ax.bbox.x1 - tick
+    assert ax.bbox.y0 + tick <= box.y0 and box.y1 <= ax.bbox.y1 - tick
+
+
 def test_a_heap_of_points_has_one_label_and_two_symbols():
     b = resonance()
     start = b["LP1"].index + 5
