@@ -263,7 +263,9 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
 def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
     """Return the model of MODEL, by name or from a file, with the values of --set."""
     if name.endswith(".toml"):
-        return changed(_model_in(name), changes)
+        from hbgear.io.machines.model_file import read_model
+
+        return changed(read_model(name), changes)
     cls = model_registry.model_class(name)
     fields = fields_of(cls, changes or [])
     missing = [field for field in required_of(cls) if field not in fields]
@@ -271,17 +273,6 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
         needed = " ".join(f"--set {field}=VALUE" for field in missing)
         raise ValueError(f"the model '{name}' needs {', '.join(missing)}, which have no default: {needed}")
     return made(cls, fields)
-
-
-def _model_in(path: str) -> hb.mechanics.Model:
-    """Return the model of a file: a train, a structure (matrices or receptances), or a gear pair."""
-    from hbgear.io.machines.machine_file import read_machine
-    from hbgear.io.machines.structure_file import is_structure, read_structure
-    from hbgear.io.machines.train_file import is_train, read_train
-
-    if is_train(path):
-        return read_train(path)
-    return read_structure(path) if is_structure(path) else read_machine(path).model()
 
 
 def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:

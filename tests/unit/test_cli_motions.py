@@ -140,6 +140,17 @@ def test_follow(folder):
     assert "no special points" in done.output and (folder / "f.png").stat().st_size > 1000
 
 
+def test_follow_in_a_parameter_of_a_drawing_with_its_unit(folder):
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    drawn = hb.gears.DrawnPair(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)
+    hb.trace(hb.HarmonicBalance(drawn, 6), "Omega", (1.2, 0.6)).save(folder / "pair.npz")
+    for name, within in (("a", "torque=0.2kNm:205Nm"), ("b", "torque=200:205")):
+        done = run("follow", f"{folder}/pair.npz", "LP1", "--in", within, "-o", f"{folder}/{name}.npz")
+        assert done.exit_code == 0, done.output
+    a, b = (hb.load(folder / f"{name}.npz") for name in "ab")
+    assert a.values[-1] == 205.0 and a.tracked["Omega"][-1] == pytest.approx(b.tracked["Omega"][-1], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("args", "message"),
     [

@@ -1,6 +1,7 @@
 """The study file: every error at once, with its line."""
 
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -8,6 +9,7 @@ import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.cli.pages import explored
 from hbgear.design.studies.study_file import StudyFileError, read_study
+from hbgear.io.machines.model_file import read_model
 from hbgear.io.machines.toml_file import line_of, lines_of
 
 GOOD = """model = "double-helical"
@@ -50,6 +52,67 @@ def test_a_good_file(tmp_path):
     study = read_study(tmp_path / "a.toml")
     assert study.model == hb.gears.DoubleHelicalPair(zeta=0.05, eps=(0.16, 0.07))
     assert study.vary.size == 4 and study.work.span == (1.6, 0.2) and study.work.compute == ("jumps",)
+
+
+PAIR = """
+torque = "200 N m"
+damping = 0.04
+[pinion]
+teeth = 25
+module = "3 mm"
+face_width = "20 mm"
+tip_relief = "12 um"
+[wheel]
+teeth = 40
+module = "3 mm"
+face_width = "20 mm"
+tip_relief = "12 um"
+[pair]
+backlash = "80 um"
+"""
+
+
+def test_parameters_of_a_drawing_vary_with_their_units(tmp_path):
+    """The cases are those of the drawing with other values; the path is relative to the study."""
+    (tmp_path / "pair.toml").write_text(PAIR)
+    (tmp_path / "a.toml").write_text(
+        'model = "pair.toml"\n[base]\ndamping = 0.03\n[grid]\ntorque = ["0.15 kN m", 200]\nbacklash = ["0.09 mm"]\n'
+        "[compute]\nharmonics = 8\nspan = [1.2, 0.8]\n"
+    )
+    study = read_study(tmp_path / "a.toml")
+    assert study.model.parameters["damping"] == 0.03 and dict(study.vary.values) == {
+        "torque": (150.0, 200.0), "backlash": (90.0,)
+    }  # fmt: skip
+    work = study.work
+    (tmp_path / "other.toml").write_text(
+        PAIR.replace("200 N m", "150 N m").replace("80 um", "90 um").replace("0.04", "0.03")
+    )
+    other = read_model(tmp_path / "other.toml")
+    ratio = study.model.scales.frequency / other.scales.frequency  # each drawing has units of its own
+    vary, span = hb.design.grid(damping=[0.03]), (1.2 * ratio, 0.8 * ratio)
+    with ThreadPoolExecutor(1) as here:
+        found = hb.design.cases(
+            study.model, study.vary, work.compute, harmonics=work.harmonics, span=work.span, executor=here
+        )
+        (alone,) = hb.design.cases(other, vary, ("peak",), harmonics=8, span=span, executor=here).table["peak"]
+    peak = found.table["peak"] * study.model.scales.length
+    assert not found.failed and peak[0] == pytest.approx(alone * other.scales.length, rel=1e-9) != peak[1]
+
+
+def test_bad_values_of_a_drawing(tmp_path):
+    (tmp_path / "pair.toml").write_text(PAIR)
+    for text, words in (
+        ('[grid]\ntorque = ["3 mm"]', "line 3: grid.torque.0"),
+        ("[grid]\nrelief = [3]", "did you mean 'tip_relief'"),
+        ('[sample]\ncount = 2\n[sample.parameters]\nbacklash = ["uniform", "1 N", "2 N"]', "line 5: "),
+    ):
+        (tmp_path / "a.toml").write_text('model = "pair.toml"\n' + text)
+        with pytest.raises(StudyFileError) as error:
+            read_study(tmp_path / "a.toml")
+        assert words in str(error.value)
+    (tmp_path / "a.toml").write_text('model = "none.toml"\n[grid]\ntorque = [3]')
+    with pytest.raises(StudyFileError, match=r"line 1: .*none\.toml"):
+        read_study(tmp_path / "a.toml")
 
 
 def test_every_error_with_its_line(tmp_path):

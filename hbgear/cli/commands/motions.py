@@ -37,7 +37,7 @@ from hbgear.cli.support import (
     range_of,
 )
 from hbgear.common.text.symbols import unit_of
-from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales_at
+from hbgear.harmonic.models.frequency_units import PINION, length_scale, model_of, scales_at
 from hbgear.io.branches.columns import bracketed, label_of
 from hbgear.mechanics.structures.scales import Scales
 
@@ -187,7 +187,7 @@ def follow(
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
-    name, span = range_of(within)
+    name, span = range_of(within, model_of(branch))
     found = hb.follow(branch, label, name, span)
     with outputs() as out:
         out.branch(output, found)

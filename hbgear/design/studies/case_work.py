@@ -26,7 +26,7 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.model_registry import fields_from_plain
 from hbgear.io.branches.npz import packed
-from hbgear.mechanics.fields import made
+from hbgear.mechanics.fields import kinds_of, made
 from hbgear.mechanics.model_lookup import find_model_class
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
@@ -43,7 +43,7 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     cls : type or str
         Class of the model, or its reference from `reference_of`.
     fields : mapping of str to Any
-        Values of the fields of the model.
+        Values of the fields of the model, and of parameters that are no fields.
     work : Work
         Results to compute.
 
@@ -55,13 +55,21 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     started = time.perf_counter()
     try:
         found = find_model_class(cls) if isinstance(cls, str) else cls
-        result = _result_of(made(found, fields_from_plain(fields)), work)
+        result = _result_of(_model_of(found, fields_from_plain(fields)), work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # an error in one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
         known = isinstance(error, ValueError | KeyError)
         reason = str(text) if known else f"{type(error).__name__}: {text}"
         return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
+
+
+def _model_of(cls: type[Model], values: Mapping[str, Any]) -> Model:
+    """Return the model of values of fields and their entries, and of parameters that are no fields (of a drawing)."""
+    known = kinds_of(cls)
+    parameters = {name: value for name, value in values.items() if name.partition("[")[0] not in known}
+    model = made(cls, {name: value for name, value in values.items() if name not in parameters})
+    return model.replace(**parameters) if parameters else model
 
 
 def run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:

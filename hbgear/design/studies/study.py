@@ -321,7 +321,7 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
     if vary.size > most:
         raise ValueError(f"{vary.size:,} cases, more than {most:,}; make the grid coarser, or allow them with most=")
     fields = describe(model)["fields"]
-    known = [*model.entries, *(model.parameters if isinstance(vary, Sample) else fields)]
+    known = [*model.entries, *model.parameters, *(() if isinstance(vary, Sample) else fields)]
     for name in vary.names:
         if name not in known:
             raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")

@@ -1,4 +1,8 @@
-"""Study files (TOML): reading and checking; one message lists every error with its line."""
+"""Study files (TOML): reading and checking; one message lists every error with its line.
+
+The model is a class by name, whose fields vary, or a file of a machine, whose parameters vary in the units of their
+labels or with units of their own.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,14 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
 
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import quoted, shortened
+from hbgear.common.text.symbols import unit_of
+from hbgear.common.units import known_unit, to_si
 from hbgear.design.studies.case_results import KINDS, Work
 from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
@@ -63,10 +71,10 @@ def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
         If the file cannot be read, a key, type or value is not valid, or it names code that is not allowed.
     """
     text, data = parsed(path, "a study", StudyFileError)
-    problems, checked = _checked(data, allow_code)
+    problems, checked, subject = _checked(data, Path(path).parent, allow_code)
     if not problems:
         try:
-            return _study(checked)
+            return _study(checked, subject)
         except _InconsistentTable as wrong:
             problems = [(wrong.place, str(wrong))]
     raise StudyFileError(located(path, text, problems))
@@ -88,26 +96,61 @@ def _errors_of_table(table: str) -> Iterator[None]:
         raise _InconsistentTable(table, error) from None
 
 
-def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, str]], Any]:
-    """Return errors with their locations, and the checked data."""
+class Subject(NamedTuple):
+    """Model of a study: a class, or the model of a file; types of the values that may vary, by name."""
+
+    model: type[Model] | Model
+    kinds: Mapping[str, Any]
+
+
+def _subject(name: str, data: Mapping[str, Any], folder: Path) -> Subject:
+    """Return the model of a name or of a file relative to a folder; raises KeyError or ValueError if there is none."""
+    if name.endswith(".toml"):
+        from hbgear.io.machines.model_file import read_model
+
+        model = read_model(folder / name)
+        return Subject(model, {each: _quantity_kind(each, model) for each in {**model.parameters, **model.entries}})
+    cls = model_class(name)
+    kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
+    return Subject(cls, kinds | dict.fromkeys(_entries(cls, data), float))
+
+
+def _quantity_kind(name: str, model: Model) -> Any:
+    """Return the type of a parameter of a file: a number in the unit of its label, or a text with a unit."""
+    from pydantic import BeforeValidator
+
+    return Annotated[float, BeforeValidator(partial(_quantity, name, model))]
+
+
+def _quantity(name: str, model: Model, value: Any) -> Any:
+    """Return a value in the unit of the label of a parameter."""
+    unit = unit_of(str(model.labels.get(name, name)))
+    return to_si("study", name, value, unit) if isinstance(value, str) and known_unit(unit) else value
+
+
+def _checked(
+    data: dict[str, Any], folder: Path, allow_code: bool
+) -> tuple[list[tuple[Place, str]], Any, Subject | None]:
+    """Return errors with their locations, the checked data and the model."""
     with defer_signals():
         import pydantic
 
     name = data.get("model")
     problems: list[tuple[Place, str]] = []
-    cls = None
+    subject = None
     if isinstance(name, str) and ":" in name and not allow_code:
         text = (f"model = {quoted(name)} would run that code, which is not allowed by default: read it, "
                 "then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
-        return [(("model",), text)], None
+        return [(("model",), text)], None, None
     if isinstance(name, str):
         try:
-            cls = model_class(name)
+            subject = _subject(name, data, folder)
         except (KeyError, ValueError) as error:
             problems.append((("model",), shortened(str(error.args[0]), 300)))
-    schema = _schema(cls, data)
+    schema = _schema(subject)
     base = data.get("base", {})
-    missing = [field for field in (required_of(cls) if cls else ()) if isinstance(base, dict) and field not in base]
+    required = required_of(subject.model) if subject is not None and isinstance(subject.model, type) else ()
+    missing = [field for field in required if isinstance(base, dict) and field not in base]
     if missing:
         text = f"the model '{name}' needs {', '.join(missing)}: no default, so give a value in [base]"
         problems.append((("base",) if "base" in data else ("model",), text))
@@ -121,12 +164,12 @@ def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, 
         checked = schema.model_validate(data)
     except pydantic.ValidationError as error:
         problems += [location_and_text(schema, each) for each in error.errors()]
-    return problems, checked
+    return problems, checked, subject
 
 
 @defer_signals()  # pydantic fails if Ctrl-C interrupts the creation of a model
-def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
-    """Return the schema of the file as a model of pydantic; its tables have the fields of the model."""
+def _schema(subject: Subject | None) -> Any:
+    """Return the schema of the file as a model of pydantic; its tables have the parameters of the subject."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
     strict = exactly()
@@ -134,18 +177,15 @@ def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
     def table(title: str, fields: dict[str, Any]) -> Any:
         return create_model(title, __config__=strict, **fields)
 
-    kinds: dict[str, Any] = {}
-    if cls is not None:
-        kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
-        kinds |= dict.fromkeys(_entries(cls, data), float)
     loose = ConfigDict(extra="allow")
-    drawn = Annotated[list[str | float], AfterValidator(_distribution)]
-    if cls is None:
+    if subject is None:
         base = several = random = create_model("any", __config__=loose)
     else:
+        kinds, model = subject.kinds, subject.model
+        drawn = {n: Annotated[list[str | float], AfterValidator(partial(_distribution, n, model))] for n in kinds}
         base = table("base", {n: (k, None) for n, k in kinds.items()})
         several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
-        random = table("parameters", {n: (drawn, None) for n, k in kinds.items() if k is float})
+        random = table("parameters", {n: (drawn[n], None) for n, k in kinds.items() if _is_float(k)})
     sample = table("sample", {
         "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),
         "seed": (Annotated[int, Field(ge=0)], 0), "parameters": (random, ...),
@@ -166,7 +206,15 @@ def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:
     return entries_among(cls, {n: v for n, v in {**defaults_of(cls), **base}.items() if n not in varied})
 
 
-def _distribution(given: list[Any]) -> list[Any]:
+def _is_float(kind: Any) -> bool:
+    """Return whether a type is that of numbers, with or without units."""
+    return kind is float or typing.get_args(kind)[:1] == (float,)
+
+
+def _distribution(name: str, model: type[Model] | Model, given: list[Any]) -> list[Any]:
+    """Return a distribution with its numbers in the unit of the label of a parameter."""
+    if given and isinstance(model, Model):
+        given = [given[0], *(_quantity(name, model, value) for value in given[1:])]
     try:
         distribution(given)
     except KeyError as error:
@@ -174,11 +222,13 @@ def _distribution(given: list[Any]) -> list[Any]:
     return given
 
 
-def _study(checked: Any) -> Study:
+def _study(checked: Any, subject: Subject | None) -> Study:
+    """Return the study of checked data."""
+    assert subject is not None
     data = checked.model_dump(exclude_unset=True)
     with _errors_of_table("base"):
         base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
-        model = made(model_class(data["model"]), base)
+        model = subject.model.replace(**base) if isinstance(subject.model, Model) else made(subject.model, base)
     if "grid" in data:
         with _errors_of_table("grid"):
             vary: Grid | Sample = grid(**data["grid"])

@@ -30,6 +30,7 @@ Fakhfakh & Haddar (2009), Eur. J. Mech. A 28, 461-468 (several pairs of teeth in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, cos, pi
 from typing import Any, Literal
 
@@ -162,20 +163,31 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
     ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
     gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
-    grid = np.linspace(begin, end, PATH_POINTS)
-    teeth, depth = np.zeros_like(s), []
+    grid, compliance, depths = _teeth_over_path(pair)
+    teeth, depth = np.interp(s, grid, compliance), [np.interp(s, grid, one) for one in depths]
     cos_helix = cos(pair.pinion.base_helix_angle)
-    for gear, curvature_radius in ((pair.pinion, grid), (pair.wheel, pair.tangent_length - grid)):
-        radius = np.hypot(curvature_radius, gear.base_diameter / 2)
-        compliance, gear_depth = Tooth(gear).compliance(gear.sign * (radius - gear.reference_diameter / 2))
-        teeth = teeth + np.interp(s, grid, compliance / blank_factor(gear))
-        depth.append(np.interp(s, grid, gear_depth))
     rho = np.abs(s * (pair.tangent_length - s) / pair.tangent_length) / cos_helix
     width = pair.face_width / slices
     # k_t = k_n cos^2(beta_b), and the length of contact is width / cos(beta_b)
     widths = width * np.maximum(fraction, MIN_LOAD_FRACTION)
     present, teeth = fraction > MIN_LOAD_FRACTION, teeth / (widths * cos_helix)
     return Contacts(present, teeth, gap, spread, (depth[0], depth[1]), rho, widths)
+
+
+@lru_cache(maxsize=8)
+def _teeth_over_path(pair: GearPair) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return positions on the path of contact, the compliance of both teeth there, and the depth of each tooth.
+
+    They are cached, because they do not depend on the torque.
+    """
+    grid = np.linspace(*pair.path, PATH_POINTS)
+    teeth, depth = np.zeros(PATH_POINTS), []
+    for gear, curvature_radius in ((pair.pinion, grid), (pair.wheel, pair.tangent_length - grid)):
+        radius = np.hypot(curvature_radius, gear.base_diameter / 2)
+        compliance, gear_depth = Tooth(gear).compliance(gear.sign * (radius - gear.reference_diameter / 2))
+        teeth += compliance / blank_factor(gear)
+        depth.append(gear_depth)
+    return grid, teeth, (depth[0], depth[1])
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
