@@ -104,7 +104,7 @@ class Subject(NamedTuple):
 
 
 def _subject(name: str, data: Mapping[str, Any], folder: Path) -> Subject:
-    """Return the model of a name or of a file relative to a folder; raises KeyError or ValueError if there is none."""
+    """Return the model of a name or of a file relative to a folder; raises KeyError or ValueError if it is unknown."""
     if name.endswith(".toml"):
         from hbgear.io.machines.model_file import read_model
 
