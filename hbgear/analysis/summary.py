@@ -301,7 +301,7 @@ def title_of(branch: Branch) -> str:
     if model.title:
         return model.title
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(model).__name__).replace("_", " ")
-    numbers = [f"{name} = {text_of(value)}" for name, value in _changes(model).items() if _is_short(value)]
+    numbers = [f"{name} = {_numbers_text(value)}" for name, value in _changes(model).items() if _is_short(value)]
     return ", ".join([words[:1].upper() + words[1:].lower(), *numbers])
 
 
@@ -391,6 +391,13 @@ def _changes(model: Model) -> dict[str, Any]:
     """Return the fields of a model that differ from their defaults."""
     defaults, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
     return {f: x for f, x in values.items() if f not in defaults or not _is_default(x, defaults[f])}
+
+
+def _numbers_text(value: Any) -> str:
+    """Return a number, or numbers in parentheses."""
+    values = value if isinstance(value, tuple) else (value,)
+    text = ", ".join(map(text_of, values))
+    return f"({text})" if len(values) > 1 else text
 
 
 def _is_short(value: Any) -> bool:

@@ -83,8 +83,8 @@ class SmoothCurve:
         self.along = np.concatenate([[0.0], np.cumsum(steps)])
         self.xy, self.distinct = xy, np.concatenate([[True], steps > _COINCIDENCE])
 
-    def between(self, first: int, last: int) -> tuple[Array, Array]:
-        """Return the coordinates of the line from one point to another."""
+    def between(self, first: int, last: int, enlarged: float = 1.0) -> tuple[Array, Array]:
+        """Return the coordinates of the line from one point to another, with chords for a factor of enlargement."""
         points = slice(first, last + 1)
         if last - first < 2 or not len(self.along) or self.distinct.sum() < 5:
             return self.x[points], self.y[points]
@@ -92,7 +92,7 @@ class SmoothCurve:
 
         line = Akima1DInterpolator(self.along[self.distinct], self.xy[:, self.distinct], axis=1)
         knots = self.along[points]
-        parts = np.ceil(np.diff(knots) / _LONGEST_CHORD).clip(1, _MOST_CHORDS).astype(int)
+        parts = np.ceil(np.diff(knots) / (_LONGEST_CHORD / enlarged)).clip(1, _MOST_CHORDS).astype(int)
         at = np.append(np.repeat(knots[:-1], parts) + _inside(np.diff(knots), parts), knots[-1])
         x, y = line(at.clip(self.along[0], self.along[self.distinct][-1]))
         corners = np.concatenate([[0], np.cumsum(parts)])

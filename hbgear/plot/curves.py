@@ -278,8 +278,9 @@ def _curve(
     color: str | None,
     label: str | None,
     widths: dict[str, float] | None = None,
+    enlarged: float = 1.0,
 ) -> None:
-    """Draw the sections of a branch; ``widths`` are line widths of the regimes [pt]."""
+    """Draw the sections of a branch; ``widths`` are line widths of the regimes [pt], see `SmoothCurve.between`."""
     drawn = SmoothCurve(x, amplitude)
     for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
@@ -287,7 +288,7 @@ def _curve(
         if widths:
             width = widths[regime] * width / LINES[True][1]
         ax.plot(
-            *drawn.between(first, last), linestyle=style, linewidth=width, color=color or COLOURS[regime],
+            *drawn.between(first, last, enlarged), linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
 
@@ -398,6 +399,12 @@ def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbere
         labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
 
 
+def _with_margin(values: Array) -> tuple[float, float]:
+    """Return the limits of an enlarged axis."""
+    margin = 0.6 * float(np.ptp(values)) or 0.01 * abs(float(values.max())) or 1.0
+    return float(values.min()) - margin, float(values.max()) + margin
+
+
 _MIN_VISIBLE_LENGTH = 18.0
 """Length [pt] below which an unstable section is not visible between the symbols at its ends."""
 
@@ -424,16 +431,15 @@ def _enlarge(
     position = _free_position(inside, middle)
     frame = ax.add_patch(_frame(ax, position))  # legends avoid patches
     zoomed = ax.inset_axes((*position, *_INSET_SIZE), label="inset")
-    _curve(zoomed, branch, x, amplitude, element, color, None)
+    points = slice(first, last + 1)
+    ends = [_with_margin(values[points]) for values in (x, amplitude)]
+    enlarged = max(float(np.ptp(v) / np.ptp(limits)) for v, limits in zip((x, amplitude), ends, strict=True))
+    _curve(zoomed, branch, x, amplitude, element, color, None, enlarged=enlarged)
     for point in map(named, branch.special):
         at = (across.scale * point.parameters[branch.parameter], float(amplitude[point.index]))
         zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
-    points = slice(first, last + 1)
-    for values, limits in ((x[points], zoomed.set_xlim), (amplitude[points], zoomed.set_ylim)):
-        low, high = float(values.min()), float(values.max())
-        margin = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
-        limits(low - margin, high + margin)
+    zoomed.set(xlim=ends[0], ylim=ends[1])
     zoomed.locator_params(nbins=4)
     zoomed.tick_params(direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=FONT[0], pad=2)
     ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)

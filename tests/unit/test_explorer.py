@@ -603,6 +603,16 @@ def test_a_refused_value_is_told_and_the_curve_stays(shown):
     assert complaints(shown) == []
 
 
+def test_the_heading_states_the_model_in_words(shown):
+    from selenium.webdriver.common.keys import Keys
+
+    waited_for(shown, "document.getElementById('title').textContent === 'Spur pair, eps = 0.1'")
+    slide(shown, "zeta", Keys.ARROW_RIGHT)
+    settled(shown)
+    zeta = value_of(shown, "zeta")
+    waited_for(shown, f"document.getElementById('title').textContent === 'Spur pair, zeta = {zeta:g}, eps = 0.1'")
+
+
 def test_the_vertical_axis_fits_each_curve_after_an_unbounded_one(driver):
     """The axis ends at a multiple of the bounded part of an unbounded curve, and at the top of the next curve."""
     from selenium.webdriver.common.keys import Keys

@@ -67,7 +67,7 @@ def shown(driver, page):
         (hb.Duffing(F=0.3), "Duffing, F = 0.3"),
         (
             hb.SpurPair(zeta=0.04, e=(0.2, 0.1), reference=(38000.0, 37.6e-6, 15000.0, 25)),
-            "Spur pair, zeta = 0.04, e = (0.2,0.1)",
+            "Spur pair, zeta = 0.04, e = (0.2, 0.1)",
         ),
         (hb.gears.DoubleHelicalPair(), "Double helical pair"),
         (hb.gears.PlanetarySet(), "Planetary set 28/36/100, 4 planets, 300 N m"),

@@ -335,7 +335,7 @@ const hbgear = (() => {
   function chosenTrace() {
     const [n, i] = state.at, curve = state.curves[n], ink = palette();
     return { x: [curve.x[i]], y: [sizes(curve)[i]], mode: "markers", hoverinfo: "skip", showlegend: false, cliponaxis: false,
-             marker: { symbol: "circle-open", size: 13, color: ink.text, line: { width: 2 } } };
+             marker: { symbol: "circle-open", size: 12, color: ink.text, line: { width: 1.6 } } };
   }
 
   // Only these buttons: others of Plotly upload the data to its servers.

@@ -73,7 +73,8 @@ const explorer = (() => {
 
   function describe(found, details) {
     const jumps = found.curves.reduce((sum, curve) => sum + curve.jumps.length, 0);
-    const parts = [details.model, `${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
+    $("title").textContent = details.model; // in words, with the values of the sliders
+    const parts = [`${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
                    `${jumps} jump${jumps === 1 ? "" : "s"}`, ...details.tables.flatMap((table) => table.reliability)];
     if (found.ended) parts.push(found.ended);
     say(parts.join("; "), parts.some((line) => line.startsWith("warning")) || Boolean(found.ended));
