@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ from hbgear.web.overlay import dots_of, facts_of_motions, lines_of_motions
 from hbgear.web.page import page, plotly_script
 from hbgear.web.studies import lines_of, study_section
 from hbgear.web.view import views
+
+_OTHER_SPACES = re.compile(r"[\t\n\v\f\r\u2028\u2029]")
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,14 @@ class Report:
         return f"<Report: {self.title}, {len(self.html.encode()) / 1e6:.1f} MB>"
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame, for notebooks."""
+        """Return the page in a frame, for notebooks.
+
+        Spaces other than " " are written as numbers: publishing tools expand tabs and strip lines, and the security
+        policy of the page refuses changed scripts.
+        """
+        escaped = _OTHER_SPACES.sub(lambda found: f"&#{ord(found[0])};", html.escape(self.html))
         return (
-            f'<iframe srcdoc="{html.escape(self.html)}" title="{html.escape(self.title)}" '
+            f'<iframe srcdoc="{escaped}" title="{html.escape(self.title)}" '
             'style="width:100%;height:780px;border:1px solid #ccc"></iframe>'
         )
 

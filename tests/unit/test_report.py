@@ -366,6 +366,21 @@ def test_figure_is_saved_from_the_toolbar(shown):
     assert str(found).startswith("data:image/svg+xml") and complaints(shown) == []
 
 
+def test_page_in_a_frame_of_a_published_notebook(driver, pair, tmp_path):
+    """Sphinx strips lines, expands tabs and splits at other ends of lines; the scripts of the page stay as they are."""
+    frame = hb.report(pair, title="pair")._repr_html_()
+    published = "\n".join(line.expandtabs(8).rstrip() for line in f"<html><body>\n{frame}\n</body></html>".splitlines())
+    (tmp_path / "notebook.html").write_text(published, encoding="utf-8")
+    driver.get((tmp_path / "notebook.html").as_uri())
+    driver.switch_to.frame(0)
+    try:
+        driver.execute_async_script("hbgear.ready.then(() => requestAnimationFrame(arguments[0]))")
+        assert driver.execute_script("return document.getElementById('response').data.length") > 2
+        assert complaints(driver) == []
+    finally:
+        driver.switch_to.default_content()
+
+
 def test_only_own_scripts_run(page, driver):
     opened(driver, page.as_uri())
     check_only_own_scripts_run(driver)
