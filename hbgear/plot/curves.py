@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import landings
-from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, kind_of, usual_measure
+from hbgear.analysis.quantities.axis_quantities import (
+    Abscissa,
+    Ordinate,
+    kind_of,
+    same_unit_of_amplitude,
+    usual_measure,
+)
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
@@ -217,6 +223,7 @@ def responses(
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                         dimensionless=dimensionless)  # fmt: skip
     own, fresh, across = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
+    dimensionless = dimensionless or not same_unit_of_amplitude(branches)
     height = Ordinate(measure or usual_measure(branches[0], dimensionless), element, dof, dimensionless)
     branches = [height.prepared(branch) for branch in branches]
     with styled():

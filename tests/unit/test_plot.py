@@ -487,6 +487,22 @@ def test_labels_do_not_overlap_each_other_or_leave_the_axes():
             assert not box.overlaps(legend)
 
 
+def test_curves_with_and_without_a_unit_of_length_are_drawn_without_units():
+    """Amplitudes in um and in x / b do not share an axis; two lengths do, each in um."""
+    scales, longer = ({"reference": (38000.0, length, 15000.0, 25)} for length in (37.6e-6, 2 * 37.6e-6))
+    one, two, other = (
+        hb.trace(hb.HarmonicBalance(hb.SpurPair(**given), 4), "Omega", (1.5, 1.2)) for given in (scales, longer, {})
+    )
+    for pair in ((one, other), (other, one)):
+        ax = plot.responses(pair)
+        assert "[-]" in ax.get_xlabel() and "um" not in ax.get_ylabel() and "µm" not in ax.get_ylabel()
+        heights = [line.get_ydata().max() for line in curves(ax)]
+        assert max(heights) == pytest.approx(one.amplitude("pp2").max(), rel=0.01)
+    ax = plot.responses((one, two))
+    tops = [max(line.get_ydata().max() for line in curves(ax) if line.get_label() == f"branch {k}") for k in (1, 2)]
+    assert "m]" in ax.get_ylabel() and tops[1] == pytest.approx(2 * tops[0], rel=1e-9)
+
+
 @pytest.mark.parametrize("side", ["top", "bottom", "left"])
 def test_labels_keep_clear_of_ticks(side):
     """The usual place of this label, to the left of its point, would end two pixels from a border of the axes."""

@@ -180,6 +180,12 @@ def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
     return "backbone" if branch.parameter == AMPLITUDE and "modal_damping" in branch.tracked else "periodic"
 
 
+def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
+    """Return whether the amplitudes of branches have one unit: all models have a unit of length, or none of them."""
+    known = {length_scale(model_of(branch), branch.parameters_at(0)) is not None for branch in branches}
+    return len(known) == 1
+
+
 def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
     """Return the measure that is shown by default: the dynamic transmission error, or "pp2" without physical units.
 

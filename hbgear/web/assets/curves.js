@@ -476,7 +476,7 @@ const hbgear = (() => {
 
   function fillControls() {
     const first = state.curves[0], H = Math.min(Math.floor(first.harmonics / first.nu), 6);
-    const measures = Object.entries(first.measures);
+    const measures = Object.entries(first.measures).filter(([key]) => state.curves.every((curve) => key in curve.measures));
     for (let k = 1; k <= H; k++) measures.push([`H${k}`, `amplitude of harmonic ${k}`]);
     options($("measure"), measures.map(([key, text]) => [key, `${text} (${key})`]), state.measure);
     options($("element"), first.elements.map((name, j) => [j, name]), state.element);
