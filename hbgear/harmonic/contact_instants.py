@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecew
 from hbgear.harmonic.instants.following import ExactCurve, Follower
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
-from hbgear.harmonic.instants.results import build_exact_branch
+from hbgear.harmonic.instants.results import build_exact_branch, regime_of
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.stability.exact_motion import exact_iterate
@@ -83,7 +83,6 @@ class ExactPeriodDoubling(PeriodDoublingEvent):
         """Return the problem of twice the period and the start at the point; both sides are the same motion."""
         problem = point.problem or branch.require_problem()
         doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
-        doubled.known = None
         X = np.zeros(doubled.size)
         return doubled, BranchStart(
             X, dict(point.parameters), np.append(X, 0.0), event=DoublingStart(point.X, problem.known)
@@ -148,6 +147,13 @@ class ContactInstants(HarmonicBalance):
         """Return model and settings as plain data, for the header of a saved branch."""
         return {**super().describe(), "discretisation": CONTACT_INSTANTS}
 
+    def with_order(self, nu: int, harmonics: int | None = None) -> ContactInstants:
+        """Return the problem with another subharmonic order, without known points of a branch."""
+        out = super().with_order(nu, harmonics)
+        assert isinstance(out, ContactInstants)
+        out.known = None
+        return out
+
     # ---- equations
 
     def exact_motion(self, X: Array, **parameters: float) -> ExactMotion:
@@ -158,9 +164,13 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If there is no motion near X.
         """
-        equations = self.compiled(dict(parameters)).contact_equations
-        at, iterate = equations.at(float(parameters["Omega"])), self._exact_state(X, "Omega", parameters).iterate
+        at, iterate = self._exact_iterate(X, parameters)
         return exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
+
+    def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:
+        """Return the equations at the parameters, and the contact instants of the exact motion near X."""
+        equations = self.compiled(dict(parameters)).contact_equations
+        return equations.at(float(parameters["Omega"])), self._exact_state(X, "Omega", parameters).iterate
 
     def _exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
         """Return the exact motion near coefficients X as the state of a curve in a parameter.
@@ -199,8 +209,7 @@ class ContactInstants(HarmonicBalance):
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return X minus the coefficients of the exact motion near X, and the unit matrix."""
-        at = self.compiled(dict(parameters)).contact_equations.at(float(parameters["Omega"]))
-        exact = coefficients(at, self._exact_state(X, "Omega", parameters).iterate, self.H)[0].ravel()
+        exact = coefficients(*self._exact_iterate(X, parameters), self.H)[0].ravel()
         return Evaluation(X - exact, np.eye(len(X)), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
 
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
@@ -224,9 +233,13 @@ class ContactInstants(HarmonicBalance):
         """None: exact motions have no resolution."""
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
-        """Return multipliers, regime and contact instants of the exact motion near X."""
-        exact = self.exact_motion(X, **parameters)
-        found: dict[str, Any] = {"regime": self.regime(X, **parameters), "instants": exact.instants}
+        """Return multipliers, regime, instants and rms of the harmonics above H of the exact motion near X."""
+        at, iterate = self._exact_iterate(X, parameters)
+        exact = exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
+        found: dict[str, Any] = {
+            "regime": regime_of(iterate.pattern, at.equations.m), "instants": exact.instants,
+            "error": coefficients(at, iterate, self.H)[1],
+        }  # fmt: skip
         return found | ({"multipliers": exact.multipliers} if stability else {})
 
     def observe_many(
@@ -321,7 +334,7 @@ class ContactInstants(HarmonicBalance):
         )
         here = setup.parameters_at(value)
         if start is None:
-            problem = cast(ContactInstants, self.with_order(self.nu, self.H << doublings)) if doublings else self
+            problem = self.with_order(self.nu, self.H << doublings) if doublings else self
             return problem._exact_state(problem.balance.start(**here), name, here), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and start.away:
@@ -334,7 +347,6 @@ class ContactInstants(HarmonicBalance):
         [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
         """
         half = self.with_order(self.nu // 2, max(1, self.H // 2))
-        assert isinstance(half, ContactInstants)
         half.known = start.event.known if isinstance(start.event, DoublingStart) else None
         X = start.event.X if isinstance(start.event, DoublingStart) else half.resized(start.X)
         single = half._exact_state(X, name, here)

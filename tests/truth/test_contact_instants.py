@@ -152,6 +152,18 @@ def test_harmonic_balance_covers_a_hard_stop() -> None:
     assert jump.after is not None and jump.after.amplitude("max") < 0.5  # back to the motion without contact
 
 
+def test_jumps_of_a_hard_stop_land_by_integration() -> None:
+    """The motion after a jump by integration is the nearest solution, in its regime; it may have another period."""
+    found = hb.trace(hb.HarmonicBalance(stop(1e4), 32), "Omega", (1.2, 2.0))
+    nearest = {jump.label: jump.after for jump in found.jumps()}
+    jumps = found.jumps(landing="integrate")
+    assert {jump.label: jump.after.regime.tolist() for jump in jumps} == {"LP1": [1], "LP2": [0]}
+    for jump in jumps:
+        assert jump.after.stable and jump.after.amplitude("rms") == pytest.approx(
+            nearest[jump.label].amplitude("rms"), rel=1e-6
+        )
+
+
 def test_hard_stop_without_a_gap_starts_from_more_harmonics() -> None:
     """A contact of a seventieth of the period, which 16 harmonics do not show: the motion closes by Runge-Kutta."""
     k, c, F, Omega = 23357.0, 0.2, 0.1, 2.1
