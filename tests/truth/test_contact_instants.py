@@ -152,6 +152,14 @@ def test_harmonic_balance_covers_a_hard_stop() -> None:
     assert jump.after is not None and jump.after.amplitude("max") < 0.5  # back to the motion without contact
 
 
+def test_stated_errors_contain_the_independent_values(curve: hb.Branch) -> None:
+    """No point is exact: rounding changes its place; the reference has 20 digits, grazing points have 12."""
+    for kind, Omega, _ in SPECIAL_POINTS:
+        point = min((p for p in curve.special if p.kind == kind), key=lambda p: abs(p.parameters["Omega"] - Omega))
+        assert 0 < point.error <= 1e-11
+        assert abs(point.parameters["Omega"] - Omega) <= 3 * point.error
+
+
 def test_jumps_of_a_hard_stop_land_by_integration() -> None:
     """The motion after a jump by integration is the nearest solution, in its regime; it may have another period."""
     found = hb.trace(hb.HarmonicBalance(stop(1e4), 32), "Omega", (1.2, 2.0))

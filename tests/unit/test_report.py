@@ -442,7 +442,7 @@ def test_lines_are_those_of_the_figures(shown, pair):
                 x.tolist(), y.tolist(), first, last,
             )  # fmt: skip
             expected = SmoothCurve(x, y).between(first, last)
-            np.testing.assert_allclose([drawn["x"], drawn["y"]], expected, rtol=0, atol=1e-12)
+            np.testing.assert_allclose([drawn["x"], drawn["y"]], expected, rtol=0, atol=1e-9)
             np.testing.assert_array_equal(sorted(set(drawn["point"])), range(first, last + 1))
     traces = shown.execute_script(
         "return document.getElementById('response').data.filter(t => t.mode === 'lines' && t.x.length > 1)"

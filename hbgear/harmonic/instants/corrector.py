@@ -9,6 +9,7 @@ one radian, the parameter by the width of its span.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,10 @@ Family = Callable[[float], EquationsAt]
 
 MAX_CORRECTOR_ITERATIONS = 13
 """Largest number of corrector iterations; a good prediction needs two to four."""
+
+CORRECTOR_TOLERANCE = 1e-7
+"""Scaled size of a Newton step after which the next one is the last: its size is 1e-13 or less on the curves of hard
+stops, so that multipliers, which belong to the state before it, are those of the point."""
 
 MAX_FINAL_STEP = 1e-10
 """Scaled size of the last step: the linearised equations of a point differ from its state by this distance."""
@@ -129,7 +134,7 @@ def correct(
     NoConvergence
         If Newton's method does not converge.
     """
-    start = state.z
+    start, before = state.z, math.inf
     bordered = np.zeros((len(start), len(start)))
     bordered[-1] = row / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
@@ -146,9 +151,10 @@ def correct(
         size = float(np.abs(step / scale).max())
         if not np.isfinite(size) or size > 1e3:
             break
-        if size <= MAX_FINAL_STEP:
+        if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
             return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
-        state = state.moved(state.z + _factor(family, state, step) * step)
+        factor = _factor(family, state, step)
+        state, before = state.moved(state.z + factor * step), size if factor == 1.0 else math.inf
     raise _failed(state)
 
 
