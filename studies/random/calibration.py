@@ -12,24 +12,24 @@ from collections.abc import Iterator
 import numpy as np
 
 from studies.random.other_machines import KINDS, machine
-from studies.random.truth import KINDS_SHOT, Compared, NotFound, shot, traced
+from studies.random.truth import KINDS_SHOT, ComparedPoint, NotFound, point_by_shooting, traced
 
 ROUNDING = 2e-9
 """Error of shooting, below which no stated error is compared."""
 
 
-def compared(kind: str, number: int, harmonics: int = 16) -> Iterator[Compared]:
-    """Located special points of the response curve of a machine, with those that shooting finds near by."""
+def compared(kind: str, number: int, harmonics: int = 16) -> Iterator[ComparedPoint]:
+    """Yield the located special points of the response curve of a machine with the values by shooting."""
     it = machine(kind, number)
     curve = traced(it, harmonics, cover=False)
     for point in curve.special:
         if point.kind not in KINDS_SHOT or not point.located:
             continue
         try:
-            true = shot(it, curve, point)
+            true = point_by_shooting(it, curve, point)
         except NotFound:
             true = np.nan
-        yield Compared(it.name, point.kind, point.parameters["Omega"], true, point.error, "shooting")
+        yield ComparedPoint(it.name, point.kind, point.parameters["Omega"], true, point.error, "shooting")
 
 
 def main() -> None:

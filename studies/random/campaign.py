@@ -3,9 +3,9 @@
     python -m studies.random.campaign [--quick] [-o DIR]
 
 Spur pairs, double-helical pairs, pairs on bearings and two masses with one or two elements (`studies.random.machines`),
-each traced by the default call on one core. Every status is looked at: whether the curve ends where it says, solves its
-equations, and covers the span or says what it does not. Two hundred machines are compared with the truth
-(`studies.random.truth`): special points and verdicts against shooting, landings of jumps against another integration.
+each traced by the default call on one core. Every status is checked: whether the curve ends at its stated end, solves
+its equations, and covers the span or reports the rest. Two hundred machines are compared (`studies.random.truth`):
+special points and stability with shooting, landings of jumps with another integration.
 Results are stored in the folder ``.store`` by the state of the sources; a stopped run can be resumed.
 """
 
@@ -18,15 +18,15 @@ from studies.random.reporting import plot, report
 __all__ = ["plot", "report", "run"]
 
 TRACED = {"spur": 8000, "helical": 1250, "bearings": 600, "two": 450}
-"""Machines of each kind that are traced, the fewer the longer they take."""
+"""Machines of each kind that are traced; fewer of kinds that take longer."""
 
-HELD = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
-"""Those of them, the first, that are compared with the truth."""
+COMPARED = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
+"""Machines of each kind that are compared, the first ones."""
 
 
 def run(quick: bool = False) -> Results:
-    """All machines; ``quick``: the first of each kind, and one of them compared with the truth."""
-    return collected(__name__, TRACED, HELD, quick)
+    """Return the results; ``quick``: the first machine of each kind is traced, one is compared."""
+    return collected(__name__, TRACED, COMPARED, quick)
 
 
 if __name__ == "__main__":

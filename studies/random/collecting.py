@@ -1,7 +1,7 @@
 """Traces of many random machines and comparisons with the truth, on all cores, stored by the state of the sources.
 
-followed(machine)        how the trace of a machine ends, and what is not true of its status
-held(machine)            its special points, verdicts and landings compared with shooting and integration
+trace_end(machine)      status, time and contradictions of the trace of a machine
+comparison_of(machine)  its special points, stability and landings compared with shooting and integration
 collect(traced, compared, processes, store)  both for the first machines of each kind
 """
 
@@ -33,31 +33,31 @@ from hbgear.design.studies.processes import executor_of
 from hbgear.harmonic.structure.recession import Receded
 from studies.random import truth
 from studies.random.machines import Machine, machine
-from studies.random.truth import Compared, Comparison, Landed, Verdict
+from studies.random.truth import ComparedJump, ComparedPoint, Comparison, Verdict
 
 STORE = Path(__file__).parent / ".store"
 
 SECONDS = 600.0
-"""Of the processor, after which a machine is interrupted, and counts as one that hangs."""
+"""Processor time [s] after which a machine is interrupted, and counts as one that does not end."""
 
 
 @dataclass(frozen=True)
-class Ended:
-    """How a trace ended: status, points, seconds, special points; what is not true of it, or the exception."""
+class TraceEnd:
+    """End of a trace: status, points, seconds, special points, and contradictions of the status or the exception."""
 
     machine: str
     status: str
     points: int
     seconds: float
     special: int
-    untrue: str = ""
+    contradictions: str = ""
 
 
 @dataclass(frozen=True)
 class Results:
-    """All traces, and what was compared with the truth; seconds it took, of all processes together."""
+    """All traces and comparisons; processor time [s] of all processes."""
 
-    ended: list[Ended]
+    ended: list[TraceEnd]
     compared: list[Comparison]
     seconds: float
 
@@ -65,23 +65,23 @@ class Results:
 # ---- one machine
 
 
-def followed(it: Machine) -> Ended:
-    """The machine traced by the default call, and what is not true of what that says."""
+def trace_end(it: Machine) -> TraceEnd:
+    """Trace a machine by the default call, and check its status."""
     begun = time.process_time()
     try:
         with _limited(SECONDS):
             branch = truth.traced(it, 16)
     except (Exception, KeyboardInterrupt) as error:
-        return Ended(it.name, type(error).__name__, 0, time.process_time() - begun, 0, str(error))
+        return TraceEnd(it.name, type(error).__name__, 0, time.process_time() - begun, 0, str(error))
     seconds = time.process_time() - begun
     special = sum(len(one.special) for one in truth.curves(branch))
     points = sum(map(len, truth.curves(branch)))
-    return Ended(it.name, str(branch.status), points, seconds, special, "; ".join(untrue(it, branch)))
+    return TraceEnd(it.name, str(branch.status), points, seconds, special, "; ".join(contradictions(it, branch)))
 
 
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
-    """Interrupt, as Ctrl-C does, what takes more time of the processor; nothing where there are no such timers."""
+    """Interrupt a computation like Ctrl-C after a processor time, on platforms with such timers."""
     if not hasattr(signal, "SIGPROF") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -98,8 +98,8 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def untrue(it: Machine, branch: Branch) -> Iterator[str]:
-    """What is not true of a branch and of the others of its span."""
+def contradictions(it: Machine, branch: Branch) -> Iterator[str]:
+    """Yield contradictions of the status of a branch and the other branches of its span."""
     for one in truth.curves(branch):
         if not one.residual.max() <= 1e-10:
             yield f"residual {one.residual.max():.1e}"
@@ -110,11 +110,11 @@ def untrue(it: Machine, branch: Branch) -> Iterator[str]:
         yield from _ending(it, one)
     covered = sum(high - low for low, high in _covered(branch))
     if covered < (1 - 1e-3) * abs(it.span[1] - it.span[0]) and "no curve was found" not in branch.message:
-        yield f"covers {covered:.3f} of {abs(it.span[1] - it.span[0]):.3f} without a word"
+        yield f"covers {covered:.3f} of {abs(it.span[1] - it.span[0]):.3f} without a message"
 
 
 def _ending(it: Machine, one: Branch) -> Iterator[str]:
-    """Whether a curve ends where its status says."""
+    """Yield contradictions between the end of a curve and its status."""
     last, status = float(one.values[-1]), one.status
     if status is Status.REACHED_END and not np.isclose(last, it.span, rtol=1e-9).any():
         yield f"reached_end at {last:.6g}"
@@ -134,7 +134,7 @@ def _ending(it: Machine, one: Branch) -> Iterator[str]:
 
 
 def _covered(branch: Branch) -> list[tuple[float, float]]:
-    """Ranges of Omega that the curves cover, without overlap; a curve without bound counts up to its asymptote."""
+    """Return the ranges of Omega that the curves cover, without overlap; an unbounded curve ends at its asymptote."""
     ends = [[*one.values, *one.asymptotes.values()] for one in truth.curves(branch)]
     out: list[tuple[float, float]] = []
     for low, high in sorted((min(x), max(x)) for x in ends):
@@ -145,8 +145,8 @@ def _covered(branch: Branch) -> list[tuple[float, float]]:
     return out
 
 
-def held(it: Machine) -> Comparison:
-    """The machine compared with the truth; `followed` reports machines that cannot be traced."""
+def comparison_of(it: Machine) -> Comparison:
+    """Compare a machine with the references; `trace_end` reports machines that cannot be traced."""
     try:
         with _limited(10 * SECONDS):
             return truth.compare(it)
@@ -159,17 +159,18 @@ def held(it: Machine) -> Comparison:
 
 
 def work(kind: str, first: int, count: int, compare: bool) -> list[dict[str, Any]]:
-    """Some machines of a kind, one after the other, as JSON holds them."""
+    """Return the results of some machines of a kind as JSON."""
     with warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore")
-        return [asdict((held if compare else followed)(machine(kind, i))) for i in range(first, first + count)]
+        return [
+            asdict((comparison_of if compare else trace_end)(machine(kind, i))) for i in range(first, first + count)
+        ]
 
 
 def collect(traced: Mapping[str, int], compared: Mapping[str, int], processes: int, store: Path | None) -> Results:
     """Trace and compare a number of machines of each kind, or read stored results.
 
-    store : folder of what was computed, None to keep nothing. Tasks are ordered by kind only, so any part of a larger
-    run is found by it again.
+    store : folder of results, None to store nothing. A larger run finds the results of a smaller one.
     """
     tasks = [(kind, first, min(25, count - first), False) for kind, count in traced.items()
              for first in range(0, count, 25)]  # fmt: skip
@@ -177,7 +178,7 @@ def collect(traced: Mapping[str, int], compared: Mapping[str, int], processes: i
     begun, known = time.perf_counter(), {task: _stored(store, task) for task in tasks}
     todo = [task for task in tasks if known[task] is None]
     if todo:
-        truth.traced(machine("spur", 1), 16)  # what is compiled is compiled here, and counts for no machine
+        truth.traced(machine("spur", 1), 16)  # compiles the kernels, whose time belongs to no machine
     if processes == 1:
         for task in todo:
             known[task] = _done(store, task, work(*task))
@@ -188,7 +189,7 @@ def collect(traced: Mapping[str, int], compared: Mapping[str, int], processes: i
                 left = sum(rows is None for rows in known.values())
                 print(f"{time.perf_counter() - begun:.0f} s, {left} of {len(tasks)} tasks left", file=sys.stderr)
     rows = [(task, row) for task in tasks for row in known[task] or []]
-    ended = [Ended(**row) for task, row in rows if not task[3]]
+    ended = [TraceEnd(**row) for task, row in rows if not task[3]]
     comparisons = [_comparison(row) for task, row in rows if task[3]]
     return Results(ended, comparisons, sum(x.seconds for x in (*ended, *comparisons)))
 
@@ -200,7 +201,7 @@ def _in_parallel(pool: Executor, todo: list[Any]) -> Iterator[tuple[Any, list[di
 
 
 def _comparison(row: dict[str, Any]) -> Comparison:
-    parts = (("points", Compared), ("verdicts", Verdict), ("jumps", Landed))
+    parts = (("points", ComparedPoint), ("verdicts", Verdict), ("jumps", ComparedJump))
     return Comparison(**{**row, **{name: [kind(**x) for x in row[name]] for name, kind in parts}})
 
 
@@ -222,7 +223,7 @@ def _done(store: Path | None, task: tuple[str, int, int, bool], rows: list[dict[
 
 def _path(store: Path, task: tuple[str, int, int, bool]) -> Path:
     kind, first, count, compare = task
-    return store / f"{kind}-{first}-{count}-{'held' if compare else 'traced'}.json"
+    return store / f"{kind}-{first}-{count}-{'compared' if compare else 'traced'}.json"
 
 
 def collected(name: str, traced: Mapping[str, int], compared: Mapping[str, int], quick: bool = False) -> Results:

@@ -3,7 +3,7 @@
     python -m studies.random.further [--quick] [-o DIR]
 
 Stops, stepped stiffness, laws of a user, friction, chains, gyroscopic structures, trains, planetary sets and drawings
-(`studies.random.structures`), traced and compared with the truth like the machines of `studies.random.campaign`.
+(`studies.random.structures`), traced and compared like the machines of `studies.random.campaign`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ __all__ = ["plot", "report", "run"]
 TRACED = dict.fromkeys(STRUCTURES, 210)
 """Machines of each kind that are traced."""
 
-HELD = dict.fromkeys(STRUCTURES, 20)
-"""Machines of each kind, the first, that are compared with the truth."""
+COMPARED = dict.fromkeys(STRUCTURES, 20)
+"""Machines of each kind that are compared, the first ones."""
 
 
 def run(quick: bool = False) -> Results:
-    """All machines; ``quick``: the first of each kind, and one of them compared with the truth."""
-    return collected(__name__, TRACED, HELD, quick)
+    """Return the results; ``quick``: the first machine of each kind is traced, one is compared."""
+    return collected(__name__, TRACED, COMPARED, quick)
 
 
 if __name__ == "__main__":

@@ -3,14 +3,14 @@
     python -m studies.random.truth --count 20            # of each kind; the worst pairs of true and stated error
     python -m studies.random.truth spur:7 two:3          # these machines, point by point
 
-True special points come from shooting alone: Newton on the state after a period (DOP853 with its variational equation,
-corners of the laws met exactly) in the plane across the curve, and a secant along it to
+Reference points are computed by shooting: Newton's method for the state after a period (DOP853 with the variational
+equation, events at the breakpoints of the laws) in the plane across the curve, and a secant along it to
 
-    LP  t_Omega = 0      PD  det(Phi + 1) = 0      NS  |mu| = 1 of a pair      GR  extremum of an element = corner
+    LP  t_Omega = 0      PD  det(Phi + 1) = 0      NS  |mu| = 1 of a pair      GR  extremum of an element = breakpoint
 
 Candidates are the special points of the curve and of a trace with four times the harmonics. A point of the finer trace
-that shooting confirms and the curve does not have is missing; a point of the curve that shooting does not confirm is
-false. BP points, where two curves cross, are compared with those of the finer trace alone.
+that shooting confirms and that is not on the curve is missing; a point of the curve that shooting does not confirm is
+false. Branch points are compared with the finer trace only.
 """
 
 from __future__ import annotations
@@ -43,28 +43,28 @@ FINER = 4
 """Factor of the harmonics of the finer trace, whose special points are candidates."""
 
 NEAR = 0.1
-"""Distance, in Omega over the span and in the motion over its size, within which shooting looks for a point."""
+"""Distance, in Omega over the span and in the motion over its size, within which shooting searches for a point."""
 
 SAME = 0.01
-"""Such a distance within which points of two traces are the same."""
+"""The same distance, within which points of two traces are the same."""
 
 KNOWN = 1e-5
-"""Distance in Omega over the span within which a point that shooting confirms is one that the curve has."""
+"""Distance in Omega over the span within which a point of shooting is a point of the curve."""
 
-ROWS = 4
-"""Rows of each curve whose verdict is compared: half of them those nearest to the unit circle."""
+POINTS_PER_CURVE = 4
+"""Points of each curve whose stability is compared: half of them have multipliers nearest to the unit circle."""
 
 SAME_MOTION = 1e-4
 """Distance of displacements, over their size, within which shooting stays at the motion of a point."""
 
-MOST = 8
-"""Special points of a machine that are looked for by shooting: first those without a partner in the finer trace."""
+MAX_COMPARED_POINTS = 8
+"""Largest number of special points that are compared; points without a partner in the finer trace first."""
 
 KINDS_SHOT = ("LP", "PD", "NS", "GR")
 
 
 class NotFound(Exception):
-    """Shooting does not find it."""
+    """Shooting does not find the motion or the point."""
 
 
 # ---- shooting
@@ -73,7 +73,7 @@ class NotFound(Exception):
 class Orbits:
     """Periodic motions of a model by shooting, in planes across their curve: u = (state, Omega).
 
-    P takes the drift of free motions out of a state; scale (2n + 1,) makes states and Omega comparable.
+    P removes the drift of free motions from a state; scale (2n + 1,) are the scales of states and Omega.
     """
 
     def __init__(self, model: hb.mechanics.Model, nu: int, y: Array, Omega: float, span: float) -> None:
@@ -88,16 +88,16 @@ class Orbits:
         return flow.integrate(0.0, u[:-1], self.nu * 2 * np.pi / flow.Omega, "DOP853", 1e-12)[0]
 
     def slope(self, u: Array) -> Array:
-        """d end / d Omega, by a central difference, without the drift."""
+        """Return the derivative of the final state in Omega, by a central difference, without the drift."""
         h = np.append(np.zeros(len(u) - 1), 1e-5 * u[-1])
         out: Array = self.P @ (self._end(u + h) - self._end(u - h)) / (2 * h[-1])
         return out
 
     def at(self, u: Array, normal: Array, slope: Array) -> Orbit:
-        """The motion in the plane across ``normal`` (scaled) through u.
+        """Return the motion in the plane across ``normal`` (scaled) through u.
 
-        The slope may be that of a motion nearby: it turns the tangent a little, but does not move the place where the
-        last component of it vanishes.
+        The slope of a motion nearby is sufficient: it rotates the tangent slightly, but does not change the point where
+        its last component vanishes.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class Orbit:
 
     @property
     def Omega(self) -> float:
-        """Its frequency."""
+        """Frequency of the excitation."""
         return float(self.u[-1])
 
     @property
@@ -143,7 +143,7 @@ class Orbit:
         return float(np.abs(self.multipliers).max())
 
     def extremes(self) -> Array:
-        """Lowest and highest value (m, 2) of every element, by the cubic through samples and their rates."""
+        """Return the lowest and highest value (m, 2) of every element, by the cubic through samples and their rates."""
         motion = hb.time.integrate(self.of.model, self.u[:-1], self.of.nu, self.Omega, samples=1024)
         h = (motion.tau[1] - motion.tau[0]) / self.Omega
         out = []
@@ -158,10 +158,11 @@ class Orbit:
         return np.array(out)
 
 
-def polished(kind: str, orbits: Orbits, u: Array, tangent: Array, corner: tuple[int, int, float]) -> Orbit:
-    """The true special point near u, by a secant on its test function along the curve.
+def locate_by_shooting(kind: str, orbits: Orbits, u: Array, tangent: Array, corner: tuple[int, int, float]) -> Orbit:
+    """Return the special point near u, by the secant method for its test function along the curve.
 
-    tangent : of the curve there (scaled). corner : element, 0 or 1 for its lowest or highest value, corner; of GR.
+    tangent : tangent of the curve (scaled). corner : for grazing points the element, 0 or 1 for its lowest or highest
+    value, and the breakpoint.
 
     Raises
     ------
@@ -201,7 +202,7 @@ def _test(kind: str, corner: tuple[int, int, float]) -> Callable[[Orbit], float]
 
 
 def _pair(orbit: Orbit) -> float:
-    """log |mu| of the complex pair nearest to the unit circle."""
+    """Return log |mu| of the complex pair nearest to the unit circle."""
     mu = orbit.multipliers
     sizes = np.log(np.abs(mu[np.abs(mu.imag) > 1e-6 * np.abs(mu)]))
     if not sizes.size:
@@ -213,8 +214,8 @@ def _pair(orbit: Orbit) -> float:
 
 
 @dataclass(frozen=True)
-class Compared:
-    """A special point and its truth: Omega as said and as it is (nan if false or missing), the error stated, how."""
+class ComparedPoint:
+    """A special point: Omega of the curve and of the reference (nan if missing or false), stated error, and method."""
 
     machine: str
     kind: str
@@ -225,35 +226,35 @@ class Compared:
 
     @property
     def error(self) -> float:
-        """Of Omega."""
+        """True error of Omega."""
         return abs(self.Omega - self.true)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of the stability of a row (None: undecided), and the largest multiplier said and true."""
+    """Stability of a point (None: undecided), and its largest multiplier, of the curve and of the reference."""
 
     machine: str
     Omega: float
     stable: bool | None
-    said: float
+    reported: float
     true: float
 
     @property
     def wrong(self) -> bool:
-        """Whether it was said and is not so; a multiplier on the unit circle is neither."""
+        """Whether the stability is decided and wrong; a multiplier on the unit circle is neither of both."""
         neutral = abs(self.true - 1) <= STABILITY_TOLERANCE
         return self.stable is not None and not neutral and self.stable != (self.true < 1)
 
 
 @dataclass(frozen=True)
-class Landed:
-    """Where a jump was said to land (rms of the first element, nan: nowhere), and where another integration ended."""
+class ComparedJump:
+    """Landing of a jump: rms of the first element of the curve (nan: no motion) and of another integration."""
 
     machine: str
     label: str
     Omega: float
-    said: float
+    reported: float
     true: float
     right: bool
     note: str
@@ -266,32 +267,32 @@ class Landed:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that was compared of one machine."""
+    """All comparisons of one machine."""
 
     machine: str
-    points: list[Compared] = field(default_factory=list)
+    points: list[ComparedPoint] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
-    jumps: list[Landed] = field(default_factory=list)
+    jumps: list[ComparedJump] = field(default_factory=list)
     seconds: float = 0.0
 
 
 def stated(point: Point) -> float:
-    """The error that is stated of a special point, nan if none is."""
+    """Return the stated error of a special point; nan if it has none."""
     return float(getattr(point, "error", np.nan))
 
 
-def said(point: Point) -> bool | None:
-    """The verdict on a point; None if it is undecided."""
+def reported_stability(point: Point) -> bool | None:
+    """Return whether a point is stable; None if it is undecided."""
     return None if getattr(point, "stability", "") == "undecided" else point.stable
 
 
 def curves(branch: Branch) -> list[Branch]:
-    """A branch and the others of its span."""
+    """Return a branch and the other branches of its span."""
     return [branch, *branch.others]
 
 
 def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0) -> Comparison:
-    """A machine traced by the default call and compared with the truth."""
+    """Trace a machine by the default call and compare it with the references."""
     begun = time.process_time()
     branch = traced(it, harmonics)
     fine = traced(it, FINER * harmonics, accuracy=None)
@@ -300,26 +301,28 @@ def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0)
     for one in curves(branch):
         found.verdicts.extend(verdicts(it, one, fine.problem, random))
     if jumps:
-        found.jumps.extend(landed(it, branch))
+        found.jumps.extend(compared_jumps(it, branch))
     return Comparison(it.name, found.points, found.verdicts, found.jumps, time.process_time() - begun)
 
 
 def traced(it: Machine, harmonics: int, **options: Any) -> Branch:
-    """The response curve of a machine."""
+    """Return the response curve of a machine."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return hb.trace(hb.HarmonicBalance(it.model, harmonics), "Omega", it.span, **options)
 
 
-def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.Generator) -> list[Compared]:
-    """Special points of the curve with their truth, and those it misses; of more than `MOST` some."""
+def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.Generator) -> list[ComparedPoint]:
+    """Compare special points of a curve, at most `MAX_COMPARED_POINTS`, and return the missing ones."""
     mine = [(one, p) for one in curves(branch) for p in one.special]
     finer = [(one, p) for one in curves(fine) for p in one.special]
     partner = dict(matched(it, [p for _, p in mine], [p for _, p in finer]))
-    alone = random.permutation([i for i in range(len(mine)) if i not in partner])[: MOST // 2].astype(int)
+    alone = random.permutation([i for i in range(len(mine)) if i not in partner])[: MAX_COMPARED_POINTS // 2].astype(
+        int
+    )
     more = [j for j in range(len(finer)) if j not in partner.values() and finer[j][1].kind in KINDS_SHOT]
-    more = random.permutation(more)[: MOST // 2].astype(int).tolist()
-    both = random.permutation(list(partner))[: MOST - len(alone) - len(more)].astype(int)
+    more = random.permutation(more)[: MAX_COMPARED_POINTS // 2].astype(int).tolist()
+    both = random.permutation(list(partner))[: MAX_COMPARED_POINTS - len(alone) - len(more)].astype(int)
     out = []
     for i in (*sorted(both), *alone):
         pair = finer[partner[i]] if i in partner else mine[i]
@@ -329,36 +332,37 @@ def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.
     for j in more:
         one, p = finer[j]
         try:
-            true = shot(it, one, p)
+            true = point_by_shooting(it, one, p)
         except NotFound:
             continue
         within = KNOWN * abs(it.span[1] - it.span[0])
         if not any(q.kind == p.kind and abs(q.parameters["Omega"] - true) < within for _, q in mine):
-            out.append(Compared(it.name, p.kind, np.nan, true, np.nan, "shooting"))
+            out.append(ComparedPoint(it.name, p.kind, np.nan, true, np.nan, "shooting"))
     return out
 
 
 def _compared(
     it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool, others: Sequence[float]
-) -> Compared:
-    """A special point and its truth, looked for near another one of a branch.
+) -> ComparedPoint:
+    """Compare a special point; shooting starts from another point of a branch.
 
-    sure : that is one of the finer trace. others : Omega of others of its kind, to which shooting may not have gone.
+    sure : whether that point belongs to the finer trace. others : Omega of other points of its kind; a result nearer to
+    one of them is refused.
     """
     Omega, true, by = p.parameters["Omega"], np.nan, "none"
     try:
-        found = shot(it, branch, near)
+        found = point_by_shooting(it, branch, near)
         if any(abs(found - other) < abs(found - near.parameters["Omega"]) for other in others):
             raise NotFound("shooting went to another point")
         true, by = found, "shooting"
     except NotFound:
         if sure:
             true, by = near.parameters["Omega"], "finer"
-    return Compared(it.name, p.kind, Omega, true, stated(p), by)
+    return ComparedPoint(it.name, p.kind, Omega, true, stated(p), by)
 
 
-def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
-    """Omega of the true special point near one of a branch.
+def point_by_shooting(it: Machine, branch: Branch, point: SpecialPoint) -> float:
+    """Return Omega of the special point near a point of a branch, by shooting.
 
     Raises
     ------
@@ -366,7 +370,7 @@ def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
         If shooting does not find it.
     """
     if point.kind not in KINDS_SHOT:
-        raise NotFound(f"{point.kind} is not looked for by shooting")
+        raise NotFound(f"{point.kind} is not computed by shooting")
     problem, here = branch.problem, point.parameters
     y = state_of(problem, problem.from_point(point), **here)
     orbits = Orbits(it.model, problem.nu, y, here["Omega"], abs(it.span[1] - it.span[0]))
@@ -375,7 +379,7 @@ def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
             for b in (before, after)]  # fmt: skip
     tangent = (ends[1] - ends[0]) / orbits.scale
     try:
-        found = polished(point.kind, orbits, np.append(y, here["Omega"]), tangent / np.linalg.norm(tangent),
+        found = locate_by_shooting(point.kind, orbits, np.append(y, here["Omega"]), tangent / np.linalg.norm(tangent),
                          _corner(branch, point))  # fmt: skip
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise NotFound(str(error)) from error
@@ -383,7 +387,7 @@ def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
 
 
 def _corner(branch: Branch, point: SpecialPoint) -> tuple[int, int, float]:
-    """Element, side and corner of a grazing point."""
+    """Return element, side and breakpoint of a grazing point."""
     if point.kind != "GR":
         return 0, 0, 0.0
     problem = branch.problem
@@ -394,7 +398,7 @@ def _corner(branch: Branch, point: SpecialPoint) -> tuple[int, int, float]:
 
 
 def matched(it: Machine, mine: Sequence[SpecialPoint], finer: Sequence[SpecialPoint]) -> list[tuple[int, int]]:
-    """Pairs of points of one kind that are nearest to each other, within `SAME`."""
+    """Return pairs of points of one kind that are nearest to each other, within `SAME`."""
     out = []
     for kind in sorted({p.kind for p in mine}):
         a = [i for i, p in enumerate(mine) if p.kind == kind]
@@ -418,17 +422,19 @@ def _distance(it: Machine, one: SpecialPoint, other: SpecialPoint) -> float:
 
 
 def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.random.Generator) -> list[Verdict]:
-    """Compare points, half of them nearest to the unit circle, with the multipliers found by shooting.
+    """Compare the stability of points, half of them nearest to the unit circle, with multipliers by shooting.
 
-    Close to a fold shooting may go to the motion beyond it. Its displacements differ from those of the finer balance;
-    the velocities of the balance converge slowly where the excitation has a corner.
+    Close to a fold shooting may converge to the motion beyond it, whose displacements differ from the finer balance.
+    Velocities are not compared: they converge slowly where the excitation has a breakpoint.
     """
     if branch.multipliers is None:
         return []
     plain = np.setdiff1d(np.arange(len(branch)), [p.index for p in branch.special])
     size = np.abs(branch.multipliers).max(axis=1, initial=0.0)[plain]
-    close = plain[np.argsort(np.abs(size - 1))[: ROWS // 2]]
-    some = random.choice(np.setdiff1d(plain, close), min(ROWS // 2, max(0, len(plain) - len(close))), replace=False)
+    close = plain[np.argsort(np.abs(size - 1))[: POINTS_PER_CURVE // 2]]
+    some = random.choice(
+        np.setdiff1d(plain, close), min(POINTS_PER_CURVE // 2, max(0, len(plain) - len(close))), replace=False
+    )
     out = []
     for i in sorted({*close.tolist(), *some.tolist()}):
         point = branch[i]
@@ -441,24 +447,24 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
         n = len(y) // 2
         if np.linalg.norm(orbit.state[:n] - y[:n]) < SAME_MOTION * np.linalg.norm(y[:n]):
             sizes = [float(np.abs(mu).max(initial=0.0)) for mu in (point.multipliers, orbit.multipliers)]
-            out.append(Verdict(it.name, point.parameters["Omega"], said(point), *sizes))
+            out.append(Verdict(it.name, point.parameters["Omega"], reported_stability(point), *sizes))
     return out
 
 
 # ---- landings
 
 BEYOND = 1.3e-4
-"""Distance beyond the point left, over the span; others than those of `hbgear.time.jump_integration`."""
+"""Distance beyond the jump, over the span; `hbgear.time.jump_integration` uses other distances."""
 
 PERIODS, PATIENCE = 2000, 20
-"""Excitation periods that a motion is integrated before it is looked at, and how often, until it has left the unstable
-motion it began at; near a point where that loses its stability disturbances grow slowly."""
+"""Excitation periods of one integration, and the largest number of integrations until the motion has left the unstable
+motion; disturbances grow slowly near a loss of stability."""
 
 FARTHER = 8.0, 64.0
-"""Times the distance beyond, where it has not left for so long."""
+"""Factors of the distance beyond the jump for motions that have not left the unstable motion."""
 
 
-def landed(it: Machine, branch: Branch) -> list[Landed]:
+def compared_jumps(it: Machine, branch: Branch) -> list[ComparedJump]:
     """Compare the jumps of a curve, decided by integration, with another integration from another distance."""
     out = []
     for jump in branch.jumps(landing="integrate"):
@@ -468,16 +474,16 @@ def landed(it: Machine, branch: Branch) -> list[Landed]:
             true = _settled(it, branch, jump, Omega, begin)
             after = np.full(len(true), np.nan) if jump.after is None else _sizes(branch, jump.after, Omega)
             right = _lands(jump, after, true)
-            if right or not _alike(begin, true):  # what it lands on may be of nearly the size of what it leaves
+            if right or not _alike(begin, true):  # both motions may have nearly the same size
                 break
-        out.append(Landed(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
+        out.append(ComparedJump(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
     return out
 
 
 def _settled(it: Machine, branch: Branch, jump: Jump, Omega: float, begin: Array) -> Array:
-    """Rms of the elements of the motion that follows that at a jump, once it has left the one it began at (rms begin).
+    """Return the rms of the elements of the motion after a jump, once it has left the first motion (rms ``begin``).
 
-    It is integrated on as long again, at least, for what it goes to.
+    The integration continues for at least the same time after it has left, until it has settled.
     """
     state = state_of(branch.problem, branch.problem.from_point(jump.before), **jump.before.parameters)
     state = state * (1.0 + 1e-4 * np.random.default_rng(0).normal(size=len(state)))
@@ -501,7 +507,7 @@ def _alike(one: Array, other: Array) -> bool:
 
 
 def _sizes(branch: Branch, motion: Point, Omega: float) -> Array:
-    """Rms of the elements of a motion, followed to another frequency nearby."""
+    """Return the rms of the elements of a motion at another frequency nearby."""
     problem = branch.problem.with_order(motion.layout.nu)  # type: ignore[union-attr]
     X = problem.from_point(motion)
     with contextlib.suppress(NoConvergence):
@@ -510,7 +516,7 @@ def _sizes(branch: Branch, motion: Point, Omega: float) -> Array:
 
 
 def _lands(jump: Jump, after: Array, true: Array) -> bool:
-    """Whether the motion integrated is the one said; one that is not periodic or runs away has no motion."""
+    """Return whether the integrated motion is the landing; without a landing, it is not periodic or unbounded."""
     if jump.after is None:
         return "not periodic" in jump.note or not np.isfinite(true).all()
     return _alike(after, true)
@@ -520,7 +526,7 @@ def _lands(jump: Jump, after: Array, true: Array) -> bool:
 
 
 def summary(found: Iterable[Comparison], worst: int = 15) -> str:
-    """Counts, and the worst pairs of true and stated error."""
+    """Return counts, and the points with the largest ratios of true and stated error."""
     found = list(found)
     points = [p for one in found for p in one.points]
     known = [p for p in points if np.isfinite(p.error)]
@@ -530,7 +536,7 @@ def summary(found: Iterable[Comparison], worst: int = 15) -> str:
         errors = [p.error for p in some if np.isfinite(p.error)] or [np.nan]
         false, missing = sum(np.isnan(p.true) for p in some), sum(np.isnan(p.Omega) for p in some)
         by = sum(p.by == "shooting" for p in some)
-        lines.append(f"{kind}: {len(some)} points, {by} shot, {false} false, {missing} missing, true error median "
+        lines.append(f"{kind}: {len(some)} points, {by} by shooting, {false} false, {missing} missing, error median "
                      f"{np.median(errors):.1e}, largest {np.max(errors):.1e}")  # fmt: skip
     ratio = np.array([p.error / max(p.stated, 1e-9) for p in known])
     if ratio.size:
@@ -539,26 +545,28 @@ def summary(found: Iterable[Comparison], worst: int = 15) -> str:
     rows = [v for one in found for v in one.verdicts]
     wrong = [v for v in rows if v.wrong]
     undecided = sum(v.stable is None for v in rows)
-    lines.append(f"{len(rows)} verdicts: {len(wrong)} wrong, {undecided} undecided")
+    lines.append(f"{len(rows)} points: stability of {len(wrong)} wrong, {undecided} undecided")
     jumps = [j for one in found for j in one.jumps]
     lines.append(f"{len(jumps)} jumps: {sum(not j.right for j in jumps)} land elsewhere")
-    lines += ["", "worst true error over stated error: machine, kind, said, true, error, stated"]
+    lines += ["", "worst true error over stated error: machine, kind, curve, reference, error, stated"]
     order = np.argsort(-ratio)[:worst] if ratio.size else []
     lines += [_line(known[i]) for i in order]
     lines += ["", "missing or false:"] + [_line(p) for p in points if not np.isfinite(p.error)]
-    lines += ["", "wrong verdicts: machine, Omega, said stable, |mu| said, true"]
-    lines += [f"{v.machine} {v.Omega:.7g} {v.stable} {v.said:.7f} {v.true:.7f}" for v in wrong]
-    lines += ["", "jumps that land elsewhere: machine, label, Omega, rms said, true, note"]
-    lines += [f"{j.machine} {j.label} {j.Omega:.7g} {j.said:.5g} {j.true:.5g} {j.note}" for j in jumps if not j.right]
+    lines += ["", "wrong stability: machine, Omega, stable, |mu| of the curve, of the reference"]
+    lines += [f"{v.machine} {v.Omega:.7g} {v.stable} {v.reported:.7f} {v.true:.7f}" for v in wrong]
+    lines += ["", "jumps that land elsewhere: machine, label, Omega, rms of the curve, of the reference, note"]
+    lines += [
+        f"{j.machine} {j.label} {j.Omega:.7g} {j.reported:.5g} {j.true:.5g} {j.note}" for j in jumps if not j.right
+    ]
     return "\n".join(lines)
 
 
-def _line(p: Compared) -> str:
+def _line(p: ComparedPoint) -> str:
     return f"{p.machine} {p.kind} {p.Omega:.9g} {p.true:.9g} {p.error:.1e} {p.stated:.1e} {p.by}"
 
 
 def main() -> None:
-    """Command line."""
+    """Compare machines of the command line."""
     parser = argparse.ArgumentParser(prog="python -m studies.random.truth", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("machines", nargs="*", metavar="KIND:NUMBER", help="these machines")

@@ -43,12 +43,12 @@ def test_machines_are_what_their_numbers_say(campaign):
 
 
 def test_quick_form(campaign, results, tmp_path):
-    assert len(results.ended) == 4 and not any(one.untrue for one in results.ended)
-    (held,) = results.compared
-    shot = [p for p in held.points if p.by == "shooting"]
+    assert len(results.ended) == 4 and not any(one.contradictions for one in results.ended)
+    (compared,) = results.compared
+    shot = [p for p in compared.points if p.by == "shooting"]
     assert len(shot) == 8 and all(p.error < 1e-5 for p in shot)
-    assert held.verdicts and not any(v.wrong for v in held.verdicts)
-    assert held.jumps and all(j.right for j in held.jumps)
+    assert compared.verdicts and not any(v.wrong for v in compared.verdicts)
+    assert compared.jumps and all(j.right for j in compared.jumps)
     from studies.random.reporting import plot, report
 
     plot(results).savefig(tmp_path / "a.png")
@@ -59,7 +59,7 @@ def test_figure_and_table_have_all_kinds(campaign, tmp_path):
     from studies.random.machines import KINDS
     from studies.random.reporting import TITLES, plot, report
 
-    ended = [campaign.Ended(f"{kind}:0", "reached_end", 100, 0.1, 2) for kind in KINDS]
+    ended = [campaign.TraceEnd(f"{kind}:0", "reached_end", 100, 0.1, 2) for kind in KINDS]
     results = campaign.Results(ended, [], 1.0)
     plot(results).savefig(tmp_path / "a.png")
     assert set(TITLES) == set(KINDS) and all(f"| {title} | 1 |" in report(results) for title in TITLES.values())
@@ -114,7 +114,7 @@ def test_verdicts_that_are_wrong_are_seen(campaign):
     curve = campaign.truth.traced(it, 16)
     finer = curve.problem.with_order(1, 40)
     right = campaign.truth.verdicts(it, curve, finer, np.random.default_rng(0))
-    assert len(right) == campaign.truth.ROWS and not any(v.wrong for v in right)
+    assert len(right) == campaign.truth.POINTS_PER_CURVE and not any(v.wrong for v in right)
     lies = replace(curve, multipliers=np.where(curve.stable[:, None], 1.5, 0.5) * np.ones_like(curve.multipliers))
     assert all(v.wrong for v in campaign.truth.verdicts(it, lies, finer, np.random.default_rng(0)))
 
@@ -122,16 +122,18 @@ def test_verdicts_that_are_wrong_are_seen(campaign):
 def test_untrue_ends_are_seen(campaign):
     it = campaign.Machine("spur", 0, hb.SpurPair(), (1.5, 0.3))
     curve = campaign.truth.traced(it, 8)
-    assert list(campaign.untrue(it, curve)) == []
+    assert list(campaign.contradictions(it, curve)) == []
     half = curve.values > 0.9
     names = ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers", "modulus_error")
     arrays = {name: getattr(curve, name)[half] for name in names}
     short = replace(curve, **arrays, special=(), jump_records=())
-    told = list(campaign.untrue(it, short))
+    told = list(campaign.contradictions(it, short))
     assert any("reached_end at" in text for text in told) and any("without a word" in text for text in told)
-    assert any("residual" in text for text in campaign.untrue(it, replace(curve, residual=curve.residual + 1e-6)))
+    assert any(
+        "residual" in text for text in campaign.contradictions(it, replace(curve, residual=curve.residual + 1e-6))
+    )
     far = replace(curve, meta={**curve.meta, "asymptotes": {"last": 0.7}})
-    assert any("to infinity at 0.7" in text for text in campaign.untrue(it, far))
+    assert any("to infinity at 0.7" in text for text in campaign.contradictions(it, far))
 
 
 def test_what_hangs_is_interrupted(campaign, monkeypatch):
