@@ -129,7 +129,7 @@ def test_figure_and_table(found, tmp_path):
     plt.close("all")
 
 
-def test_a_frequency_in_another_unit_is_told():
+def test_a_frequency_in_another_unit_is_reported():
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="times the highest natural frequency"):
         hb.time.basins(hb.Duffing(zeta=0.2), 6000.0, shape=(2, 2), settling=SteadyStateSettings(1e-2, 20))
 

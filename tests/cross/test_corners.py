@@ -146,7 +146,7 @@ def test_balance_converges_to_shooting(pair, Omega):
     assert abs(np.prod(mu)) == pytest.approx(np.exp(-2 * pair.zeta * TURN / Omega), rel=1e-10)
 
 
-def test_what_beyond_H_is_left_out_is_estimated():
+def test_harmonics_above_H_are_estimated():
     pair = hb.SpurPair(stiffness=RECTANGULAR)
     fine = hb.HarmonicBalance(pair, 160)
     true = hb.trace(fine, "Omega", (1.5, 0.85), stability=False).X[-1]

@@ -107,7 +107,7 @@ def test_a_killed_worker_loses_nothing(study, tmp_path):
     assert len({row["zeta"] for row in rows}) == 12 and all(row["peak"] and not row["reason"] for row in rows)
 
 
-def test_a_killed_scheduler_is_told_and_the_study_goes_on_without(study, tmp_path):
+def test_a_killed_scheduler_is_reported_and_the_study_continues(study, tmp_path):
     with cluster(tmp_path) as (address, scheduler, *_):
         running = study(address, scheduler)
         out, err = running.communicate(timeout=120)
@@ -119,7 +119,7 @@ def test_a_killed_scheduler_is_told_and_the_study_goes_on_without(study, tmp_pat
     assert "12 of 12 cases" in out and stored(tmp_path) == 12
 
 
-def test_a_study_without_workers_says_so_and_waits_for_new_ones(study, tmp_path):
+def test_a_study_without_workers_reports_it_and_waits_for_new_ones(study, tmp_path):
     with cluster(tmp_path) as (address, _, *workers):
         running = study(address, *workers)
         assert "no worker is left" in running.stderr.readline()

@@ -154,7 +154,7 @@ def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
 
 
 @pytest.mark.parametrize("zeta, harmonics, span", [(0.05, 5, (1.0, 0.8)), (0.03, 8, (0.95, 0.7))])
-def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonics, span, monkeypatch):
+def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmonics, span, monkeypatch):
     """No verdict in doubt is missed, and no error told is a tenth of what a second set of multipliers tells."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=zeta), harmonics)
     curve = hb.trace(problem, "Omega", span, stability=False, accuracy=None)
@@ -223,7 +223,7 @@ def test_a_cusp_and_a_peak_state_their_errors():
 
 
 @pytest.mark.parametrize("H", [5, 8])
-def test_a_turn_is_judged_by_one_row_beside_it(H):
+def test_a_turn_is_judged_by_one_neighbouring_point(H):
     """Where a curve of folds turns its value hardly changes: what more harmonics make of it, to 3 %."""
     cusps = []
     for harmonics, goal in ((H, 1.0), (3 * H // 2, None), (2 * H, None)):
@@ -335,7 +335,7 @@ def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
     assert doubled.problem.nu == 2 and np.linalg.norm(doubled.problem.subharmonic_part(doubled.X[-1])) > 1e-2
 
 
-def test_a_fold_before_that_of_the_rows_is_not_jumped_back_to():
+def test_a_fold_before_that_of_the_points_is_no_landing():
     """Solved for with more harmonics, a fold may lie where rows go on: they are what is left, not where one lands."""
     pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     pair = hb.GearPair(pinion, wheel, backlash="80 um").model("200 N m", 0.04, mesh="secant")
@@ -358,7 +358,7 @@ def test_files_keep_points_of_more_harmonics_than_their_curve(tmp_path):
     assert again.warnings == curve.warnings == () and max(p.layout.harmonics for p in again.special) > 5
 
 
-def test_what_cannot_be_decided_is_listed_and_drawn(tmp_path):
+def test_undecided_cases_are_listed_and_drawn(tmp_path):
     """A row whose error reaches the unit circle is neither stable nor unstable."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.0))
     modulus = np.abs(curve.multipliers).max(axis=1)

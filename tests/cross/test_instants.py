@@ -315,7 +315,7 @@ def test_crossings_that_are_missing_or_too_many_are_corrected(clearance, half):
     np.testing.assert_allclose(found.instants, exact.instants, atol=1e-9)
 
 
-def test_beside_a_fold_another_Omega_has_the_motion():
+def test_near_a_fold_another_Omega_has_the_motion():
     model = stop(200.0, 0.04, 0.1)
     problem = hb.HarmonicBalance(model, 32)
     curve = hb.trace(problem, "Omega", (0.8, 2.2), stability=False, special=False, accuracy=None)
@@ -328,7 +328,7 @@ def test_beside_a_fold_another_Omega_has_the_motion():
     assert exact.Omega < beyond and exact.Omega == pytest.approx(1.63974, rel=2e-3)
 
 
-def test_what_has_no_contact_instants_is_refused():
+def test_models_without_contact_instants_are_refused():
     problem = hb.HarmonicBalance(hb.Duffing(), 4)
     with pytest.raises(NotPiecewiseLinear, match="not piecewise linear"):
         refine_motion(problem, problem.start(Omega=0.8), {"Omega": 0.8})

@@ -138,7 +138,7 @@ def is_at(curve, point):
     return np.linalg.norm(curve.X[near] - point.X) < 0.05 * np.linalg.norm(point.X)
 
 
-def test_what_is_not_periodic_and_what_stays_are_told():
+def test_aperiodic_and_resting_motions_are_reported():
     curve = traced(FIXED)
     jump = curve.jumps()[0]
     lost = JumpOutcome(jump.value, 0, np.array([0.3]), 3000, None)

@@ -49,7 +49,7 @@ def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
         assert abs(np.angle(np.exp(2j * np.pi * s.imag / Omega))) == pytest.approx(angle, abs=1e-4)
 
 
-def test_it_is_found_whatever_the_step(curve):
+def test_it_is_found_with_any_step(curve):
     places = []
     for longest in (0.004, 0.02):
         steps = hb.StepControl(first_step=0.002, max_step=longest)
@@ -103,7 +103,7 @@ def test_two_pairs_next_to_the_circle_are_two_points():
     assert min(-np.diff(fine)) > 2e-5
 
 
-def test_pairs_that_pass_between_two_rows_are_found():
+def test_pairs_that_pass_between_two_points_are_found():
     """Two that leave together, one that leaves and returns, one that leaves as another returns: as by short steps."""
     problem, span = hb.HarmonicBalance(PAIR, 16), (0.87, 0.68)
     curve = hb.trace(problem, "Omega", span, accuracy=None)

@@ -154,7 +154,7 @@ def test_special_points_are_those_of_all_orders(lost):
         assert abs(found - point.parameters["Omega"]) < 3 * point.error + 1e-8, point.label
 
 
-def test_what_is_left_out_counts_in_the_error(lost):
+def test_omitted_terms_count_in_the_error(lost):
     problem = lost.problem
     whole = hb.HarmonicBalance(problem.model, problem.H)
     i = int(lost.amplitude("rms", 1).argmax())
@@ -220,6 +220,6 @@ def test_given_orders_do_not_vary():
         hb.HarmonicBalance(two_stages(3, 2), "auto", orders=(2, 3))
 
 
-def test_excitation_that_is_left_out_is_told():
+def test_omitted_excitation_is_reported():
     with pytest.warns(UserWarning, match="left out"):
         hb.HarmonicBalance(two_stages(3, 2), orders=(2, 4, 6, 9))

@@ -59,7 +59,7 @@ def test_measured_whole_gives_the_curve_of_the_system(known, measured):
     np.testing.assert_allclose(folds[1], folds[0], rtol=1e-5)
 
 
-def test_a_measured_part_beside_masses_and_springs(known):
+def test_a_measured_part_with_masses_and_springs(known):
     """The third mass is written by hand, with its spring; the two others were measured without it."""
     left = K[:2, :2] - np.diag([0.0, 1.0])
     part = hb.mechanics.Receptances(W, [by_force(w, left, M[:2, :2], 0.06 * left) for w in W], ["a", "b"])
@@ -141,14 +141,14 @@ def test_universal_files(tmp_path):
         hb.io.from_receptances(tmp_path / "bad.uff")
 
 
-def test_pyuff_is_told_if_it_is_missing(tmp_path, monkeypatch):
+def test_missing_pyuff_is_reported(tmp_path, monkeypatch):
     (tmp_path / "test.uff").write_text("")
     monkeypatch.setitem(__import__("sys").modules, "pyuff", None)
     with pytest.raises(ValueError, match=r"pip install 'hbgear\[measured\]'"):
         hb.io.from_receptances(tmp_path / "test.uff")
 
 
-def test_lines_far_apart_are_told(measured):
+def test_lines_far_apart_are_reported(measured):
     coarse = hb.mechanics.Receptances(W[::80], [by_force(w) for w in W[::80]], "abc").system(
         measured.elements, measured.load
     )

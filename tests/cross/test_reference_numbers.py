@@ -81,7 +81,7 @@ def test_double_helical_peak(pair_curve):
     assert Omega == pytest.approx(PAIR_PEAK["Omega"], abs=1.5e-3)
 
 
-def test_double_helical_amplitude_beside_the_peak(pair_curve):
+def test_double_helical_amplitude_near_the_peak(pair_curve):
     i = int(np.argmin(np.abs(pair_curve.values - 0.9)))
     X = solve(pair_curve.problem, pair_curve.X[i], {"Omega": 0.9}).X
     rms = np.sqrt(0.5 * (X.reshape(2, -1)[:, 1:] ** 2).sum(-1))

@@ -48,7 +48,7 @@ def test_a_refined_curve_solves_its_equations(pair):
     assert fine.special == curve.special and fine.multipliers.shape == curve.multipliers.shape
 
 
-def test_what_cannot_be_refined(pair, tmp_path):
+def test_motions_that_cannot_be_refined(pair, tmp_path):
     curve, _ = pair
     curve.save(tmp_path / "curve.npz")
     lost = hb.load(tmp_path / "curve.npz")

@@ -192,7 +192,7 @@ def test_settled_means_that_little_is_left():
     assert how.integrated_periods.max() < 40
 
 
-def test_a_motion_that_does_not_settle_says_so():
+def test_a_motion_that_does_not_settle_is_reported():
     found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=60))
     assert (
         found.period[0] == 0
@@ -204,7 +204,7 @@ def test_a_motion_that_does_not_settle_says_so():
 
 
 @pytest.mark.parametrize("longest", [20, 405, 416])
-def test_what_is_still_to_go_is_known_however_few_periods_are_allowed(longest):
+def test_remaining_decay_is_known_for_few_periods(longest):
     """Also if few are left after the 400 after which a motion is tested for chaos."""
     found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=longest))
     assert (
@@ -264,7 +264,7 @@ def test_sweep_in_another_parameter(pair):
 # ---- interruption, bad input, output
 
 
-def test_interrupted_it_keeps_what_it_has():
+def test_results_are_kept_after_an_interruption():
     def stop(now):
         if now.done > 0.5:
             raise KeyboardInterrupt
@@ -353,7 +353,7 @@ def test_dots_of_motions_without_a_period_are_smaller_and_many_are_pixels(up):
     plt.close("all")
 
 
-def test_basins_can_be_told_apart_without_colour():
+def test_basins_are_distinct_without_colour():
     lightness = [np.dot((0.299, 0.587, 0.114), to_rgb(shade)) for shade in plot.BASINS]
     assert min(abs(a - b) for a, b in pairwise(lightness)) > 0.08
 

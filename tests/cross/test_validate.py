@@ -23,7 +23,7 @@ def report(pair):
     return validate(pair, 10, 1e-5)
 
 
-def test_duffing_agrees_to_what_integration_can_tell():
+def test_duffing_agrees_within_the_accuracy_of_integration():
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 15), "Omega", (0.5, 1.6))
     found = validate(curve, 6, 1e-9, multiplier_tolerance=1e-6)
     assert found.ok and len(found.rows) == 6
@@ -129,7 +129,7 @@ def test_a_wrong_verdict_on_stability_is_found(pair):
         assert words != row.status and ("disturbances grow" if i == middle else "disturbances decay") in row.status
 
 
-def test_few_harmonics_are_confirmed_with_more_and_their_error_is_said():
+def test_few_harmonics_are_confirmed_with_more_and_their_error_is_stated():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.9))
     found = validate(curve, 3, 1e-6)
     assert found.ok and all(row.refined and row.harmonics > 5 for row in found.rows)
@@ -152,7 +152,7 @@ def test_a_curve_whose_harmonics_vary_is_refined_too():
     assert row.refined and row.refined_error < 1e-5
 
 
-def test_the_default_harmonics_beside_the_fold_of_the_double_helical_pair():
+def test_the_default_harmonics_near_the_fold_of_the_double_helical_pair():
     """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
     (row,) = validate(curve, [-1]).rows
@@ -267,7 +267,7 @@ def test_table_file_and_figure(pair, report, tmp_path):
     plt.close("all")
 
 
-def test_interrupted_it_keeps_what_it_has(pair):
+def test_results_are_kept_after_an_interruption(pair):
     def stop(now):
         if now.done > 0.4:
             raise KeyboardInterrupt

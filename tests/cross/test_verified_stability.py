@@ -201,7 +201,7 @@ def test_contradictions_of_a_branch_are_warnings():
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
 
 
-def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_its_row():
+def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_its_point():
     """The change of stability lies where the point is, two rows after the row of the coarse balance."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
     row, mu = curve["LP2"].index + 3, curve.multipliers.copy()

@@ -173,7 +173,7 @@ def test_printed_errors_quick(tmp_path):
     assert "| no_tilts |" in printed_errors.report(results)
 
 
-def test_readings_count_what_holds():
+def test_readings_count_satisfied_claims():
     from studies.dong_2022 import readings
     from studies.dong_2022.claims import Case
 

@@ -31,7 +31,7 @@ def results(campaign):
     return run(quick=True)
 
 
-def test_machines_are_what_their_numbers_say(campaign):
+def test_machines_depend_on_their_numbers_only(campaign):
     from studies.random.machines import KINDS
 
     assert len(KINDS) == 19
@@ -93,7 +93,7 @@ def test_true_points_are_those_of_shooting(campaign, model, span, kinds):
     assert max(p.error for p in found) > 1e-6
 
 
-def test_what_is_missing_and_what_is_false(campaign):
+def test_missing_and_false_points(campaign):
     it = campaign.Machine("spur", 0, hb.SpurPair(), (1.5, 0.3))
     curve = campaign.truth.traced(it, 16)
     fold = next(p for p in curve.special if p.kind == "LP")
@@ -136,7 +136,7 @@ def test_untrue_ends_are_seen(campaign):
     assert any("to infinity at 0.7" in text for text in campaign.contradictions(it, far))
 
 
-def test_what_hangs_is_interrupted(campaign, monkeypatch):
+def test_long_traces_are_interrupted(campaign, monkeypatch):
     monkeypatch.setattr(campaign, "SECONDS", 0.05)
     slow = campaign.Machine("two", 1, hb.SpurPair(), (1.5, 0.3))
     monkeypatch.setattr(campaign.truth, "traced", lambda it, H: hb.trace(
@@ -159,7 +159,7 @@ def test_the_parameter_turns_at_folds_only(on_path, kind, number, harmonics):
     assert len(turns) == len(folds)
 
 
-def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
+def test_two_doublings_near_a_grazing_contact_are_found(on_path):
     """Within one step, stable at both of its rows; with three times the harmonics they lie between two rows each."""
     from studies.random.machines import machine
 
@@ -220,7 +220,7 @@ def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
     assert found == pytest.approx([0.3251643, 0.3252347, 0.3280795, 0.3298697, 0.3299181], abs=1e-6)  # with H = 64
 
 
-def test_jumps_do_not_hang_on_where_rows_fall(on_path):
+def test_jumps_do_not_depend_on_the_points_of_a_curve(on_path):
     """A fold and a Neimark-Sacker point on one step, a stable stretch between them: upwards no row saw it once."""
     from studies.random.machines import machine
 

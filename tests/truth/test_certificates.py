@@ -251,7 +251,7 @@ def test_a_certificate_is_saved_as_exact_decimals_and_proved_again(fold: Certifi
         Certificate.from_dict({"format": "another"})
 
 
-def test_the_sentence_states_what_was_proved_and_assumed(fold: Certificate) -> None:
+def test_the_sentence_states_proof_and_assumptions(fold: Certificate) -> None:
     assert "exactly one periodic motion with multiplier 1" in fold.statement and fold.Omega[0] in fold.statement
     assert "all other multipliers lie inside the unit circle" in fold.statement
     assert "exactly the decimals" in fold.assumptions and str(fold).count("\n") == 1
@@ -326,7 +326,7 @@ def test_the_enclosure_of_a_speed_contains_the_speed() -> None:
     assert outward(Decimal(-2), Decimal(-2)) == ("-2", "-2")
 
 
-def test_the_command_writes_proofs_into_the_file_and_states_what_fails(tmp_path: Path) -> None:
+def test_the_command_writes_proofs_into_the_file_and_states_failures(tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
     from hbgear.cli.app import app

@@ -260,7 +260,7 @@ def test_steps_of_few_and_of_many_points():
         np.testing.assert_allclose(short, long, rtol=0, atol=1e-10)
 
 
-def test_without_modes_it_says_what_to_do():
+def test_without_modes_the_message_has_a_remedy():
     problem = HarmonicBalance(Duffing(), 3)
     X = problem.start(0.7)
     problem.compiled({}).structure.modes = None

@@ -95,7 +95,7 @@ def _without(K, direction=(1.0, 0.0), C=0.0):
         ),
     ],
 )
-def test_what_cannot_be_eliminated(model, message):
+def test_coordinates_that_cannot_be_eliminated(model, message):
     with pytest.raises(ValueError, match=message):
         hb.HarmonicBalance(model, 5).start(Omega=1.0)
 

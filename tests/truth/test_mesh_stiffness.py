@@ -411,6 +411,6 @@ def test_dynamic_factor_of_iso(beta, grade, relief):
     (100.0, np.nan, 6, "speed = nan must be a finite number"), (100.0, 1000.0, 0, "grade"),
     (100.0, 1000.0, 12, "grade"),
 ])  # fmt: skip
-def test_what_has_no_dynamic_factor(torque, speed, grade, said):
+def test_motions_without_a_dynamic_factor(torque, speed, grade, said):
     with pytest.raises(ValueError, match=said):
         hb.gears.iso_dynamic_factor(pair(25, 40, 3), torque, speed, grade)

@@ -125,7 +125,7 @@ def test_teeth_without_load_are_not_in_contact():
     assert found.opened == ("mesh",) and found.frequencies[0].tolist() == pytest.approx([0.2])
 
 
-def test_contact_that_changes_with_speed_is_said():
+def test_contact_that_changes_with_speed_is_reported():
     lifted = [Load(constant=[0.2], power=2), Load(cosine={1: [0.1]})]
     stop = Element([1.0], Unilateral(k=3.0, gap=0.5), name="stop")
     with pytest.warns(UserWarning, match="stop: the contact changes"):
@@ -201,7 +201,7 @@ def test_table_and_function_are_one():
     np.testing.assert_allclose(solved(MatrixTable(values, matrices)), exact, atol=1e-5)
 
 
-def test_reduction_keeps_what_depends_on_speed():
+def test_reduction_keeps_terms_that_depend_on_speed():
     """A chain of gyroscopic discs by all but a few of its modes: the same receptance, and so the same motion."""
     n = 24
     chain = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))

@@ -183,7 +183,7 @@ def test_a_problem_may_bring_a_loop_of_its_own():
     assert np.isclose(np.abs(turns), 0.02, rtol=1e-9).mean() > 0.9
 
 
-def test_abilities_are_asked_once():
+def test_abilities_are_read_once():
     class Asked(Circle):
         asked = 0
 
@@ -199,7 +199,7 @@ def test_abilities_are_asked_once():
     assert Asked.asked == before
 
 
-def test_what_is_no_problem():
+def test_invalid_problems():
     with pytest.raises(TypeError, match=r"problem with evaluate; got a SpurPair: give HarmonicBalance\(model\)"):
         hb.trace(hb.SpurPair(), "Omega", (1.0, 0.5))
     with pytest.raises(

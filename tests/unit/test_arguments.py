@@ -54,7 +54,7 @@ def test_an_argument_is_refused_where_it_is_given(call, message):
         ("12", tuple[str, ...], False),
     ],
 )  # fmt: skip
-def test_what_fits(value, kind, good):
+def test_matching_values(value, kind, good):
     assert fits(value, kind) is good
 
 
@@ -99,7 +99,7 @@ def test_classes_imported_for_type_checkers_are_known_by_name():
         f("what")
 
 
-def test_what_a_function_needs_in_its_own_words():
+def test_requirements_of_a_function_in_its_messages():
     @checked_arguments(at="values by name, such as at={'zeta': 0.05}")
     def f(at: dict[str, float] | None) -> object:
         return at

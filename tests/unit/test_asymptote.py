@@ -102,7 +102,7 @@ class Soft(hb.mechanics.Law):
         return d - np.tanh(d), np.tanh(d) ** 2, np.zeros_like(d)
 
 
-def test_a_law_of_the_user_is_asked_far_out():
+def test_a_law_of_the_user_is_sampled_at_large_displacements():
     machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Soft())], hb.Load(cosine={1: [0.3]}))
     curve = traced(machine, 7, (0.3, 1.5))
     assert curve.status is Status.UNBOUNDED and curve.asymptotes["last"] == pytest.approx(1.2**0.5, abs=1e-10)
@@ -143,7 +143,7 @@ class Touchy(hb.mechanics.Law):
         return self.k * d, self.k + 0 * d, 0 * d
 
 
-def test_a_law_that_refuses_to_be_asked_far_out_stops_no_trace():
+def test_a_law_that_refuses_large_displacements_stops_no_trace():
     machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Touchy(1.0))], hb.Load(cosine={1: [0.3]}))
     curve = traced(machine, 3, (0.3, 1.5), steps=hb.StepControl(max_points=150))
     assert curve.status is Status.MAX_POINTS and not curve.asymptotes
@@ -164,7 +164,7 @@ class Line:
         return (1 - p) * X, np.array([[1 - p]])
 
 
-def test_any_equations_that_tell_what_they_become():
+def test_any_equations_with_a_limit_at_infinity():
     curve = hb.trace(Hyperbola(), "p", (0.0, 3.0), np.array([1.0]))
     assert curve.status is Status.UNBOUNDED and curve.asymptotes == {"last": pytest.approx(1.0, abs=1e-9)}
     back = hb.trace(Hyperbola(), "p", (3.0, 0.0), np.array([-0.5]))

@@ -26,7 +26,7 @@ def test_the_end_keeps_to_the_tolerance(tolerance, end):
     assert curve.values[-1] == end and curve.error.max() <= tolerance
 
 
-def test_a_tolerance_that_the_most_harmonics_miss_is_told():
+def test_a_tolerance_that_is_missed_is_reported():
     with pytest.warns(
         hb.mechanics.ImplausibleInputWarning,
         match=r"up to H = 400, leave \d+ points of the curve with an estimated error above",

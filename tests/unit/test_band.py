@@ -128,7 +128,7 @@ def test_figure(curve, tmp_path):
         hb.plot.band(band, color="blau")
 
 
-def test_what_has_no_band(curve):
+def test_quantities_without_a_band(curve):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
         hb.design.response_band(curve, {"zetta": 0.1})
     with pytest.raises(ValueError, match="Omega is the continuation parameter of the curve"):

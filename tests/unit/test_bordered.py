@@ -45,7 +45,7 @@ def differences(f, x, slope):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_values_do_not_depend_on_what_was_asked_before(curve, kind):
+def test_values_do_not_depend_on_earlier_calls(curve, kind):
     own, U, far = SpurPair().parameters, somewhere(curve, 0.65), somewhere(curve, 1.2)
     fresh, asked = KINDS[kind](curve.problem), KINDS[kind](curve.problem)
     asked.evaluate(far, **own)

@@ -129,7 +129,7 @@ def test_extrema_choose_the_right_one_of_nearly_equal_peaks():
         assert abs(evaluate(X, [at_high])[0] - high) < 1e-14 and abs(evaluate(X, [at_low])[0] - low) < 1e-14
 
 
-def test_extrema_of_flat_peaks_constants_rows_and_nan():
+def test_extrema_of_flat_peaks_constants_arrays_and_nan():
     flat = np.array([0.0, 1.0, 0.0, -0.25, 0.0])  # fourth-order maximum 3/4 at 0
     shifted = np.array([0.0, np.cos(0.03), np.sin(0.03), -0.25 * np.cos(0.06), -0.25 * np.sin(0.06)])
     for row in (flat, shifted):
@@ -140,7 +140,7 @@ def test_extrema_of_flat_peaks_constants_rows_and_nan():
     assert low.shape == (3, 2) and np.isnan(high[1, 1]) and np.nansum(high) == np.nansum(low) == 10.0
 
 
-def test_measures_of_unknown_names_list_what_exists():
+def test_unknown_measures_list_the_known_ones():
     b = make()
     with pytest.raises(ValueError, match="no measure 'peak'; there are rms, pp2, max, mean, H1, H2, H3"):
         b.amplitude("peak")
@@ -182,7 +182,7 @@ def test_rows_and_labels():
     assert "LP1 GR1" in repr(b) and repr(b["LP1"]).startswith("<LP1 at Omega = 3.33333")
 
 
-def test_peak_is_the_highest_row():
+def test_peak_is_the_highest_point():
     b = make()
     assert np.array_equal(b.peak("pp2", 1).X, b.X[np.argmax(b.amplitude("pp2", 1))])
 
@@ -305,7 +305,7 @@ def test_round_trip_is_exact(tmp_path, changes):
     assert not same(b, make(**{**changes, "message": "other"}))  # the comparison can tell
 
 
-def test_round_trip_keeps_what_is_easily_lost(tmp_path):
+def test_round_trip_keeps_special_values(tmp_path):
     b = make(multipliers=None)
     b.save(tmp_path / "b.npz")
     c = load(str(tmp_path / "b.npz"))
@@ -379,7 +379,7 @@ def test_pickles_are_not_opened(tmp_path):
         load(tmp_path / "b.npz")
 
 
-def test_newer_schema_says_upgrade(tmp_path, monkeypatch):
+def test_newer_schema_requires_an_upgrade(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "SCHEMA", npz.SCHEMA + 1)
     make().save(tmp_path / "b.npz")
     monkeypatch.undo()

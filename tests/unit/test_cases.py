@@ -113,7 +113,7 @@ def test_numbers_of_a_case_are_those_of_its_curve(run):
     assert found.curves[0].shape == (3, len(curve))
 
 
-def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
+def test_a_failing_case_is_a_line_and_is_retried_on_request_only(run, monkeypatch):
     told = []
     found = run(grid(zeta=[0.05, -0.05]), progress=lambda now: told.append(tuple(now.numbers.values())))
     assert told[0] == (0, 2, 0) and told[-1] == (2, 2, 1)
@@ -154,7 +154,7 @@ def test_quick_cases_are_handed_over_in_groups(monkeypatch):
     assert found.table["peak"].tolist() == list(range(900)) and found.failed == {899: "odd"}
 
 
-def test_a_full_disk_stops_and_keeps_what_is_there(run, monkeypatch):
+def test_a_full_disk_stops_and_keeps_the_results(run, monkeypatch):
     write, written = Store.write, []
 
     def full(self, key, inputs, result):
@@ -215,7 +215,7 @@ class KilledWorker(Exception):
         (OSError("closed"), "(OSError: closed)"),
     ],
 )
-def test_what_is_done_is_kept_when_the_executor_fails(run, error, words):
+def test_finished_cases_are_kept_when_the_executor_fails(run, error, words):
     vary = grid(zeta=[0.05, 0.06, 0.07, 0.08])
     found = run(vary, executor=Losing(error))
     assert found.outcome == "workers_lost" and words in found.message
@@ -430,7 +430,7 @@ def million(tmp_path, monkeypatch):
     return call
 
 
-def test_a_million_cases_are_asked_about(million, capsys):
+def test_a_million_cases_need_a_confirmation(million, capsys):
     code, asked, computed = million(terminal=True)
     assert code == 3 and computed == [] and "1,000,001 cases. Continue?" in asked[0]
 
@@ -503,7 +503,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=list(DAMAGE))
-def test_a_damaged_case_is_computed_anew_and_said(run, tmp_path, damage):
+def test_a_damaged_case_is_computed_again_with_a_message(run, tmp_path, damage):
     vary, compute = grid(zeta=[0.5, 0.6]), ("peak", "jumps", "branch")
     before = run(vary, compute=compute)
     path = sorted((tmp_path / "s").glob("cases/*/*.npz"))[0]
@@ -525,7 +525,7 @@ def test_a_damaged_case_is_computed_anew_and_said(run, tmp_path, damage):
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"schema": 1, "hbgear": "1", "study": []}', '{"schema": []}', "[" * 10**5]
 )
-def test_a_damaged_study_file_is_written_anew_and_said(run, tmp_path, text):
+def test_a_damaged_study_file_is_written_again_with_a_message(run, tmp_path, text):
     before = run(grid(zeta=[0.5, 0.6]))
     file = tmp_path / "s" / "study.json"
     whole = file.read_text()
@@ -581,7 +581,7 @@ SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), f
     ("end", "line"),
     [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)],
 )
-def test_a_script_without_guard_is_told_which_line_is_missing(tmp_path, end, line):
+def test_a_script_without_guard_gets_the_missing_line(tmp_path, end, line):
     (tmp_path / "study.py").write_text(SCRIPT + end + "\n")
     done = subprocess.run([sys.executable, "study.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     if not line:
@@ -592,7 +592,7 @@ def test_a_script_without_guard_is_told_which_line_is_missing(tmp_path, end, lin
     assert f'write the line if __name__ == "__main__": before line {line}, and indent' in last and "study.py" in last
 
 
-def test_what_is_typed_in_needs_no_guard(tmp_path):
+def test_interactive_code_needs_no_guard(tmp_path):
     code = SCRIPT + "work()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.stdout == "1 finished\n"

@@ -65,7 +65,7 @@ def test_models_shows_names_equations_and_defaults(run):
     assert "d_j = w_j^T q - e_j(tau)" in out
 
 
-def test_trace_saves_what_the_library_computes(run):
+def test_trace_saves_the_curve_of_the_library(run):
     code, out, err = run("trace", "duffing", "--harmonics", 7, "--set", "F=0.17", "--to", 1.4, "-o", "d.npz")
     assert (code, err) == (0, "")
     here = hb.load("d.npz")
@@ -121,7 +121,7 @@ def test_samples_reach_the_balance(run):
     }
 
 
-def test_info_says_what_is_in_the_file(run, saved):
+def test_info_summarises_the_file(run, saved):
     code, out, err = run("info", saved)
     curve = hb.load(saved)
     assert (code, err) == (0, "")
@@ -263,7 +263,7 @@ def test_warnings_are_one_line(run):
     assert re.fullmatch(r"hbgear: warning: the excitation has 3 harmonics but H = 2 .*\n", err)
 
 
-def test_linear_algebra_of_the_command_has_one_thread_unless_others_are_asked_for():
+def test_linear_algebra_of_the_command_has_one_thread_by_default():
     as_command = "from hbgear.__main__ import main\ntry: main()\nexcept SystemExit: pass"
 
     def seen(name, begin, **asked):
@@ -286,7 +286,7 @@ def test_help_is_quick_to_import():
     assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
 
 
-def test_a_word_without_end_is_not_told_in_full(run):
+def test_long_words_are_shortened(run):
     """Typer repeats what it was given; damaged files have such words too."""
     code, out, err = run("models", "duffing", "9" * 5000)
     assert (code, out) == (2, "") and err.startswith("hbgear: error: ") and len(err) < 1200 and "99...99" in err

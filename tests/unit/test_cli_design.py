@@ -91,7 +91,7 @@ def test_switch_traces_the_doubled_motion(run, saved):
     assert np.any(doubled.amplitude("H1/2") > 0.1)
 
 
-def test_switch_tells_a_jump_that_lands_on_the_curve_it_came_from(run, saved):
+def test_switch_reports_a_jump_back_to_its_curve(run, saved):
     _, out, _ = run(f"switch {saved} PD1 -o doubled.npz")
     doubled, pair = hb.load("doubled.npz"), hb.load(saved)
     (jump,) = (jump for jump in doubled.jumps() if jump.label == "LP1")
@@ -134,7 +134,7 @@ def test_bad_input(run, text, words):
         assert word in err
 
 
-def test_switch_refuses_what_is_no_crossing(run, saved):
+def test_switch_refuses_points_without_a_second_branch(run, saved):
     code, _, err = run(f"switch {saved} PD9")
     assert code == 2 and "no special point 'PD9'" in err and "PD1" in err
     code, _, err = run("trace spur-pair --harmonics 5 --from 1.5 --to 0.6 -o fold.npz")

@@ -13,7 +13,7 @@ def run(*args):
     return CliRunner().invoke(cli.app, ["campbell", *args])
 
 
-def test_critical_speeds_are_told_and_drawn(tmp_path):
+def test_critical_speeds_are_printed_and_drawn(tmp_path):
     figure = tmp_path / "campbell.png"
     result = run("gear-rotor-bearing", "--order", "mesh=1", "--order", "twice=2", "--plot", str(figure))
     assert result.exit_code == 0, result.output

@@ -89,7 +89,7 @@ def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
     assert [jump.landing_description for jump in hb.load("duffing.npz").jumps()] == ["nearest", "nearest"]
 
 
-def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is(run):
+def test_validate_confirms_with_more_harmonics_and_states_the_error_of_the_curve(run):
     assert run("trace duffing --harmonics 1 --from 1.0 --to 1.08 -o coarse.npz")[0] == 0
     code, out, err = run("validate coarse.npz --points 3 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "3 of 3 points agree within 0.0001" in out
@@ -99,7 +99,7 @@ def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is
     assert (table["harmonics"] > 1).all()
 
 
-def test_validate_tells_of_motions_that_run_away(run):
+def test_validate_reports_unbounded_motions(run):
     """Unstable motions of a softening oscillator, which integration leaves at once: no number to show for some.
 
     x = a cos tau with (1 - Omega^2) a - 3/4 a^3 = F has the unstable solution a = 0.77 at Omega = 0.55.

@@ -268,7 +268,7 @@ print(compiling.nothing_stored())
 """The first command, but for the curve itself; and the same in another program."""
 
 
-def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
+def test_the_first_command_loads_code_of_another_process(tmp_path):
     """Of multipliers and observables it compiles nothing; a program that is not the command starts no process."""
     pytest.importorskip("numba")
     out, err = told(start(BESIDE.format(command=True, seconds=250), tmp_path / "kept"))

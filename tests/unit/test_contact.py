@@ -277,7 +277,7 @@ def test_a_cubic_spring_is_projected_exactly(rng):
 
 
 @pytest.mark.parametrize("nu", [1, 2])
-def test_a_cubic_spring_beside_a_gap_against_samples(nu, rng):
+def test_a_cubic_spring_with_a_gap_against_samples(nu, rng):
     """Parallel((Backlash, Cubic)) exactly and by 65536 samples; the harmonics of its force beyond H too."""
     law = Parallel((Backlash(0.8, 2.0, WAVY), Cubic(0.3, 0.2)))
     exact, sampled = balance(law, nu=nu), balance(law, nu=nu, sampled=True, samples=65536)

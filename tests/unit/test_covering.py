@@ -159,7 +159,7 @@ class Broken:
         return np.array([((p - 1) * (p - 2)) ** 0.5])
 
 
-def test_where_no_curve_was_found_is_said():
+def test_ranges_without_a_curve_are_reported():
     curve = hb.trace(Broken(), "p", (0.0, 3.0))
     assert curve.status is Status.LEFT_SPAN and [other.values[0] for other in curve.others] == [3.0]
     assert curve.message == (
@@ -188,7 +188,7 @@ class Middle(Broken):
         return np.array([5 + (0.45**2 - (p - 1.5) ** 2) ** 0.5]) if abs(p - 1.5) < 0.45 else super().start(p)
 
 
-def test_what_is_found_in_a_gap_is_followed():
+def test_motions_found_in_a_gap_are_traced():
     curve = hb.trace(Middle(), "p", (0.0, 3.0))
     assert [other.status for other in curve.others] == [Status.LEFT_SPAN, Status.CLOSED]
     assert "no curve was found from p = 1 to 1.05 and 1.95 to 2" in curve.message
@@ -303,7 +303,7 @@ def test_a_file_with_made_up_asymptotes_is_refused(pair, tmp_path, known, words)
         hb.load(tmp_path / "d.npz")
 
 
-def test_what_is_extended_keeps_its_others():
+def test_extended_curves_keep_the_other_branches():
     part = hb.trace(Broken(), "p", (0.0, 3.0))
     whole = hb.extend(part, (-1.0, 3.0))
     assert whole.others == part.others and len(whole.others) == 1 and whole.values[-1] == -1.0

@@ -179,7 +179,7 @@ def test_edited_files_are_read_or_refused(whole, edit, tmp_path, capsys):
     assert read < 55  # most were damaged
 
 
-def test_what_is_written_is_read_and_a_compressed_copy_too(whole, tmp_path):
+def test_files_and_compressed_copies_are_read(whole, tmp_path):
     path = tmp_path / "b.npz"
     path.write_bytes(whole)
     assert look(path)
@@ -255,7 +255,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         (("jump_records", "__tuple__", 0, "before"), None, "before is None; need a Point or SpecialPoint"),
     ],
 )
-def test_what_is_wrong_is_named(whole, tmp_path, place, value, words):
+def test_errors_are_named(whole, tmp_path, place, value, words):
     header, _ = parts(whole)
     holder = header["branch"]
     for key in place[:-1]:

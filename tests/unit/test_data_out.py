@@ -80,7 +80,7 @@ def test_xarray_of_any_equations():
     assert next(iter(curve.to_dataframe())) == "p"
 
 
-def test_csv_says_what_it_is(pair, tmp_path):
+def test_csv_has_a_header(pair, tmp_path):
     pair.export(tmp_path / "pair.csv")
     lines = (tmp_path / "pair.csv").read_text(encoding="utf-8").splitlines()
     head = [line for line in lines if line.startswith("# ")]
@@ -156,7 +156,7 @@ def test_motions_that_do_not_fit_are_refused(change, tmp_path):
             hb.load(tmp_path / "damaged.npz")
 
 
-def test_what_is_not_installed_is_told(pair, monkeypatch):
+def test_missing_packages_are_named(pair, monkeypatch):
     def missing(name):
         raise ImportError(name)
 

@@ -56,7 +56,7 @@ def defined_in(path: Path) -> set[str]:
     return names
 
 
-def test_table_how_to_add_names_what_exists():
+def test_table_how_to_add_names_existing_files():
     text = (
         (ROOT / "docs" / "extending.md").read_text(encoding="utf-8").partition("## How to add")[2].partition("\n## ")[0]
     )
@@ -136,7 +136,7 @@ def test_sources_are_cited_in_one_form():
         ("https://doi.org/10.1016/0022-247X(74", False),
     ],
 )
-def test_what_is_badly_cited_is_found(text, good):
+def test_invalid_citations_are_found(text, good):
     assert (badly_cited(text) == []) is good
 
 

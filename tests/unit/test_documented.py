@@ -126,5 +126,5 @@ def without_docstring(module: str) -> list[str]:
     return bare
 
 
-def test_whatever_is_public_has_a_docstring():
+def test_public_objects_have_docstrings():
     assert [name for module in MODULES for name in without_docstring(module)] == []

@@ -140,12 +140,12 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.mechanics.reduce(two(EYE, None, EYE), 10**9), "modes = 1000000000 must be"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
+def test_implausible_input_is_refused_before_the_work(act, message):
     with pytest.raises(ValueError, match=message):
         act()
 
 
-def test_an_element_without_a_law_is_told_of():
+def test_an_element_without_a_law_is_reported():
     with pytest.raises(TypeError, match="element 'mesh': law must be a hbgear Law, got None"):
         hb.Element([1.0], None, name="mesh")
 
@@ -169,7 +169,7 @@ def test_fractions_are_numbers_of_time_integration_too():
     assert hb.validate(curve, 1, Fraction(1, 1000), multiplier_tolerance=Fraction(1, 10)).ok
 
 
-def test_a_large_structure_is_told_to_be_reduced():
+def test_a_large_structure_requires_a_reduction():
     from hbgear.mechanics.plausibility import check_size
 
     n = 500

@@ -51,7 +51,7 @@ def test_permutations_have_their_parity(rng):
         np.testing.assert_array_equal(x[order, 0], np.arange(7.0))
 
 
-def test_a_singular_matrix_is_told(rng):
+def test_a_singular_matrix_is_reported(rng):
     """Sign 0 where a pivot is exactly zero or no number; `solve_signed` refuses it, and what overflows."""
     column = rng.integers(-3, 4, (5, 5)).astype(float)
     column[:, 2] = 0.0
@@ -65,7 +65,7 @@ def test_a_singular_matrix_is_told(rng):
 
 
 @pytest.mark.parametrize("n", [5, 100, 101])
-def test_what_is_given_stays_as_it_is(n, rng):
+def test_arguments_are_not_changed(n, rng):
     """Small matrices by elimination, larger ones by LAPACK: the same, and neither A nor b is overwritten."""
     A, b = rng.standard_normal((n, n)), rng.standard_normal((n, 2))
     kept = A.copy(), b.copy()

@@ -38,7 +38,7 @@ def test_set_changes_one_entry(run):
 
 
 @pytest.mark.slow
-def test_what_is_critical_in_an_entry_is_where_a_jump_vanishes(run):
+def test_critical_value_of_an_entry_is_where_a_jump_vanishes(run):
     """Fewer errors than the critical one leave no jump, more do."""
     found = hb.analysis.critical_parameter(PAIR, "e[0]", harmonics=3)
     for factor, jumps in ((0.97, 0), (1.03, 2)):

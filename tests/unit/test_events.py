@@ -41,7 +41,7 @@ def test_located_and_labelled(curve):
     assert [p.label for p in curve.special if p.kind != "limit"] == [p.label for p in alone.special]
 
 
-def test_every_crossing_between_rows_is_found(curve):
+def test_every_crossing_between_points_is_found(curve):
     size = curve.amplitude("max") - 1.3
     assert sum(size[:-1] * size[1:] < 0) <= 2 == sum(point.kind == "limit" for point in curve.special)
 
@@ -101,7 +101,7 @@ def test_follow_a_doubling_and_a_peak(curve):
         assert held.tracked["Omega"][-1] == pytest.approx(top, abs=1e-9)
 
 
-def test_what_cannot_be_followed(curve, tmp_path):
+def test_invalid_second_parameters_are_refused(curve, tmp_path):
     flip = hb.Event("flip", lambda point: abs(point.multipliers[0]) - 1.0)
     with pytest.raises(ValueError, match="'flip' cannot be followed: its test may use only the unknowns"):
         flip.equations(curve.problem, "Omega", curve["LP1"])

@@ -145,7 +145,7 @@ def test_curve_is_the_traced_one():
     assert details["tables"][0]["jumpTable"][1][0][0] == "LP1" and "zeta=0.06" in details["python"]
 
 
-def test_what_is_overtaken_is_cancelled():
+def test_superseded_computations_are_cancelled():
     found, ended = explorer(harmonics=32), []
 
     def slow():
@@ -294,7 +294,7 @@ def test_the_page_runs_only_its_own_scripts(server):
 
 @pytest.mark.parametrize("path", ["/curve", "/map", "/measured", "/save/npz", "/cancel"])
 @pytest.mark.parametrize("depth", [1000, 100_000])
-def test_what_is_nested_too_deeply_is_refused(server, path, depth, capfd):
+def test_deeply_nested_requests_are_refused(server, path, depth, capfd):
     text = f'{{"values": {{}}, "x": {"[" * depth}{"]" * depth}}}'
     request = urllib.request.Request(
         f"http://127.0.0.1:{server.port}{path}", text.encode(),
@@ -339,7 +339,7 @@ def test_listens_on_this_machine_only(server):
     assert server._server.socket.getsockname() == ("127.0.0.1", server.port)
 
 
-def test_bad_values_are_told_in_a_sentence(server):
+def test_bad_values_give_one_sentence(server):
     status, text = answer(server, "/curve", question(zeta=-1))
     assert status == 200 and json.loads(text)["error"].startswith("SpurPair: zeta = -1")
     for path, body in (("/curve", question(nope=1)), ("/curve", [1]), ("/save/exe", question())):
@@ -370,7 +370,7 @@ def test_files_are_those_of_the_curve(server, tmp_path):
     assert answer(server, "/save/html", question())[1].startswith("<!DOCTYPE html>")
 
 
-def test_a_port_in_use_is_said_and_two_explorers_are_none_in_the_way(server):
+def test_a_port_in_use_is_reported_and_two_explorers_run_together(server):
     with pytest.raises(ValueError, match=f"port {server.port} is taken by another program; give another by --port"):
         Server(explorer(), "second", server.port)
     with served(explorer()) as second:
@@ -387,7 +387,7 @@ def run(capsys, *words):
     return end.value.code, capsys.readouterr().err
 
 
-def test_command_refuses_what_cannot_be_explored(tmp_path, capsys):
+def test_command_refuses_invalid_subjects(tmp_path, capsys):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.9})
     curve.save(tmp_path / "F.npz")
     for words, said in (
@@ -591,7 +591,7 @@ def test_undo_link_and_reset(shown):
     waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x - {start[0]}) < 1e-9")
 
 
-def test_a_refused_value_is_told_and_the_curve_stays(shown):
+def test_a_refused_value_is_reported_and_the_curve_stays(shown):
     from selenium.webdriver.common.keys import Keys
 
     before = jumps_shown(shown)
@@ -715,7 +715,7 @@ class Slow(Explorer):
         return super()._traced(asked, job)
 
 
-def test_a_long_computation_tells_how_far_it_is_and_can_be_cancelled(driver):
+def test_a_long_computation_shows_progress_and_can_be_cancelled(driver):
     resized(driver, 1400, 1100)
     with served(Slow(EditableInstance(MODEL, "spur-pair"), SPAN, 4)) as server:
         opened(driver, server.address)
@@ -731,7 +731,7 @@ def test_a_long_computation_tells_how_far_it_is_and_can_be_cancelled(driver):
         driver.get("about:blank")
 
 
-def test_fits_a_phone_with_the_curve_beside_the_sliders(driver, server):
+def test_fits_a_phone_with_the_curve_above_the_sliders(driver, server):
     resized(driver, 390, 844)
     opened(driver, server.address)
     settled(driver)

@@ -97,7 +97,7 @@ def test_a_fold_curve_begins_and_goes_on_with_other_harmonics(problem, whole):
         assert curve["CP1"].parameters["zeta"] == pytest.approx(begun["CP1"].parameters["zeta"], abs=1e-8)
 
 
-def test_what_cannot_be_extended(problem, whole):
+def test_curves_that_cannot_be_extended(problem, whole):
     with pytest.raises(TypeError, match=r"extend\(branch\) needs a Branch"):
         extend(problem)
     with pytest.raises(ValueError, match="nothing to extend"):

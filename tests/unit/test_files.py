@@ -69,7 +69,7 @@ def test_longest_names_are_saved(folder, curve):
     assert len(hb.load(name)) == len(curve) and os.listdir() == [name]
 
 
-def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
+def test_stored_files_are_synchronised_first(folder, monkeypatch):
     did = []
     fsync, replace = os.fsync, os.replace
     monkeypatch.setattr(os, "fsync", lambda number: (did.append(os.fstat(number).st_ino), fsync(number)))
@@ -92,7 +92,7 @@ def test_a_link_is_followed_and_a_device_never_replaced(folder):
         pass
 
 
-def test_a_failure_is_that_of_the_disk_whatever_the_writer_makes_of_it(folder):
+def test_a_failure_of_the_disk_is_reported_as_such(folder):
     with pytest.raises(CannotWrite, match="no space") as error, atomic_write("a") as handle:
         try:
             handle.write(b"half")

@@ -42,7 +42,7 @@ def test_truth_without_noise(largest):
     assert [jump.value for jump in found.curve.jumps()] == pytest.approx([jump.value for jump in jumps], rel=1e-3)
 
 
-def test_derivatives_of_what_is_predicted(largest):
+def test_derivatives_of_predictions(largest):
     """All residuals against central differences, where no point changes what it is held against; units too."""
     Omega, direction, amplitude, jumps = largest
     scales = TRUTH.scales
@@ -187,7 +187,7 @@ def test_a_profile_without_any_curve_is_unknown():
     assert np.isnan(errors).all()
 
 
-def test_parameters_that_cannot_be_told_apart(largest):
+def test_parameters_that_cannot_be_distinguished(largest):
     Omega, direction, amplitude, _ = largest
     data = hb.design.Measurements(Omega, amplitude, direction, 0.01 * amplitude, measure="max")
     found = hb.design.fit(
@@ -234,7 +234,7 @@ def test_data_in_the_wrong_unit(largest):
         )
 
 
-def test_what_cannot_be_fitted(largest):
+def test_invalid_fits_are_refused(largest):
     Omega, direction, amplitude, _ = largest
     data = hb.design.Measurements(Omega, amplitude, direction)
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):

@@ -154,7 +154,7 @@ def test_mass_and_inertia_of_the_cylinder():
                                     {"profile_shift": -0.2, "dedendum": 1.3}, {"teeth": 8},
                                     {"teeth": 10, "helix_angle": "12 deg", "fillet_radius": 0.1}])  # fmt: skip
 @pytest.mark.filterwarnings("ignore:.*undercut")
-def test_outline_is_what_the_rack_leaves(fields):
+def test_outline_is_the_envelope_of_the_rack(fields):
     """Half the space at a radius is as far as any position of the rolling rack cuts it, of undercut teeth too."""
     g = gear(**{"z": 23, **{("z" if name == "teeth" else name): value for name, value in fields.items()}})
     tooth = Tooth(g)
@@ -322,7 +322,7 @@ def test_all_default_rings():
         (lambda: pair().mesh(200.0, linearized="chord"), "'secant' or 'tangent'"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_made_is_refused(make, said):
+def test_impossible_gears_are_refused(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()
 

@@ -128,7 +128,7 @@ def test_lags_and_units_that_do_not_fit(cls, fields, said):
         ({"torque": "200 N"}, "torque"),
     ],
 )
-def test_what_is_no_model(options, said):
+def test_invalid_models(options, said):
     with pytest.raises(ValueError, match=said):
         drawing().model(**{"torque": TORQUE, "damping": 0.04, **options})
 
@@ -219,7 +219,7 @@ def test_a_table_that_is_not_there(tmp_path):
 
 
 @pytest.mark.parametrize("fields", [{"stiffness": 1e8}, {"error": 0.0}, {"force": "much"}, {"force": -1.0}])
-def test_what_is_no_mesh_cycle(fields):
+def test_invalid_mesh_cycles(fields):
     good = {"stiffness": hb.gears.MeshTable([0, 1], [1e8, 1e8]), "error": hb.gears.MeshTable([0, 1], [0, 0])}
     with pytest.raises((ValueError, TypeError), match="MeshCycle"):
         hb.gears.MeshCycle(**{**good, **fields})

@@ -56,7 +56,7 @@ A_BRANCH, A_MODEL, A_PROBLEM = "needs a Branch", "needs a model", "needs a Harmo
         (lambda _: hb.continuation.FoldProblem(MODEL), (A_PROBLEM, "HarmonicBalance(model)")),
     ],
 )
-def test_what_was_given_what_is_needed_and_what_to_do(curve, call, words):
+def test_messages_state_given_required_and_remedy(curve, call, words):
     with pytest.raises(TypeError) as error:
         call(curve)
     for word in words:

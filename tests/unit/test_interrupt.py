@@ -115,7 +115,7 @@ def known_fold():
 
 @pytest.mark.parametrize("work", [curve, strides, adaptive, folds])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, Bug])
-def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path):
+def test_a_trace_survives_any_exception_at_any_call(work, error, tmp_path):
     work()  # what is kept for later calls is not computed again
     whole, count = at_call(0, work)
     kept = []
@@ -291,7 +291,7 @@ def exit_of(words):
     return end.value.code
 
 
-def test_a_jump_map_tells_of_traces_that_ended_early():
+def test_a_jump_map_reports_traces_that_ended_early():
     few = hb.StepControl(max_points=4)
     found = hb.jump_map(DUFFING, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), harmonics=3, seeds=2, steps=few)
     assert found.status is Status.MAX_POINTS and "ended early" in found.message and "fold" in found.message
@@ -401,7 +401,7 @@ class Odd(hb.HarmonicBalance):
         return super().observe_many(X, name, values, stability, **how)
 
 
-def test_rows_that_cannot_be_observed_are_kept():
+def test_points_that_cannot_be_observed_are_kept():
     whole = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6))
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
@@ -416,7 +416,7 @@ def test_rows_that_cannot_be_observed_are_kept():
         assert part[label].parameters["Omega"] == whole[label].parameters["Omega"]
 
 
-def test_a_first_row_that_cannot_be_observed_is_refused():
+def test_a_first_point_that_cannot_be_observed_is_refused():
     with pytest.raises(Bug, match="no multipliers"):
         hb.trace(Odd(DUFFING, 3), "Omega", (1.02, 1.6))
 
@@ -425,7 +425,7 @@ def test_a_first_row_that_cannot_be_observed_is_refused():
     "name",
     ["events.detector.EventDetector.find", "tracing.trace.find_jumps", "events.detector.EventDetector.sign_changes"],
 )
-def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
+def test_errors_of_located_points_leave_the_curve(monkeypatch, name):
     def broken(*_):
         raise Bug("while looking")
 
@@ -434,7 +434,7 @@ def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
     assert part.status is Status.FAILED and "Bug: while looking" in part.message and len(part) > 30
 
 
-def test_what_progress_raises_comes_out_with_the_branch():
+def test_exceptions_of_progress_are_raised_with_the_branch():
     def show(now):
         if now.numbers["points"] == 12:
             raise Bug("enough")
@@ -481,7 +481,7 @@ def test_the_second_ctrl_c_is_heard_at_once_and_leaves_nothing_behind(tmp_path):
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
+def test_ctrl_c_does_not_restart_a_long_search(monkeypatch):
     """On a curve of folds the row whose special points were being sought is left to whoever goes on from there."""
     problem, searches = hb.HarmonicBalance(hb.SpurPair(), 10), []
     start = hb.trace(problem, "Omega", (1.3, 0.8), at={"zeta": 0.117}, stability=False)["LP1"]
@@ -516,7 +516,7 @@ class Stopped(hb.HarmonicBalance):
         return stopped
 
 
-def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
+def test_ctrl_c_skips_segments_with_long_searches(monkeypatch):
     """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
     monkeypatch.setattr(
         "hbgear.continuation.tracing.stepper.MAX_MULTIPLICATIONS_PER_CALL", 64 * 22**3
@@ -574,7 +574,7 @@ def test_sigterm_is_heard_like_ctrl_c():
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
 @pytest.mark.parametrize("form", ["python -m hbgear", "hbgear"])
 @pytest.mark.parametrize("moment", ["numpy", "scipy", "typer"])
-def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, form, moment):
+def test_ctrl_c_while_the_command_is_imported_gives_one_sentence(tmp_path, form, moment):
     """Ctrl-C comes while Python imports what hbgear needs first, in between and last."""
     stop = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
     (tmp_path / f"{moment}.py").write_text(stop)
@@ -590,7 +590,7 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
 @pytest.mark.parametrize("moment", ["hbgear.common", "hbgear.common.lazy_names", "typing", "pathlib", "hbgear.cli"])
-def test_ctrl_c_is_told_in_one_sentence_from_the_first_import_on(tmp_path, moment):
+def test_ctrl_c_gives_one_sentence_from_the_first_import_on(tmp_path, moment):
     """Nothing is imported before Ctrl-C is seen to: it comes when a module is looked for first."""
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nclass Stop:\n    @staticmethod\n    def find_spec(name, *rest):\n"

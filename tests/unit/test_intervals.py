@@ -44,7 +44,7 @@ def test_the_slower_side_counts():
     assert errors[1] <= 1.5 * first[1]
 
 
-def test_what_bounds_nothing_is_told_by_the_limit():
+def test_unbounded_curves_are_detected_by_the_limit():
     errors, first = found(lambda a: np.array([max(a[0], 0.0), a[1]]))
     assert errors[0] == pytest.approx(MAX_END_RATIO * first[0])
 
@@ -83,7 +83,7 @@ def test_curves_are_traced_two_standard_errors_away():
     np.testing.assert_allclose(sums, 4.0, rtol=1e-12)
 
 
-def test_nothing_is_said_where_nothing_can_be_traced():
+def test_no_message_without_a_curve():
     best = Known(np.zeros(2))
     C = np.array([[0.01, np.nan], [np.nan, np.nan]])
     assert np.isnan(profile_interval(best, lambda a: None, best.a, C, 1.0, np.full(2, -1.0), np.full(2, 1.0))).all()

@@ -82,7 +82,7 @@ def test_a_map_of_no_jumps():
     assert empty.bands(np.array([0.25])) == []
 
 
-def test_a_map_backwards_is_the_same_and_reports_what_it_does(problem, jumps):
+def test_a_map_backwards_is_the_same_and_reports_progress(problem, jumps):
     said = []
     other = jump_map(problem, "zeta", SPAN[::-1], seeds=2, progress=lambda now: said.append(now.text), **NEAR)
     assert other.span == SPAN

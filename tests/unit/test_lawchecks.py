@@ -83,7 +83,7 @@ def test_a_law_that_is_not_finite():
         (lambda d: (d, 1.0, 0.0), r"got .*, \(\), \(\): for a constant c give np.full_like"),
     ],
 )
-def test_what_is_not_three_arrays(found, words):
+def test_invalid_triples_of_arrays(found, words):
     with pytest.raises(ValueError, match=words) as error:
         problem(law_of(lambda d, v, tau: found(d)))
     assert len(str(error.value)) < 300

@@ -67,7 +67,7 @@ def test_time_integration_of_the_same_law_written_differently(method):
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12)
 
 
-def test_what_is_one_spring_and_what_is_not():
+def test_single_springs_and_sums():
     assert SIDE_BY_SIDE.piecewise == (AS_ONE,)
     assert Parallel((SIDE_BY_SIDE, Backlash(1.0, 1.0, WAVY))).piecewise[0].slopes == (2.0, 0.0, 2.0, 3.0)
     assert len(Parallel((Backlash(1.0, 1.0, WAVY), Unilateral(0.5, 1.6))).piecewise) == 2
@@ -76,14 +76,14 @@ def test_what_is_one_spring_and_what_is_not():
     assert with_itself_less.piecewise[0].slopes == (0.0, 0.0, 0.0)
 
 
-def test_contract_fills_in_what_follows_from_the_springs():
+def test_contract_derives_values_from_the_springs():
     own = Own()
     assert (own.breakpoints, own.rated, own.steady, own.parts) == (AS_ONE.corners, False, False, (own,))
     assert Parallel((Backlash(), Cubic(0.1))).steady and not SIDE_BY_SIDE.steady
     assert Parallel((SIDE_BY_SIDE, Cubic(0.1))).parts == (*SIDE_BY_SIDE.laws, Cubic(0.1))
 
 
-def test_negative_stiffness_of_a_part_is_told():
+def test_negative_stiffness_of_a_part_is_reported():
     law = Parallel((Cubic(0.1), Backlash(stiffness=Series(mean=1.0, cosine=(1.5,)))))
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="stiffness of element 1 is negative"):
         hb.HarmonicBalance(machine(law), 8)

@@ -68,7 +68,7 @@ def test_a_file_is_the_pair(file):
 
 
 @pytest.mark.parametrize("form", ["torsion", "bearings", "spatial"])
-def test_what_is_written_is_read_again(tmp_path, form):
+def test_written_files_are_read(tmp_path, form):
     gears = [hb.gears.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
              for z, h, x in ((23, 0.25, 0.21), (41, -0.25, 0.0))]  # fmt: skip
     held = (hb.gears.Support(3.3e8, tilt=1e6), hb.gears.Support("2e8 N/m", axial=1e8, tilt="2 MN*m/rad", damping=0.05))
@@ -81,7 +81,7 @@ def test_what_is_written_is_read_again(tmp_path, form):
     assert tomllib.loads(path.read_text())["pinion"]["tip_relief"] == "12 um"
 
 
-def test_tables_of_the_mesh_are_files_beside_it(file, tmp_path):
+def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
     cycle = pair(tip_relief="10 um").mesh(200.0)
     cycle.export(tmp_path / "mesh.csv")
     rows = [line.split(",") for line in (tmp_path / "mesh.csv").read_text().splitlines()]
@@ -185,7 +185,7 @@ def test_speed_over_a_span_in_its_own_unit(run, file):
     )
 
 
-def test_gear_says_what_is_asked(run, tmp_path):
+def test_gear_reports_the_requested_quantities(run, tmp_path):
     code, out, err = run("gear", *DRAWING, "--damping", 0.04, "-o", "box.toml")
     assert (code, err) == (0, "")
     assert read_machine(tmp_path / "box.toml") == Machine(pair(), 200.0, 0.04)
@@ -214,7 +214,7 @@ def test_gear_with_pairs_of_teeth(run, tmp_path):
     assert "must be one of teeth, secant, tangent" in run("gear", *DRAWING, "--mesh", "mean")[2]
 
 
-def test_gear_assumes_what_is_not_said(run):
+def test_gear_states_its_assumptions(run):
     """Also with the torque in the other direction, which loads the back flanks."""
     code, out, err = run("gear", *DRAWING, "--torque", "-200Nm", "--harmonics", 8, "--plot", "x.pdf")
     assert code == 0 and "error" not in err and "damping 0.04 (assumed): 0.02" in out and "on the driving flank" in out

@@ -91,7 +91,7 @@ def plainly(rows):
     return bool(passes_minus_one_cleanly(mu, length, np.array([1]))[0])
 
 
-def test_a_pair_that_passes_minus_one_is_told_from_one_that_reaches_it():
+def test_a_pair_that_passes_minus_one_differs_from_one_that_reaches_it():
     random = np.random.default_rng(3)
     assert all(plainly(four_rows(random, 0, 0.0)) for _ in range(300))
     for width in (1.02, 1.3, 2.0, 5.0, 30.0):
@@ -131,7 +131,7 @@ def test_each_of_several_pairs_must_pass_plainly():
         assert plainly((np.diff(x), np.hstack(pairs_))) is plain
 
 
-def test_what_cannot_be_followed_is_not_plain():
+def test_invalid_follow_problems_are_refused():
     x = np.array([-1.3, -0.4, 0.7, 1.8])
     mu = np.array([near_minus_one(-0.01, 0.1 * d) for d in x])
     assert passes_minus_one_cleanly(mu, np.diff(x), np.array([0, 1, 2])).tolist() == [
@@ -224,7 +224,7 @@ class Watch:
 
 
 @pytest.mark.parametrize(("changes", "unseen"), [([0, 0], {}), ([1, 0], {}), ([2, 0], {0: [0]}), ([1, 1], {1: [1]})])
-def test_changes_of_sign_beside_a_known_point(changes, unseen):
+def test_changes_of_sign_near_a_known_point(changes, unseen):
     """On a section of the path that holds a point one change is known; a second one, or one elsewhere, is not."""
     pair_, points = event("NS", two_sided=True), ["a", "b", "c"]
     path = SampledCurve(["a", "b", "c "], [(0, 0.0), (1, 0.0), (2, 0.0)], ["", "", ""], {0: "NS"})

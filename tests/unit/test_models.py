@@ -290,7 +290,7 @@ def test_catalogue_round_trip(model):
     assert hash(again) == hash(model)
 
 
-def test_rebuild_refuses_what_it_does_not_know():
+def test_rebuild_refuses_unknown_models():
     with pytest.raises(KeyError, match="no model class 'SpurPear'; did you mean 'SpurPair'"):
         rebuild_model({"class": "SpurPear", "fields": {}})
     with pytest.raises(KeyError, match="has no parameter 'zetta'"):

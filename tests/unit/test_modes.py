@@ -169,7 +169,7 @@ def test_modes_of_no_structure_are_not_lumped():
         (Parallel((Cubic(k1=0.1, k3=0.2), Unilateral(k=0.2, gap=0.5))), 5e-3, 1e-2),
     ],
 )
-def test_few_modes_tell_what_all_do(law, leading, others):
+def test_few_modes_give_the_result_of_all(law, leading, others):
     """Along the response of a chain, the largest and the eight largest multipliers; all carry far fewer modes."""
     system, w = chain(law)
     curve = trace(
@@ -189,7 +189,7 @@ def test_few_modes_tell_what_all_do(law, leading, others):
         assert min(carried) < 20
 
 
-def test_flexibility_beside_the_modes_up_to_a_frequency():
+def test_residual_flexibility_of_modes_up_to_a_frequency():
     system, w = chain(Cubic(0.0, 0.5))
     compiled = HarmonicBalance(system, 3).compiled({})
     frequencies = np.array([0.5, 2.5, 7.3, 20.0, 1e3]) * w

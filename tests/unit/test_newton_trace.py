@@ -59,7 +59,7 @@ PITCHFORK = Curve(lambda x, p: (p - 0.3) * x - x**3, lambda x, p: p - 0.3 - 3 * 
 
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0), (0.01, 1.0), (0.5, 1.0)])
-def test_a_piece_is_interpolated_whatever_the_lengths_of_its_tangents(scale):
+def test_a_segment_is_interpolated_for_any_length_of_its_tangents(scale):
     """About the fold of a circle: to the fourth order, and it turns halfway, in whatever scales its rows were found."""
 
     def piece(h, before=1.0, behind=1.0):
@@ -93,7 +93,7 @@ def test_newton_halves_steps_that_overshoot():
     assert solve(problem, np.array([20.0]), {"p": 0.0}).X[0] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_no_convergence_carries_what_happened():
+def test_no_convergence_has_the_iterations():
     problem = Curve(lambda x, p: x * x + p, lambda x, p: 2 * x)
     with pytest.raises(NoConvergence, match=r"relative residual of .* \(needed 1e-10\) .* p = 1") as caught:
         solve(problem, np.array([0.7]), {"p": 1.0})
@@ -179,7 +179,7 @@ def predicted(u, t, step, scale=(1.0, 1.0)):
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
-def test_prediction_from_k_rows_is_of_order_2k(k):
+def test_prediction_from_k_points_is_of_order_2k(k):
     """Hermite extrapolation through k rows with their tangents, at unequal distances, leaves the circle by h^2k."""
     lengths, errors = 0.12 * 1.5 ** -np.arange(4), []
     for h in lengths:
@@ -204,7 +204,7 @@ def polynomial_curve(degree, scale):
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
-def test_prediction_from_k_rows_is_exact_for_polynomials_of_degree_2k_minus_1(k):
+def test_prediction_from_k_points_is_exact_for_polynomials_of_degree_2k_minus_1(k):
     """In scaled unknowns; rows at unequal distances, tangents of any length. Degrees above are not met."""
     scale, lengths = np.array([2.0, 0.5, 10.0]), np.array([1.3, 0.7, 1.4, 2.0])[:k]
     for degree in (2 * k - 1, 2 * k + 1):
@@ -214,7 +214,7 @@ def test_prediction_from_k_rows_is_exact_for_polynomials_of_degree_2k_minus_1(k)
         assert (error < 1e-13) if degree < 2 * k else (error > 1e-7), (degree, error)
 
 
-def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
+def test_prediction_across_a_corner_uses_fewer_points():
     """Rows beyond a corner of the curve tell nothing of its course behind: the prediction stays by the tangent."""
     rows, tangents = on_circle(np.array([1.0, 1.05]))
     tangents[1] = tangents[1, 1], -tangents[1, 0]
@@ -256,7 +256,7 @@ def test_a_prediction_is_corrected_on_its_plane():
         correct(CIRCLE, np.array([40.0, 3.0]), np.array([-0.8, 0.6]), "p", {}, NewtonSettings())
 
 
-def test_rows_keep_no_matrices():
+def test_points_keep_no_matrices():
     """What a row was corrected with is not kept with it."""
 
     def held(*_):
@@ -272,7 +272,7 @@ def test_rows_keep_no_matrices():
     assert len(counts) > 80 and max(counts) < 4
 
 
-def test_more_rows_save_newton_steps():
+def test_prediction_from_more_points_saves_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
     curves = [
         trace(
@@ -285,7 +285,7 @@ def test_more_rows_save_newton_steps():
     assert curves[2].iterations[5:].mean() < 1.2
 
 
-def test_a_row_costs_its_newton_steps_and_one_evaluation():
+def test_a_point_costs_its_newton_steps_and_one_evaluation():
     calls = []
 
     class Counted:
@@ -316,7 +316,7 @@ class Weighed(ContinuationProblem):
         return Evaluation(R, J, np.array([-1 - 0.75 * p * p]), 1.0)
 
 
-def test_a_costly_parameter_is_kept_while_a_row_is_solved_for():
+def test_a_costly_parameter_is_kept_while_a_point_is_corrected():
     """Away from the folds each row asks for one value; everywhere it is the same curve."""
     curves, asked = [], []
     for costly in (False, True):
@@ -375,7 +375,7 @@ def test_max_points():
     assert curve.status.advice in curve.message and not curve.status.complete
 
 
-def test_interruption_keeps_the_rows():
+def test_interruption_keeps_the_points():
     def stop(now):
         if now.numbers["points"] == 7:
             raise KeyboardInterrupt
@@ -384,7 +384,7 @@ def test_interruption_keeps_the_rows():
     assert curve.status is Status.INTERRUPTED and len(curve) == 7 and "interrupted at p" in curve.message
 
 
-def test_progress_is_told_of_every_row():
+def test_progress_is_reported_at_every_point():
     seen = []
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), special=False, progress=seen.append)
     assert [now.numbers["points"] for now in seen] == list(range(2, len(curve) + 1))
@@ -413,14 +413,14 @@ def test_progress_of_stability_that_takes_long(monkeypatch):
     assert len(raised.value.branch) == 10 and raised.value.branch.status is Status.FAILED
 
 
-def test_a_trace_goes_on_from_any_row():
+def test_a_trace_continues_from_any_point():
     half = trace(CHAIN, "p", (0.0, 20.0), np.array([0.0]), steps=StepControl(max_points=60))
     rest = trace(CHAIN, "p", (0.0, 20.0), half[-1])
     assert rest.values[0] == half.values[-1] and rest.X[-1, 0] == pytest.approx(19.7, abs=1)
     assert rest.X[-1, 0] + 3 * np.sin(rest.X[-1, 0]) == pytest.approx(20.0, rel=NewtonSettings().tolerance)
 
 
-def test_the_end_of_what_the_problem_allows_is_a_status():
+def test_the_end_of_the_admissible_range_is_a_status():
     """A model that refuses values it declares no range for: the trace stops there, with the reason."""
 
     class Damped(Duffing):
@@ -506,7 +506,7 @@ MODELS = {
 
 @pytest.mark.parametrize("H", [1, 5])
 @pytest.mark.parametrize("name", MODELS)
-def test_every_row_solves_its_equations(name, H):
+def test_every_point_solves_its_equations(name, H):
     model, span = MODELS[name]
     problem = HarmonicBalance(model, H)
     curve = trace(problem, "Omega", span, accuracy=None)
@@ -606,7 +606,7 @@ def test_bad_fixed_values_and_starts():
         trace(CIRCLE, "p", (1, 2))
 
 
-def test_a_start_with_other_harmonics_either_works_or_says_so():
+def test_a_start_with_other_harmonics_works_or_is_refused():
     coarse = trace(DUFFING, "Omega", (0.5, 0.6))
     try:
         finer = trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 0.6), coarse[0])
@@ -628,7 +628,7 @@ def test_a_fold_next_to_the_start_is_on_the_curve_which_ends_behind_it(before):
     assert np.linalg.norm(curve.X[-1] - curve.X[0]) > np.sqrt(before)  # the other side of the fold
 
 
-def test_a_start_on_a_fold_either_works_or_says_so():
+def test_a_start_on_a_fold_works_or_is_refused():
     curve = trace(DUFFING, "Omega", (0.5, 1.6))
     try:
         again = trace(DUFFING, "Omega", (0.5, 1.6), curve["LP1"])

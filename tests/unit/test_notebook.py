@@ -34,7 +34,7 @@ def test_curve_is_a_table_and_a_figure(agg):
     assert plt.get_fignums() == []  # a notebook would show it twice
 
 
-def test_curve_of_any_equations_is_told():
+def test_curve_of_any_equations_is_printed():
     class Line:
         def evaluate(self, X, p):
             return X - p, np.eye(1)

@@ -83,7 +83,7 @@ with _delayed_ctrl_c():
 """
 
 
-def test_a_curve_is_traced_and_saved_without_what_windows_lacks(tmp_path):
+def test_a_curve_is_traced_and_saved_without_posix_functions(tmp_path):
     program = MISSING_ON_WINDOWS.format(
         os_names=("sched_getaffinity", "getuid", "getloadavg", "sysconf"),
         signal_names=("pthread_sigmask", "SIGALRM", "SIGHUP", "SIGPIPE", "SIGUSR1", "setitimer"),

@@ -61,7 +61,7 @@ def test_a_difference_is_central_within_the_range_and_one_sided_at_its_end():
     assert sorted(p for p in asked if p >= 1.0) == pytest.approx([1.0, 1.0 + 1e-5, 1.0 + 2e-5], abs=1e-12)
 
 
-def test_a_difference_that_is_refused_on_both_sides_says_why():
+def test_a_difference_refused_on_both_sides_gives_the_reason():
     def nowhere(at):
         raise ValueError("p is never allowed")
 

@@ -65,7 +65,7 @@ def test_peaks_followed_in_the_damping(duffing):
 
 
 @pytest.mark.parametrize("measure", ["rms", "H1", "H2", "H3"])
-def test_no_motion_beside_is_larger(spur, measure):
+def test_no_neighbouring_motion_is_larger(spur, measure):
     """Every peak against motions of the same curve a little to both sides, and their number against the rows."""
     found = peaks(spur, measure, accuracy=None)
     A = spur.amplitude(measure)

@@ -60,12 +60,12 @@ def test_the_residual_of_a_nonlinear_motion():
     assert curve.residual(given, branch.values[3], 1.01 * Q) > 1e-3
 
 
-def test_a_package_that_fails_says_why(peers, monkeypatch):
+def test_a_package_that_fails_gives_the_reason(peers, monkeypatch):
     monkeypatch.setattr(peers, "environment", lambda package: sys.executable)
     assert "No module named 'mousai'" in peers.theirs("duffing", "mousai")["failure"]
 
 
-def test_against_what_was_fastest_before(peers):
+def test_against_the_previous_fastest_code(peers):
     """The machines are compared by pyHarm: twice its time here doubles what the fastest would take."""
     rows = [{"problem": "duffing", "tool": tool, "seconds": ms / 10, "points": 100, "residual": 0.0, "folds": []}
             for tool, ms in (("hbgear, stability", 0.5), ("pyHarm", 2.2))]  # fmt: skip

@@ -179,7 +179,7 @@ Table = hb.mechanics.Periodic.table
         (lambda: undescribed({"function": "os.system"}), "described as a Series or a Periodic"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(make, said):
+def test_implausible_input_is_refused(make, said):
     with pytest.raises(ValueError, match=said):
         make()
 

@@ -190,7 +190,7 @@ def test_unknown_stability_is_thin_and_solid():
     assert widths.count(plot.LINES[None][1]) == 1
 
 
-def test_legend_names_only_what_occurs():
+def test_legend_names_only_drawn_lines():
     def names(ax):
         return [text.get_text() for text in ax.get_legend().get_texts()]
 
@@ -290,7 +290,7 @@ def test_spectrum_heights(log):
     assert (4.5 in found) != log  # harmonics that are zero have no place on a logarithmic axis
 
 
-def test_portrait_has_three_axes_and_says_what_it_shows():
+def test_portrait_has_three_axes_and_a_title():
     figure = plot.portrait(rich_point())
     assert len(figure.axes) == 3
     assert figure.get_suptitle() == r"$\Omega$ = 0.85, stable, single-sided"
@@ -307,7 +307,7 @@ def test_draws_on_given_axes_and_leaves_settings_alone():
 
 
 @pytest.mark.parametrize(("name", "start"), [("a.png", b"\x89PNG"), ("a.pdf", b"%PDF"), ("a.svg", b"<?xml")])
-def test_save_writes_the_kind_its_name_says(tmp_path, name, start):
+def test_save_writes_the_format_of_the_name(tmp_path, name, start):
     plot.save(plot.response(resonance()), tmp_path / name)
     assert (tmp_path / name).read_bytes().startswith(start)
     plot.save(plot.portrait(rich_point()), tmp_path / name)
@@ -337,7 +337,7 @@ def test_no_omega_no_phase_diagram():
         plot.phase_diagram(Point(point.X, {"zeta": 1.0}, 0.0, 1, None, point.regime, 0.0, point.layout))
 
 
-def test_names_of_the_first_releases_lead_to_what_moved():
+def test_names_of_the_first_releases_lead_to_the_new_ones():
     for name, function in (("plot_time", "sweeps"), ("plot_cases", "envelope")):
         with pytest.warns(DeprecationWarning, match=f"hbgear.{name} is deprecated: use hbgear.plot$"):
             module = getattr(hb, name)
@@ -596,7 +596,7 @@ def test_a_floor_of_a_spectrum_that_is_no_share_is_refused(floor):
         plot.spectrum(rich_point(), floor=floor)
 
 
-def test_spectrum_says_its_floor_and_draws_nothing_below():
+def test_spectrum_states_its_floor_and_draws_nothing_below():
     point = rich_point()
     faint = Point(point.X.copy(), point.parameters, 0, 1, None, point.regime, 0.0, point.layout)
     faint.X[15] = 1e-9  # harmonic 8

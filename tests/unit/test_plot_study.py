@@ -78,7 +78,7 @@ def test_numbers_against_parameters(hard):
     assert {line.get_gid(): len(line.get_xdata()) for line in jumps.lines} == {"jump_rising": 2, "jump_falling": 2}
 
 
-def test_only_what_was_computed_is_drawn(linear, hard):
+def test_only_computed_results_are_drawn(linear, hard):
     assert list(plot.figures(linear)) == ["envelope"]
     assert list(plot.figures(hard)) == ["envelope", "jump_distribution", "against_parameters"]
     with pytest.raises(ValueError, match=r"compute=\('jumps',\)"):
@@ -121,7 +121,7 @@ def test_every_percentile_across_a_fold_is_a_motion_of_some_case(hard):
     assert np.nanmax(up - down) > 0.3  # between the folds the two sweeps are on different motions
 
 
-def test_envelope_of_cases_that_jump_says_so(hard):
+def test_envelope_marks_cases_with_jumps(hard):
     ax = plot.envelope(hard, points=301)
     words = " ".join(text.get_text() for text in ax.get_legend().get_texts())
     assert "sweep up" in words and "sweep down" in words

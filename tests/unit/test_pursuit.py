@@ -61,7 +61,7 @@ CURVES = {
 
 @pytest.mark.parametrize("back", [False, True], ids=["forth", "back"])
 @pytest.mark.parametrize("name", CURVES)
-def test_the_compiled_loop_tells_the_same_curve(name, back):
+def test_the_compiled_loop_gives_the_same_curve(name, back):
     """Ends, special points and jumps; rows solve the equations and keep their distance."""
     model, H, span, kinds = CURVES[name]
     span = span[::-1] if back else span
@@ -85,7 +85,7 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_the_loops_choose_the_same_rows(name):
+def test_both_loops_choose_the_same_points(name):
     """StepControl and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same
     to
     rounding."""
@@ -156,7 +156,7 @@ def test_compiled_newton_gives_up():
     assert problem.compiled_locator("zeta", {"Omega": 0.9}, -1) is None
 
 
-def test_what_has_no_compiled_loop():
+def test_problems_without_a_compiled_loop():
     """Sampled laws and other parameters than Omega are followed row by row."""
     problem = HarmonicBalance(SpurPair(), 6)
     assert (

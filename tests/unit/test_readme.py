@@ -82,7 +82,7 @@ def folder(tmp_path, monkeypatch):
         ("1.2e-09", "1.3e-09", False),
     ],
 )
-def test_results_are_held_against_what_is_said(text, got, so):
+def test_results_are_compared_with_the_stated_claims(text, got, so):
     assert agrees(text, got) is so
 
 
@@ -92,7 +92,7 @@ def test_python_block(block, folder):
     run_python(block.text)
 
 
-def test_blocks_say_what_comes_out():
+def test_results_stated_in_code_blocks():
     """By an arrow or an assertion; a number in a comment that stands elsewhere is checked by nothing."""
     for block in PYTHON:
         assert "-> " in block.text or "assert" in block.text, block

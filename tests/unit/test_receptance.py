@@ -124,7 +124,7 @@ def test_a_damped_drift_cannot_carry_a_constant_load():
         HarmonicBalance(two_masses(Load([0.5, 0.0]), C=np.diag([0.1, 0.1])), 3)
 
 
-def test_a_free_motion_beside_an_unloaded_coordinate():
+def test_a_free_motion_with_an_unloaded_coordinate():
     """A coordinate that no element and no spring touches does no harm."""
     base = two_masses(Load([0.5, -1.0], {1: [0.2, 0.0]}))
     gap = Element([1.0, -2.0, 0.0], Backlash(1.0), damping=0.1)
@@ -241,7 +241,7 @@ def test_critically_damped_structure(zeta):
 
 
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
-def test_numbers_too_far_apart_are_told():
+def test_numbers_too_far_apart_are_reported():
     """A damper that holds all: the receptance of an element is zero to the last digit, and has no inverse."""
     with pytest.raises(ValueError, match="the receptance of the structure is zero or infinite"):
         HarmonicBalance(GearRotorBearing(zeta_2=1e30), 5).start(Omega=0.5)
@@ -291,7 +291,7 @@ def test_stability_next_to_a_structure_is_that_of_itself():
     np.testing.assert_allclose(mu[1], mu[0], atol=1e-9)
 
 
-def test_a_load_beside_a_balanced_one_is_refused():
+def test_a_load_with_a_balanced_one_is_refused():
     """Two masses that nothing holds: their loads balance, and with another value of one they do not."""
 
     @model()
@@ -312,7 +312,7 @@ def test_structures_do_not_depend_on_loads():
     assert problem.compiled({"zeta": 0.05}).structure is not problem.compiled({}).structure
 
 
-def test_differences_where_a_load_swings_what_moves_freely():
+def test_differences_for_an_oscillating_load_on_a_free_motion():
     """Modes leave the free motion out, which a varying load sets going and a changed mass or damper then feels."""
 
     @model()

@@ -178,7 +178,7 @@ def test_nothing_to_do():
     assert found.reached and found.changes == {"zeta": 0.0}
 
 
-def test_what_cannot_be_redesigned():
+def test_invalid_redesigns_are_refused():
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
         hb.design.redesign(PAIR, hb.design.no_jumps(), ["zetta"])
     with pytest.raises(ValueError, match="name at least one parameter"):

@@ -88,7 +88,7 @@ def test_flexibility_of_the_modes_left_out():
             found.modulation(swing)
 
 
-def test_flexibility_beside_free_motion():
+def test_residual_flexibility_with_free_motion():
     """Two masses on a spring between them, both free: the one mode kept is the free motion, the other is left out."""
     spring = hb.Element([1, -1, 0], hb.Unilateral(k=2.0, gap=-1.0), name="spring")
     K = np.array([[0.0, 0, 0], [0, 1, -1], [0, -1, 1]])

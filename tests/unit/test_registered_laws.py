@@ -180,7 +180,7 @@ def test_a_law_by_the_recipe_passes_through_everything(tmp_path, monkeypatch):
     assert_same_machine(model_registry.rebuild_model(describe(both)), both)
 
 
-def test_a_law_that_is_not_registered_is_named_with_what_to_do(tmp_path, curve_of):
+def test_a_law_that_is_not_registered_is_named_with_a_remedy(tmp_path, curve_of):
     @dataclass(frozen=True)
     class Own(hb.mechanics.Law):
         k: float = 1.0
@@ -225,7 +225,7 @@ def test_damaged_fields_of_a_law_are_refused(fields, message):
         registry.LAWS["Tanh"].from_fields(fields)
 
 
-def test_what_cannot_be_registered():
+def test_invalid_registrations_are_refused():
     with pytest.raises(TypeError, match="Plain must be a dataclass derived from"):
 
         @hb.mechanics.register_law

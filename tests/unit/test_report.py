@@ -82,7 +82,7 @@ def test_titles_are_words(model, title):
     assert title_of(curve) == title
 
 
-def test_what_is_drawn_is_the_curve(pair):
+def test_drawn_values_are_those_of_the_curve(pair):
     (drawn,) = view.views([pair], ["pair"])
     assert json.loads(json.dumps(drawn, allow_nan=False)) == json.loads(json.dumps(drawn))
     np.testing.assert_allclose(drawn["amplitudes"]["pp2"][0], pair.amplitude("pp2"), rtol=1e-6)
@@ -155,7 +155,7 @@ def test_results_of_a_study_are_those_of_its_file(scatter):
     assert study_section(read, "a") == study_section(found, "a")
 
 
-def test_a_study_is_told_in_tables(scatter):
+def test_a_study_has_tables(scatter):
     found, _ = scatter
     seen = study_section(found, "study 1")
     assert seen["summary"] == "3 cases; all of their curves are drawn as thin lines"
@@ -173,7 +173,7 @@ def test_a_study_is_told_in_tables(scatter):
     assert [line["name"] for line in drawn] == ["study 1", "case 0", "case 1", "case 2"]
 
 
-def test_many_curves_are_thinned_and_said_so(scatter):
+def test_many_curves_are_thinned_with_a_note(scatter):
     found, _ = scatter
     curve = next(iter(found.curves.values()))
     table = {name: np.resize(column, 600) for name, column in found.table.items()} | {"case": np.arange(600)}
@@ -224,7 +224,7 @@ def test_files_that_are_no_table_of_a_study_are_refused(tmp_path, arrays, said):
         read_results(tmp_path / "other.npz")
 
 
-def test_what_cannot_be_reported_is_refused(pair, tmp_path):
+def test_invalid_reports_are_refused(pair, tmp_path):
     with pytest.raises(ValueError, match="no curve to report on"):
         hb.report([])
     with pytest.raises(ValueError, match="1 names for 2 branches"):
@@ -542,7 +542,7 @@ def test_paper_is_white_and_takes_the_whole_figure(shown):
     shown.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
-def test_page_is_drawn_anew_when_a_phone_is_turned(shown):
+def test_page_is_redrawn_when_a_phone_is_rotated(shown):
     from selenium.webdriver.support.ui import WebDriverWait
 
     legend = "return document.getElementById('response')._fullLayout.legend.orientation"

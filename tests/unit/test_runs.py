@@ -16,7 +16,7 @@ def curve():
     return hb.trace(hb.HarmonicBalance(hb.SpurPair(eps=(0.2,)), 12), "Omega", (1.5, 0.3))
 
 
-def test_a_run_is_what_a_slow_sweep_measures(curve):
+def test_a_run_equals_a_slow_sweep(curve):
     """Against integration in time, on both sides of the jumps."""
     up, down = hb.analysis.run_up(curve, "up"), hb.analysis.run_up(curve, "down")
     assert [jump.direction for jump in (*up.jumps, *down.jumps)] == [1, -1]
@@ -108,7 +108,7 @@ def test_answers(curve, tmp_path):
     (hb.gears.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
     (hb.gears.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
 ])  # fmt: skip
-def test_reactions_are_what_inertia_leaves_of_the_mesh_force(pair, gears):
+def test_reactions_are_mesh_force_less_inertia(pair, gears):
     """By Newton: what the supports of a gear carry is the force of its meshes less what accelerates its mass."""
     curve = hb.trace(hb.HarmonicBalance(pair, 10), "Omega", (1.45, 1.451))
     problem, system, Omega, X = curve.problem, pair.system(), float(curve.values[0]), curve.X[0]

@@ -107,7 +107,7 @@ class Law(hb.mechanics.Law):
         return 1.0
 
 
-def test_what_is_no_data_is_not_rebuilt():
+def test_invalid_data_are_not_rebuilt():
     """Nothing is put in its place either: gyroscopic terms, bearings."""
     plain = system()
     fast = hb.mechanics.SpeedTerms(stiffness=lambda Omega: np.eye(2))

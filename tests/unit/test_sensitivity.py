@@ -289,7 +289,7 @@ def test_scatter_and_order(spur):
         found.scatter({"zeta": -0.1})
 
 
-def test_what_cannot_be_differentiated(spur):
+def test_invalid_sensitivities_are_refused(spur):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
         hb.analysis.sensitivity(spur["LP1"], ["zetta"])
     with pytest.raises(KeyError, match=r"no parameter 'eps\[7\]'"):
@@ -320,7 +320,7 @@ def test_traced_in_an_entry(spur):
 
 
 @pytest.mark.slow
-def test_scatter_of_jumps_beside_monte_carlo(spur):
+def test_scatter_of_jumps_against_monte_carlo(spur):
     """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
     jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]
     found = {

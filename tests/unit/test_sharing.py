@@ -100,7 +100,7 @@ def hasty():
 
 
 @pytest.mark.parametrize("model", [hb.SpurPair(eps=(0.2,)), Pair()], ids=["exact", "sampled"])
-def test_threads_that_share_a_problem_find_what_each_finds_alone(model, hasty):
+def test_threads_that_share_a_problem_find_the_same_results(model, hasty):
     together = Barrier(len(TASKS))
     shared = hb.HarmonicBalance(model, 6)
 
@@ -116,7 +116,7 @@ def test_threads_that_share_a_problem_find_what_each_finds_alone(model, hasty):
         assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True)), task
 
 
-def test_what_was_asked_before_changes_nothing():
+def test_earlier_calls_change_nothing():
     used, task = hb.HarmonicBalance(hb.SpurPair(eps=(0.2,)), 6), TASKS[0]
     alone = rows(hb.HarmonicBalance(hb.SpurPair(eps=(0.2,)), 6), task)
     for other in TASKS:

@@ -49,7 +49,7 @@ def test_faults_of_a_site_are_reported(site, tmp_path, fault, message):
     assert site("whole").faults(tmp_path) == [message]
 
 
-def test_docstrings_become_what_sphinx_reads(site):
+def test_docstrings_are_converted_for_sphinx(site):
     text = """Return the root of |x|, and c_ of `Wheel`s.
 
         x = |y|^2

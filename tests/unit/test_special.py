@@ -58,7 +58,7 @@ def test_labels_are_numbered_in_the_order_of_the_curve(strong):
     assert [p.index for p in strong.special] == sorted(p.index for p in strong.special)
 
 
-def test_what_is_stored_of_each(strong):
+def test_stored_values_of_each_case(strong):
     for point in strong.special:
         assert point.kind in KINDS and point.label.startswith(point.kind)
         assert point.located and point.residual < 1e-10
@@ -111,7 +111,7 @@ def test_folds_are_located_to_rounding(strong):
         assert (strong.values[i - 1] - point.parameters["Omega"]) * (strong.values[i + 1] - strong.values[i]) > 0
 
 
-def test_the_same_points_whatever_the_steps(strong):
+def test_the_same_points_for_all_steps(strong):
     """From the other end of the span, so with other rows and brackets."""
     back = trace(strong.problem, "Omega", (0.5, 2.2))
     assert [p.kind for p in back.special] == [p.kind for p in strong.special][::-1]
@@ -196,7 +196,7 @@ def test_symmetry_breaking_of_a_single_oscillator():
 # ---- grazing
 
 
-def test_grazing_names_what_touches():
+def test_grazing_names_the_element():
     """Strong excitation: teeth part, and also meet on their backs."""
     curve = trace(HarmonicBalance(SpurPair(F_m=0.1, e=(0.5,)), 8), "Omega", (1.5, 0.3), stability=False)
     grazing = [p for p in curve.special if p.kind == "GR"]
@@ -272,7 +272,7 @@ def test_a_motion_of_the_single_period_in_a_longer_basis_merges_with_nothing(H):
     assert trace(problem, "Omega", (3.0, 12.0), stability=False).status == "reached_end"
 
 
-def test_a_double_basis_finds_what_the_single_one_does():
+def test_a_double_basis_finds_the_points_of_the_single_one():
     single = trace(HarmonicBalance(SpurPair(), 10), "Omega", (1.5, 0.6), stability=False)
     double = trace(HarmonicBalance(SpurPair(), 20, nu=2), "Omega", (1.5, 0.6), stability=False)
     assert double.status == "reached_end"
@@ -335,7 +335,7 @@ def test_folds_just_below_their_cusp(cusp, less, span):
 
 @pytest.mark.parametrize("steps", [StepControl(), StepControl(max_step=0.03)], ids=["usual", "short"])
 @pytest.mark.parametrize(("zeta", "expected"), [(0.12, (0.336273, 0.337659)), (0.1205, (0.336781, 0.337149))])
-def test_doublings_closer_than_the_rows(zeta, expected, steps):
+def test_doublings_closer_than_the_points(zeta, expected, steps):
     """The range in which the double-helical pair doubles its period is a hundredth of a step before it vanishes."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=zeta), 12)
     curve = trace(problem, "Omega", (0.2, 0.6), steps=steps)
@@ -348,7 +348,7 @@ def test_doublings_closer_than_the_rows(zeta, expected, steps):
 
 
 @pytest.mark.parametrize("less", [1e-3, 1e-5, 1e-7])
-def test_contact_that_is_met_between_two_rows_only(less):
+def test_contact_between_two_points_only(less):
     """A stop just within a linear resonance: (1 - w^2)^2 + (2 zeta w)^2 = (F / gap)^2 at first and last contact."""
     zeta, F = 0.1, 0.3
     gap = F / (2 * zeta * np.sqrt(1 - zeta**2)) * (1 - less)

@@ -66,7 +66,7 @@ def test_softening_oscillator_starts_at_rest():
         assert np.abs(curve.amplitude("mean")).max() < 1e-9 and not curve.warnings
 
 
-def test_a_curve_without_a_stable_point_says_so():
+def test_a_curve_without_a_stable_point_has_a_warning():
     problem = hb.HarmonicBalance(oscillator(1.0, 0.1, hb.Cubic(k3=-1.0), F=0.05), 8)
     X = np.zeros(17)
     X[0] = 1.0  # the saddle

@@ -142,7 +142,7 @@ def test_impacts_in_closed_form(start):
 # ---- the same steps in several ways
 
 
-def test_laws_that_are_asked_move_as_those_in_tables(rng):
+def test_sampled_laws_move_like_tabulated_laws(rng):
     """Newton's iterations end elsewhere, nothing else differs; many motions are asked together."""
     y = rng.uniform(-1, 1, (7, 4))
     for law in (TWO_SPRINGS, ALL_IN_ONE):
@@ -221,7 +221,7 @@ def test_tables_are_the_laws(law, rng):
     np.testing.assert_allclose(p, law.force(d, 0 * d, tau)[0], rtol=0, atol=1e-13)
 
 
-def test_laws_without_a_table_are_asked():
+def test_laws_without_a_table_are_sampled():
     class Quartic(Cubic):
         """A law of its own that inherits."""
 
@@ -251,7 +251,7 @@ def test_an_error_in_a_thread_ends_the_others():
         assert seen == [(1, True)]
 
 
-def test_what_is_begun_goes_on_while_the_block_runs_and_ends_with_it():
+def test_background_work_ends_with_its_block():
     import threading
 
     asked = threading.Event()

@@ -60,7 +60,7 @@ PRINTED = "hbgear: error: the result could not be printed ({}); the output files
         ("hbgear info no.npz <&- >&- 2>&-", ""),
     ],
 )
-def test_what_cannot_be_printed(folder, line, said):
+def test_characters_that_cannot_be_printed(folder, line, said):
     assert shell(folder, line)[:2] == (2, said)
 
 
@@ -108,7 +108,7 @@ def test_a_current_folder_that_was_removed(folder, command, said):
 
 
 @pytest.mark.parametrize("trace", [1, [], "x", {"span": 3}, {"span": [1]}, {"span": ["a", "b"]}, {"accuracy": "x"}])
-def test_a_curve_whose_header_says_nonsense_of_its_trace(folder, trace):
+def test_a_curve_with_an_invalid_trace_in_its_header(folder, trace):
     with np.load(folder / "F.npz") as file:
         arrays = dict(file)
     header = json.loads(str(arrays["header"]))

@@ -47,7 +47,7 @@ def test_a_study_is_made_with_its_figure_and_report(tmp_path, monkeypatch):
     assert "| jump-up | -1.00 |" in (tmp_path / "sampling.md").read_text()
 
 
-def test_runner_refuses_what_is_not_there(monkeypatch, capsys):
+def test_runner_refuses_unknown_studies(monkeypatch, capsys):
     from studies.__main__ import main
 
     monkeypatch.setattr("sys.argv", ["studies", "dong_2023"])
@@ -56,7 +56,7 @@ def test_runner_refuses_what_is_not_there(monkeypatch, capsys):
     assert main() == 2 and "give a folder" in capsys.readouterr().err
 
 
-def test_runner_skips_what_is_unchanged(tmp_path):
+def test_runner_skips_unchanged_studies(tmp_path):
     from studies.__main__ import fingerprint, is_made
 
     name, file = "studies.contact.sampling", tmp_path / "a.png"

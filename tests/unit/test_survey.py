@@ -88,7 +88,7 @@ def test_its_motions_are_motions(isola):
         assert bool(np.abs(np.linalg.eigvals(period.monodromy)).max() < 1) == stable
 
 
-def test_the_survey_says_how_it_looked(isola):
+def test_the_survey_reports_its_starts(isola):
     assert isola.log[0].startswith("branch 1, from the linear response at Omega = 3.5")
     assert any("at Omega = 5 by deflated Newton: the curve closed" in line for line in isola.log)
     assert isola.log[-1].startswith("Omega = 5: 1 motions known, 20 random starts")

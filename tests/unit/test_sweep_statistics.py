@@ -42,7 +42,7 @@ def test_chances_and_quantiles(found):
         np.testing.assert_allclose(quantiles, expected, rtol=1e-2)  # of curves sampled at other points
 
 
-def test_what_is_no_statistics(found):
+def test_invalid_statistics_are_refused(found):
     with pytest.raises(ValueError, match="must be between 0 and 1"):
         hb.design.sweep_statistics(found, quantiles=(2.0,))
     with pytest.raises(ValueError, match="Omega must be a list of ascending values"):

@@ -50,7 +50,7 @@ def test_receptances_in_every_unit(tmp_path, header, columns):
     np.testing.assert_allclose(read, H, rtol=1e-9)
 
 
-def test_the_unit_says_which_quantity_was_measured(tmp_path):
+def test_the_unit_defines_the_measured_quantity(tmp_path):
     w = 2j * np.pi * f[1:]
     v, a = H[1:] * w, H[1:] * w**2
     for name, unit, values, scale in (("v", "mm/s/N", v, 1e3), ("a", "(m/s²)/N", a, 1.0), ("b", "1/kg", a, 1.0)):
@@ -174,7 +174,7 @@ def test_pipes_devices_folders_and_large_files_are_refused_at_once(tmp_path, rea
         read(tmp_path / "large.csv")
 
 
-def test_units_that_are_asked_for_are_known(tmp_path):
+def test_requested_units_are_known(tmp_path):
     path = written(tmp_path / "k.csv", "phase [deg];k [N/m]", CYCLE, ";")
     for unit in ("é", "furlongs/", "N/m**2", "x" * 100):
         with pytest.raises(ValueError, match=r"read_table: unit = .* is not known; need one such as 'N/m'"):
@@ -235,6 +235,6 @@ def test_cells_of_numbers():
         assert number_of_cell(text) is None
 
 
-def test_words_may_begin_a_row():
+def test_words_may_begin_a_line():
     found = table_text("sweep;x\nup;1,5\ndown;2\n", "a.csv")
     assert found.headings == ("sweep", "x") and found.rows[1].cells == ("down", "2")

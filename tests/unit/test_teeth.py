@@ -245,7 +245,7 @@ def meeting(p0, stiffness, modulus=0.985):
 
 @pytest.mark.parametrize("stiffness", [0.02, 0.04, 0.08])
 @pytest.mark.parametrize("span", [(0.0, 0.8), (0.8, 0.0)])
-def test_two_pairs_that_meet_between_two_rows(stiffness, span):
+def test_two_pairs_that_meet_between_two_points(stiffness, span):
     """Their moduli leave the circle and come back within a step, and are alike at all rows."""
     of = meeting(0.41, stiffness)
     curve = trace(
@@ -288,7 +288,7 @@ def chain(stiff, load):
 
 
 @pytest.mark.parametrize("stiff", [1.0, 1e4, 1e9])
-def test_a_balanced_load_is_told_from_one_that_is_not(stiff):
+def test_balanced_and_unbalanced_loads(stiff):
     """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: `_BALANCED`
     is 1e-2, or 0; the rounding of the free motion is 0, or a million times as much."""
     LinearStructure(chain(stiff, [1.0, 1.0, -2.0]))
@@ -322,7 +322,7 @@ def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
 
 @pytest.mark.parametrize("k", [1, 2, 3, 5])
 @pytest.mark.parametrize("rho", [0.9, 0.99])
-def test_what_is_still_to_go_of_a_motion_of_several_periods(k, rho):
+def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
     """x_p of period k plus a part that dies like rho^p: D_k / (1 - rho^k) is what that part was k periods ago, and the
     largest D_k is the one at the other end of the window. Mutant: 1 - rho instead of 1 - rho^k."""
     periods, window, last = 6, 8, 400

@@ -277,7 +277,7 @@ def test_bad_input(call, words):
         call()
 
 
-def test_shooting_that_fails_says_so():
+def test_shooting_without_convergence_is_reported():
     with pytest.raises(NoConvergence, match="shooting did not converge at Omega") as error:
         shoot(VARYING, 0.8, [30.0, -40.0], max_iterations=1, tolerance=1e-13)
     assert len(error.value.residuals) == 2 and error.value.X.shape == (2,)

@@ -73,7 +73,7 @@ def test_factors_along_the_flank_are_those_of_its_normals(z, x):
     assert found.fillet_radius == pytest.approx(1 / curvature, rel=1e-2)
 
 
-def test_what_has_no_form_factor():
+def test_gears_without_a_form_factor():
     with pytest.raises(ValueError, match="ring gear; form factors"):
         hb.gears.root_factors(gear(80, internal=True), 0.24)
     with pytest.raises(ValueError, match=r"not on the involute; give values from the base diameter 70\.4769 mm"):

@@ -16,7 +16,7 @@ def places(f, x):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_parabola_through_three_rows(sign):
+def test_a_parabola_through_three_points(sign):
     x = [0.0, 1.0, 1.9, 3.0]
     assert places(lambda x: sign * ((x - 1.4) ** 2 - 0.04), x) == pytest.approx([1.4])
     assert not found(lambda x: sign * ((x - 1.4) ** 2 + 2.0), x)
@@ -39,7 +39,7 @@ def test_a_line_that_reaches_zero_at_once(mirror):
     assert any(0.9386125 < place < 0.9422022 for place in between)
 
 
-def test_unknown_values_and_few_rows():
+def test_unknown_values_and_few_points():
     assert near_zeros(np.full((4, 2), np.nan), np.ones(3)) == []
     assert near_zeros(np.ones((2, 1)), np.ones(1)) == []
     assert near_zeros(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a change of sign is no dip

@@ -390,7 +390,7 @@ def test_figure_of_a_train(file):
     assert "order 1, lag 0 cycles" in ax.get_legend().get_texts()[1].get_text()
 
 
-def test_an_error_is_one_line_whatever_names_are(tmp_path):
+def test_an_error_is_one_line_for_any_names(tmp_path):
     text = TEXT.replace('first = "in"', 'first = "i\\nn"')
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(TrainFileError) as error:

@@ -48,7 +48,7 @@ def test_a_pint_quantity_is_read():
      (float("nan"), "m", "finite"), (True, "m", "finite"), (None, "m", "finite"), ("", "m", "must be a quantity"),
      ("1e999 m", "m", "finite"), ("3 mm; 4", "m", "must be a quantity"), ([1], "m", "finite")],
 )  # fmt: skip
-def test_what_is_no_quantity_is_refused(value, unit, said):
+def test_invalid_quantities_are_refused(value, unit, said):
     with pytest.raises(ValueError, match=said):
         to_si("x", "y", value, unit)
 

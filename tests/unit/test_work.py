@@ -10,7 +10,7 @@ from hbgear.continuation.problem.work import MIN_WEIGHT, Work
 from hbgear.harmonic.stability import verification
 
 
-def test_no_solution_takes_more_than_half_of_what_is_left():
+def test_no_solution_takes_more_than_half_of_the_remaining_work():
     work = Work(2.5)
     taken = [work.allows(700) for _ in range(4)]
     assert taken == [True, False, False, False] and work.refused == 3
@@ -52,7 +52,7 @@ def stop():
     return hb.System([[1.0]], [[0.06]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
 
 
-def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_know(stop):
+def test_a_curve_with_little_work_is_the_same_curve_and_states_unknowns(stop):
     problem = hb.HarmonicBalance(stop, 16)
     full = hb.trace(problem, "Omega", (0.9, 2.2), work=None)
     little = hb.trace(problem, "Omega", (0.9, 2.2), work=0.0)
