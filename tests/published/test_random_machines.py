@@ -119,7 +119,7 @@ def test_verdicts_that_are_wrong_are_seen(campaign):
     assert all(v.wrong for v in campaign.truth.verdicts(it, lies, finer, np.random.default_rng(0)))
 
 
-def test_untrue_ends_are_seen(campaign):
+def test_contradicted_ends_are_detected(campaign):
     it = campaign.Machine("spur", 0, hb.SpurPair(), (1.5, 0.3))
     curve = campaign.truth.traced(it, 8)
     assert list(campaign.contradictions(it, curve)) == []
@@ -127,8 +127,8 @@ def test_untrue_ends_are_seen(campaign):
     names = ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers", "modulus_error")
     arrays = {name: getattr(curve, name)[half] for name in names}
     short = replace(curve, **arrays, special=(), jump_records=())
-    told = list(campaign.contradictions(it, short))
-    assert any("reached_end at" in text for text in told) and any("without a word" in text for text in told)
+    found = list(campaign.contradictions(it, short))
+    assert any("reached_end at" in text for text in found) and any("without a message" in text for text in found)
     assert any(
         "residual" in text for text in campaign.contradictions(it, replace(curve, residual=curve.residual + 1e-6))
     )
@@ -141,7 +141,7 @@ def test_long_traces_are_interrupted(campaign, monkeypatch):
     slow = campaign.Machine("two", 1, hb.SpurPair(), (1.5, 0.3))
     monkeypatch.setattr(campaign.truth, "traced", lambda it, H: hb.trace(
         hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(max_step=1e-4)))  # fmt: skip
-    assert campaign.followed(slow).status == "interrupted"
+    assert campaign.trace_end(slow).status == "interrupted"
 
 
 @pytest.mark.parametrize(

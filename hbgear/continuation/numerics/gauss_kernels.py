@@ -149,10 +149,12 @@ def add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
     Parameters
     ----------
-    A, B, out : ndarray, shape (n, m), (m, k), (n, k)
-        Matrices; ``out`` is overwritten.
+    A, B : ndarray, shape (n, m), (m, k)
+        Matrices.
     factor : float
         Factor of the product.
+    out : ndarray, shape (n, k)
+        Matrix that is changed.
     """
     n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
     for i in range(A.shape[0]):

@@ -166,8 +166,8 @@ def constant_segments(A: Any, h: Any, y: Any) -> Any:
 
     Returns
     -------
-    (Z, change, begin, end, slope) : tuple of ndarray
-        (K, N, N) and four times (K, N).
+    tuple of ndarray
+        Z (K, N, N), change, begin, end and slope (K, N).
     """
     K, N = y.shape
     Z, memory = np.empty((K, N, N)), np.empty((2, N, N))
@@ -242,7 +242,7 @@ def periodicity(segments: Any, pattern: Any, y: Any, tau: Any, period: float, r:
     segments : tuple of ndarray
         Z, change, begin, end and slope, see `constant_segments`.
     pattern : tuple of ndarray
-        column (K,), number of the instant of each switch among the free ones, -1 for a prescribed phase; rows (K, N) of
+        Column (K,), number of the instant of each switch among the free ones, -1 for a prescribed phase; rows (K, N) of
         the gap of each switch; levels (K,), its breakpoint; visits, see `short_visits`.
     y, tau, period : ndarray, shape (K, N), (K,), and float
         States and phases of the switches, and the period.
@@ -368,8 +368,8 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
 
     Returns
     -------
-    (gaps, slopes) : tuple of ndarray, shape (P, G, m)
-        P is the number of all panels.
+    tuple of ndarray
+        Gaps and slopes (P, G, m); P is the number of all panels.
     """
     (K, m, N), G, P = rows.shape, offsets.shape[0], 0
     for k in range(K):
