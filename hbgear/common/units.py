@@ -23,6 +23,11 @@ EXAMPLES = {"m": "'3 mm'", "rad": "'20 deg'", "N m": "'200 N m'", "N/m": "'2e8 N
 """Example of a quantity of each SI unit, for messages."""
 
 
+def _example(unit: str) -> str:
+    """Return an example of a quantity in a unit, for messages."""
+    return EXAMPLES.get(unit, f"'10 {unit}'")
+
+
 _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^-?\d[\w\s/*-]*)*"
 """A number and a possible unit: letters, products, quotients and whole powers."""
 
@@ -111,14 +116,14 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     """Return the number of a text or a quantity in a unit."""
     if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
         return _short(usual)
-    need = f"a quantity in {unit} with its unit, such as {EXAMPLES.get(unit, unit)}" if unit else "a number"
+    need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
     refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}")
     import pint
 
     if isinstance(value, str):
         text = value.strip()
         if unit and re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text):
-            raise ValueError(f"{owner}: {name} = {quoted(value)} has no unit; give one, such as {EXAMPLES.get(unit)}")
+            raise ValueError(f"{owner}: {name} = {quoted(value)} has no unit; give one, such as {_example(unit)}")
         if len(text) > 60 or not re.fullmatch(_QUANTITY, text):
             raise refusal  # a unit alone, or an expression, whose evaluation may take very long
         try:
@@ -215,7 +220,7 @@ class QuantityField:
         checked(owner, self.name, number, self.allowed)
         if number not in self.plausible:
             unit = f" {self.unit}" if self.unit else ""
-            example = EXAMPLES.get(self.unit, self.unit)
+            example = _example(self.unit)
             way = f"numbers are in {self.unit}, other units are given as text such as {example}"
             raise ValueError(
                 f"{owner}: {self.name} = {number:g}{unit} is beyond any machine (it must {self.plausible}); "

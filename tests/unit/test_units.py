@@ -99,3 +99,10 @@ def test_pint_waits_for_a_text_in_a_unit_that_is_not_usual():
 def test_units_that_end_in_an_operator_are_refused(text):
     with pytest.raises(ValueError, match="must be a quantity in m with its unit"):
         to_si("Gear", "module", text, "m")
+
+
+@pytest.mark.parametrize(("unit", "example"), [("um", "such as '10 um'"), ("m", "such as '3 mm'")])
+@pytest.mark.parametrize("value", ["200", "1 N"])
+def test_messages_have_an_example_of_any_unit(value, unit, example):
+    with pytest.raises(ValueError, match=example):
+        to_si("A", "b", value, unit)

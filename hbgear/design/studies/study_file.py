@@ -125,7 +125,12 @@ def _quantity_kind(name: str, model: Model) -> Any:
 def _quantity(name: str, model: Model, value: Any) -> Any:
     """Return a value in the unit of the label of a parameter."""
     unit = unit_of(str(model.labels.get(name, name)))
-    return to_si("study", name, value, unit) if isinstance(value, str) and known_unit(unit) else value
+    if not isinstance(value, str) or not known_unit(unit):
+        return value
+    try:
+        return to_si("study", name, value, unit)
+    except ValueError as error:
+        raise ValueError(str(error).removeprefix("study: ")) from None
 
 
 def _checked(
