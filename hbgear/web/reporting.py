@@ -25,6 +25,7 @@ from hbgear.web.studies import lines_of, study_section
 from hbgear.web.view import views
 
 _OTHER_SPACES = re.compile(r"[\t\n\v\f\r\u2028\u2029]")
+"""Spaces and ends of lines that tools for publishing change."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,9 @@
 import os
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
+import scipy.io
 
 import hbgear as hb
 from hbgear.cli.app import main
@@ -97,6 +99,36 @@ def test_parameters_of_a_drawing_vary_with_their_units(tmp_path):
         (alone,) = hb.design.cases(other, vary, ("peak",), harmonics=8, span=span, executor=here).table["peak"]
     peak = found.table["peak"] * study.model.scales.length
     assert not found.failed and peak[0] == pytest.approx(alone * other.scales.length, rel=1e-9) != peak[1]
+
+
+def test_parameters_of_a_structure_file_vary(tmp_path):
+    """The cases are those of the structure with other gaps."""
+    for name, matrix in (("M", np.eye(2)), ("C", 0.1 * np.eye(2)), ("K", np.array([[2.0, -1.0], [-1.0, 2.0]]))):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix)
+    (tmp_path / "two.toml").write_text(
+        '[matrices]\nM = "M.mtx"\nC = "C.mtx"\nK = "K.mtx"\nnames = ["a", "b"]\n[[element]]\nname = "stop"\n'
+        'direction = { a = 1.0 }\nlaw = "unilateral"\nk = 5.0\ngap = 0.3\n[[load]]\ncosine = { 1 = { b = 0.3 } }\n'
+    )
+    (tmp_path / "a.toml").write_text('model = "two.toml"\n[grid]\ngap = [0.2, 0.4]\n[compute]\nspan = [0.8, 1.6]\n')
+    study = read_study(tmp_path / "a.toml")
+    with ThreadPoolExecutor(1) as here:
+        found = hb.design.cases(study.model, study.vary, ("peak",), harmonics=6, span=(0.8, 1.6), executor=here)
+    assert not found.failed
+    for gap, peak in zip((0.2, 0.4), found.table["peak"], strict=True):
+        stop = hb.Element([1.0, 0.0], hb.Unilateral(k=5.0, gap=gap))
+        two = hb.System(np.eye(2), 0.1 * np.eye(2), [[2, -1], [-1, 2]], [stop], hb.Load(cosine={1: [0, 0.3]}))
+        curve = hb.trace(hb.HarmonicBalance(two, 6), "Omega", (0.8, 1.6))
+        assert peak == pytest.approx(
+            max(p.amplitude("pp2") for p in hb.analysis.peaks(curve, "pp2", accuracy=None)), rel=1e-9
+        )
+
+
+def test_tuples_have_no_distribution(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        'model = "spur-pair"\n[sample]\ncount = 2\n[sample.parameters]\neps = ["uniform", 0.01, 0.02]'
+    )
+    with pytest.raises(StudyFileError, match="line 5: unknown key"):
+        read_study(tmp_path / "a.toml")
 
 
 def test_bad_values_of_a_drawing(tmp_path):

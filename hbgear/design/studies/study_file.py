@@ -96,23 +96,23 @@ def _errors_of_table(table: str) -> Iterator[None]:
         raise _InconsistentTable(table, error) from None
 
 
-class Subject(NamedTuple):
+class _Subject(NamedTuple):
     """Model of a study: a class, or the model of a file; types of the values that may vary, by name."""
 
     model: type[Model] | Model
     kinds: Mapping[str, Any]
 
 
-def _subject(name: str, data: Mapping[str, Any], folder: Path) -> Subject:
+def _subject(name: str, data: Mapping[str, Any], folder: Path) -> _Subject:
     """Return the model of a name or of a file relative to a folder; raises KeyError or ValueError if it is unknown."""
     if name.endswith(".toml"):
         from hbgear.io.machines.model_file import read_model
 
         model = read_model(folder / name)
-        return Subject(model, {each: _quantity_kind(each, model) for each in {**model.parameters, **model.entries}})
+        return _Subject(model, {each: _quantity_kind(each, model) for each in {**model.parameters, **model.entries}})
     cls = model_class(name)
     kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
-    return Subject(cls, kinds | dict.fromkeys(_entries(cls, data), float))
+    return _Subject(cls, kinds | dict.fromkeys(_entries(cls, data), float))
 
 
 def _quantity_kind(name: str, model: Model) -> Any:
@@ -135,7 +135,7 @@ def _quantity(name: str, model: Model, value: Any) -> Any:
 
 def _checked(
     data: dict[str, Any], folder: Path, allow_code: bool
-) -> tuple[list[tuple[Place, str]], Any, Subject | None]:
+) -> tuple[list[tuple[Place, str]], Any, _Subject | None]:
     """Return errors with their locations, the checked data and the model."""
     with defer_signals():
         import pydantic
@@ -173,7 +173,7 @@ def _checked(
 
 
 @defer_signals()  # pydantic fails if Ctrl-C interrupts the creation of a model
-def _schema(subject: Subject | None) -> Any:
+def _schema(subject: _Subject | None) -> Any:
     """Return the schema of the file as a model of pydantic; its tables have the parameters of the subject."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
@@ -212,8 +212,8 @@ def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:
 
 
 def _is_float(kind: Any) -> bool:
-    """Return whether a type is that of numbers, with or without units."""
-    return kind is float or typing.get_args(kind)[:1] == (float,)
+    """Return whether a type is that of numbers, with or without units; tuples have no distribution."""
+    return kind is float or typing.get_origin(kind) is Annotated
 
 
 def _distribution(name: str, model: type[Model] | Model, given: list[Any]) -> list[Any]:
@@ -227,7 +227,7 @@ def _distribution(name: str, model: type[Model] | Model, given: list[Any]) -> li
     return given
 
 
-def _study(checked: Any, subject: Subject | None) -> Study:
+def _study(checked: Any, subject: _Subject | None) -> Study:
     """Return the study of checked data."""
     assert subject is not None
     data = checked.model_dump(exclude_unset=True)

@@ -255,7 +255,12 @@ class EquationsAt:
 
     def extended(self, x: Array, tau: float, section: int) -> Array:
         """Return y = (x, c)."""
-        return np.concatenate([x, self.equations.functions(np.array([tau]), [section])[0]])
+        y: Array = self.extended_states(x[None], np.array([tau]), [section])[0]
+        return y
+
+    def extended_states(self, x: Array, tau: Array, sections: Sequence[int]) -> Array:
+        """Return y (K, N) of states x (K, r) at phases tau (K,), each in its section."""
+        return np.concatenate([x, self.equations.functions(tau, sections)], axis=1)
 
     def gaps(self, section: int) -> Array:
         """Return the rows (m, N) that map y to the gaps of all elements."""

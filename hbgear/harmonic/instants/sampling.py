@@ -113,7 +113,7 @@ def _gaps_along(
     """Return gaps and their derivatives (P, G, m) at nodes of panels of duration h in the segments ``used``."""
     contacts, starts = [iterate.pattern.contacts[i] for i in used], iterate.tau[used]
     sections, flows = [one.section for one in contacts], [at.flow(one) for one in contacts]
-    y = np.concatenate([iterate.x[used], at.equations.functions(starts, sections)], axis=1)
+    y = at.extended_states(iterate.x[used], starts, sections)
     rows = np.array([at.gaps(section) for section in sections])
     gaps, slopes = kernels.gaps_along(np.array([flow.A for flow in flows]), y, rows, h, panels, offsets)
     ends = np.cumsum(panels)

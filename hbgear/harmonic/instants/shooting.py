@@ -81,7 +81,7 @@ def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True
     """
     r, pattern, tau = equations.size, iterate.pattern, iterate.tau
     sections = [contacts.section for contacts in pattern.contacts]
-    y = np.concatenate([iterate.x, equations.equations.functions(tau, sections)], axis=1)
+    y = equations.extended_states(iterate.x, tau, sections)
     flows = [equations.flow(contacts) for contacts in pattern.contacts]
     segments = segments_of(flows, tau, iterate.durations(equations.period), y)
     switches = pattern.columns, *switching_rows(equations, pattern), pattern.divisible_visits
