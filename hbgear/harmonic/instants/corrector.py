@@ -68,18 +68,26 @@ class CurveState:
     @cached_property
     def iterate(self) -> Iterate:
         """States and phases of the switches."""
-        K = self.pattern.count
-        free = np.isnan(self.fixed)
+        x, phases = self._parts(self.z)
         tau = self.fixed.copy()
-        count = int(free.sum())
-        r = (len(self.z) - 1 - count) // K
-        tau[free] = self.z[K * r : K * r + count]
-        return Iterate(self.pattern, tau, self.z[: K * r].reshape(K, r))
+        tau[self.pattern.free] = phases
+        return Iterate(self.pattern, tau, x.reshape(self.pattern.count, -1))
+
+    def _parts(self, z: Array) -> tuple[Array, Array]:
+        """Return the states and the free phases of z, or of a step of z."""
+        first = len(z) - 1 - self.pattern.free_count
+        return z[:first], z[first:-1]
+
+    def phase_steps(self, step: Array) -> Array:
+        """Return the changes (K,) of the phases of the switches by a step of z."""
+        out = np.zeros(self.pattern.count)
+        out[self.pattern.free] = self._parts(step)[1]
+        return out
 
     @staticmethod
     def of(iterate: Iterate, value: float) -> CurveState:
         """Return the state of an iterate at a value of the parameter."""
-        free = np.array([not switch.is_fixed for switch in iterate.pattern.switches])
+        free = iterate.pattern.free
         z = np.concatenate([iterate.x.ravel(), iterate.tau[free], [value]])
         return CurveState(iterate.pattern, z, np.where(free, np.nan, iterate.tau))
 
@@ -89,14 +97,12 @@ class CurveState:
 
     def phase_column(self, i: int) -> int:
         """Return the entry of z that is the phase of switch i."""
-        free = np.isnan(self.fixed)
-        return len(self.z) - 1 - int(free[i:].sum())
+        return len(self.z) - 1 - int(self.pattern.free[i:].sum())
 
     def scale(self, width: float) -> Array:
         """Return the scales of z."""
-        count = int(np.isnan(self.fixed).sum())
         scale = np.ones(len(self.z))
-        scale[: len(self.z) - 1 - count] = residual_scale(self.iterate)
+        self._parts(scale)[0][:] = residual_scale(self.iterate)
         scale[-1] = width
         return scale
 
@@ -167,12 +173,12 @@ def _failed(state: CurveState) -> NoConvergence:
 
 def _factor(family: Family, state: CurveState, step: Array) -> float:
     """Return the factor of a step that takes at most a part of the duration of each contact."""
-    visits = state.pattern.visits
-    if not visits:
+    pattern, phases = state.pattern, state.phase_steps(step)
+    if not pattern.visits:
         return 1.0
-    period = family(state.value).period
-    before, after = (s.iterate.visit_durations(visits, period) for s in (state, state.moved(state.z + step)))
-    loss = (before - after) / np.maximum(MAX_SEGMENT_LOSS * np.abs(before), np.finfo(float).tiny)
+    duration = state.iterate.visit_durations(pattern.visits, family(state.value).period)
+    i, j = np.array(pattern.visits).T
+    loss = (phases[i] - phases[j]) / np.maximum(MAX_SEGMENT_LOSS * np.abs(duration), np.finfo(float).tiny)
     return float(1.0 / max(1.0, loss.max()))
 
 

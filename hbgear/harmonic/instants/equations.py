@@ -92,6 +92,7 @@ class Equations:
         self._displacements: dict[int, Array] = {}
         self._bounds: dict[tuple[int, ...], Array] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
+        self.constant_matrices: dict[tuple[Contacts, ...], Array] = {}  # of flows at Omega = 1
 
     @cached_property
     def starts(self) -> Array:
@@ -108,6 +109,11 @@ class Equations:
                 c = to_complex(e.displacement.row())
                 loads |= set(np.flatnonzero(c[1:]) + 1)
         return tuple(sorted(int(order) for order in loads))
+
+    @cached_property
+    def _orders(self) -> Array:
+        """`orders` as an array of floats."""
+        return np.array(self.orders, dtype=float)
 
     @cached_property
     def degree(self) -> int:
@@ -130,7 +136,7 @@ class Equations:
             s = (tau - self.starts[list(sections)] + math.pi) % TURN - math.pi
             s = np.where(s < -1e-9, s + TURN, s)
             out[:, 1 : d + 1] = s[:, None] ** np.arange(1, d + 1)
-        angles = np.multiply.outer(tau, self.orders)
+        angles = np.multiply.outer(tau, self._orders)
         out[:, d + 1 :: 2], out[:, d + 2 :: 2] = np.cos(angles), np.sin(angles)
         return out
 
@@ -277,8 +283,21 @@ class EquationsAt:
             found = self._flows[contacts] = self._constant_flow(contacts) or self._assemble_flow(contacts)
         return found
 
-    def _constant_flow(self, contacts: Contacts) -> Flow | None:
-        """Return A_1 / Omega + S from matrices that are assembled once; None if A has other powers of Omega."""
+    def flows(self, contacts: tuple[Contacts, ...]) -> tuple[Array, dict[int, Flow]]:
+        """Return the matrices A (K, N, N) of several flows, and the flows of varying stiffness by their number."""
+        found = self.equations.constant_matrices.get(contacts)
+        if found is not None:
+            A = found.copy()
+            A[:, : self.size] /= self.Omega
+            return A, {}
+        units = [self._unit_flow(one) for one in contacts]
+        if None not in units:
+            self.equations.constant_matrices[contacts] = np.array([unit.A for unit in units if unit is not None])
+        flows = [self.flow(one) for one in contacts]
+        return np.array([flow.A for flow in flows]), {k: flow for k, flow in enumerate(flows) if flow.stiffness}
+
+    def _unit_flow(self, contacts: Contacts) -> Flow | None:
+        """Return the flow at Omega = 1, assembled once; None if A is not A_1 / Omega + S with constant A_1."""
         equations = self.equations
         if not equations.is_inverse:
             return None
@@ -286,12 +305,16 @@ class EquationsAt:
             unit = equations.at(1.0)._assemble_flow(contacts)
             fastest = float(np.abs(np.linalg.eigvals(self.structure_matrix(unit))).max(initial=0.0))
             equations.constant_flows[contacts] = None if unit.stiffness else replace(unit, rate=fastest)
-        unit_flow = equations.constant_flows[contacts]
-        if unit_flow is None:
+        return equations.constant_flows[contacts]
+
+    def _constant_flow(self, contacts: Contacts) -> Flow | None:
+        """Return A_1 / Omega + S; None if A has other powers of Omega or the stiffness varies."""
+        unit = self._unit_flow(contacts)
+        if unit is None:
             return None
-        A = unit_flow.A.copy()
+        A = unit.A.copy()
         A[: self.size] /= self.Omega
-        return Flow(A, unit_flow.b, unit_flow.r, (), max(unit_flow.rate / self.Omega, *equations.orders, 1.0, 1.0))
+        return Flow(A, unit.b, unit.r, (), max(unit.rate / self.Omega, *self.equations.orders, 1.0, 1.0))
 
     def structure_matrix(self, flow: Flow) -> Array:
         """Return the part of A that acts on the state of the structure."""

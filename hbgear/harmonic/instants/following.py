@@ -77,6 +77,9 @@ MAX_POLYNOMIAL_CHANGE, MULTIPLIER_STEP = 1.5, 1e-3
 """Largest change of the characteristic polynomial in one step, so that two special points of one kind do not lie in a
 step, and the step from which it is limited."""
 
+PREDICTED_CHANGE = 0.9
+"""Part of the largest change of the characteristic polynomial that a step is chosen for."""
+
 CLOSED_DISTANCE = 0.5
 """Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
 
@@ -160,7 +163,8 @@ class Follower:
                 point, samples, missed, border = self._solved(last, length)
                 if _turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
-                if length > MULTIPLIER_STEP and multiplier_change(last, point) > MAX_POLYNOMIAL_CHANGE:
+                change = multiplier_change(last, point)
+                if length > MULTIPLIER_STEP and change > MAX_POLYNOMIAL_CHANGE:
                     raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
                 if missed:
                     self._open(last, point, missed)
@@ -179,6 +183,7 @@ class Follower:
                 continue
             break
         grow = STEP_GROWTH if point.iterations <= FAST_ITERATIONS else 1.0
+        grow = min(grow, max(MULTIPLIER_STEP / length, PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / max(change, 1e-3)))
         self.step = min(LARGEST_STEP, max(length * grow, self.step if length < self.step else 0.0))
         if self._leaves(point):
             self._finish(last, point)

@@ -93,7 +93,7 @@ def _equations(family: Family, state: CurveState, grazing: Grazing) -> tuple[Arr
     r, J = gradient.shape[1], np.zeros((2, len(state.z) + 1))
     J[:, i * r : (i + 1) * r] = gradient
     J[:, -1] = value[1], bend
-    columns = [len(state.z) - 1] + ([state.phase_column(i)] if np.isnan(state.fixed[i]) else [])
+    columns = [len(state.z) - 1] + ([state.phase_column(i)] if state.pattern.free[i] else [])
     for column in columns:
         h = PARAMETER_STEP * max(abs(state.z[column]), 1e-3)
         up, down = (_distance(family, state.moved(_shifted(state.z, column, d)), grazing)[0] for d in (h, -h))

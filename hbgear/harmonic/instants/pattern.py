@@ -94,10 +94,24 @@ class Pattern:
                      if self.switches[i].opposite(self.switches[own[(n + 1) % len(own)]]))  # fmt: skip
 
     @cached_property
+    def sections(self) -> list[int]:
+        """Section (K,) of each segment."""
+        return [contacts.section for contacts in self.contacts]
+
+    @cached_property
+    def free(self) -> Array:
+        """Whether the phase of each switch (K,) is unknown."""
+        return np.array([not switch.is_fixed for switch in self.switches], dtype=bool)
+
+    @cached_property
+    def free_count(self) -> int:
+        """Number of unknown phases."""
+        return int(self.free.sum())
+
+    @cached_property
     def columns(self) -> Array:
         """Number (K,) of the phase of each switch among the unknown phases; -1 where it is prescribed."""
-        free = np.array([not switch.is_fixed for switch in self.switches], dtype=bool)
-        out: Array = np.where(free, np.cumsum(free) - 1, -1)
+        out: Array = np.where(self.free, np.cumsum(self.free) - 1, -1)
         return out
 
     @cached_property

@@ -9,7 +9,7 @@ series is used, in steps in which it converges fast; see `kernels`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -80,17 +80,25 @@ class Segments(NamedTuple):
     slope: Array
 
 
-def segments_of(flows: Sequence[Flow], tau: Array, h: Array, y: Array) -> Segments:
+def segments_of(A: Array, varying: Mapping[int, Flow], tau: Array, h: Array, y: Array) -> Segments:
     """Return the growth of states y (K, N) from phases tau (K,) on, and its derivatives in both ends.
 
     With constant stiffness all of it is computed without cancellation in short segments.
+
+    Parameters
+    ----------
+    A : ndarray, shape (K, N, N)
+        Matrices of the segments.
+    varying : mapping of int to Flow
+        Flows of varying stiffness, by the number of their segment.
+    tau, h, y : ndarray, shape (K,), (K,), (K, N)
+        Begins, durations and initial states of the segments.
     """
-    varying = [k for k, flow in enumerate(flows) if flow.stiffness]
-    found = Segments(*kernels.constant_segments(np.array([flow.A for flow in flows]), h, y))
-    for k in varying:
-        Z = growth(flows[k], float(tau[k]), float(h[k]))
-        change, begin = Z @ y[k], rates(flows[k], float(tau[k]), y[k])
-        end = rates(flows[k], float(tau[k] + h[k]), y[k] + change)
+    found = Segments(*kernels.constant_segments(A, h, y))
+    for k, flow in varying.items():
+        Z = growth(flow, float(tau[k]), float(h[k]))
+        change, begin = Z @ y[k], rates(flow, float(tau[k]), y[k])
+        end = rates(flow, float(tau[k] + h[k]), y[k] + change)
         with np.errstate(divide="ignore", invalid="ignore"):  # segments that vanish have no slope
             slope = (end - change / h[k]) / h[k]
         for array, value in zip(found, (Z, change, begin, end, slope), strict=True):

@@ -249,7 +249,7 @@ def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> 
 def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
     """Return the factor of a step that takes at most half of the duration of each segment, and the limiting segment."""
     moves = np.zeros(iterate.pattern.count)
-    moves[[i for i, switch in enumerate(iterate.pattern.switches) if not switch.is_fixed]] = step[iterate.x.size :]
+    moves[iterate.pattern.free] = step[iterate.x.size :]
     loss = moves - np.roll(moves, -1)
     ratio = loss / np.maximum(0.5 * iterate.durations(at.period), np.finfo(float).tiny)  # a segment may be empty
     segment = int(np.argmax(ratio))
@@ -259,7 +259,7 @@ def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float,
 def _advanced(iterate: Iterate, step: Array) -> Iterate:
     """Return the iterate after a step."""
     tau = iterate.tau.copy()
-    tau[[i for i, switch in enumerate(iterate.pattern.switches) if not switch.is_fixed]] += step[iterate.x.size :]
+    tau[iterate.pattern.free] += step[iterate.x.size :]
     return Iterate(iterate.pattern, tau, iterate.x + step[: iterate.x.size].reshape(iterate.x.shape))
 
 

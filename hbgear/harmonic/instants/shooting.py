@@ -53,7 +53,9 @@ class Iterate:
 
     def visit_durations(self, visits: Sequence[Visit], period: float) -> Array:
         """Return the durations of visits (i, j) from switch i to switch j."""
-        return np.array([self.tau[j] - self.tau[i] + (period if j < i else 0.0) for i, j in visits])
+        i, j = np.array(visits, dtype=np.int64).reshape(-1, 2).T
+        out: Array = self.tau[j] - self.tau[i] + period * (j < i)
+        return out
 
     def without(self, visits: Sequence[Visit]) -> Iterate:
         """Return the iterate without some visits; without switches, it begins after the last one of them."""
@@ -80,10 +82,9 @@ def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True
         Whether J is computed; if False it is empty. Default: True.
     """
     r, pattern, tau = equations.size, iterate.pattern, iterate.tau
-    sections = [contacts.section for contacts in pattern.contacts]
-    y = equations.extended_states(iterate.x, tau, sections)
-    flows = [equations.flow(contacts) for contacts in pattern.contacts]
-    segments = segments_of(flows, tau, iterate.durations(equations.period), y)
+    y = equations.extended_states(iterate.x, tau, pattern.sections)
+    A, varying = equations.flows(pattern.contacts)
+    segments = segments_of(A, varying, tau, iterate.durations(equations.period), y)
     switches = pattern.columns, *switching_rows(equations, pattern), pattern.divisible_visits
     R, J = kernels.periodicity(tuple(segments), switches, y, tau, equations.period, r, derivatives)
     return Linearisation(R, J, list(np.eye(r) + segments.Z[:, :r, :r]) if derivatives else [])
