@@ -20,6 +20,8 @@ from hbgear.continuation.results.point import BIFURCATING, Jump, Point
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.tracing.jumps import monitored_points, motions_at, nearest
 from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.harmonic.models.model_registry import is_description
+from hbgear.mechanics.models import differing_fields
 
 _KEPT_LANDINGS = ("integrate", BIFURCATING)
 """Kinds of landings that are kept; any other landing is the nearest stable motion."""
@@ -53,8 +55,8 @@ class Landing:
 def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
     """Return the jumps of each branch, with landings on any of the branches.
 
-    Another branch is considered if it has the same parameter and equal fixed parameters. Landings that were integrated
-    are kept.
+    Another branch is considered if it has the same model and parameter and equal fixed parameters. Landings that were
+    integrated are kept.
 
     Parameters
     ----------
@@ -135,12 +137,22 @@ def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[t
 
 
 def _comparable(one: Branch, other: Branch) -> bool:
-    """Return whether two branches have the same parameter, the same elements and equal fixed parameters."""
+    """Return whether two branches have the same parameter, elements and model, and equal fixed parameters."""
     if one.parameter != other.parameter or one.fixed.keys() != other.fixed.keys() or one.tracked or other.tracked:
         return False
     first, second = layout_of(one), layout_of(other)
-    same_elements = first is not None and second is not None and first.elements == second.elements
-    return same_elements and bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
+    if first is None or second is None or first.elements != second.elements or not _same_model(one, other):
+        return False
+    return bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
+
+
+def _same_model(one: Branch, other: Branch) -> bool:
+    """Return whether the models of two branches differ in fixed parameters only; True if a model is unknown."""
+    first, second = (branch.meta.get("model", {}) for branch in (one, other))
+    if not (is_description(first) and is_description(second)):
+        return True
+    replaced = {name.partition("[")[0] for name in one.fixed}
+    return first["class"] == second["class"] and not {*differing_fields(first, second)} - replaced
 
 
 def stable_points(branch: Branch, value: float) -> list[Point]:

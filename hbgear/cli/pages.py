@@ -14,11 +14,11 @@ from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel
 from hbgear.cli.output import STOPPED_EARLY, bar, print_message
-from hbgear.cli.quantities import Omega_of
 from hbgear.cli.support import chosen_model, problem_in, span_of
 from hbgear.common.optional import needed
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
+from hbgear.harmonic.models.frequency_units import Omega_of
 
 if TYPE_CHECKING:
     from hbgear.web.editable_model import EditableModel

@@ -15,6 +15,7 @@ import hbgear as hb
 from hbgear.common.text.messages import did_you_mean
 from hbgear.common.text.symbols import unit_of
 from hbgear.common.units import known_unit, to_si
+from hbgear.harmonic.models.frequency_units import Omega_of
 
 SPEED = "speed"
 """Other name of Omega on the command line, for values in r/min or Hz."""
@@ -108,41 +109,3 @@ def changes_of(model: hb.mechanics.Model, pairs: list[tuple[str, str]]) -> dict[
     if any(name not in known for name, _ in pairs):
         return None
     return {name: parameter_value(model.labels, "--set", name, text) for name, text in pairs}
-
-
-def Omega_of(model: hb.mechanics.Model, option: str, text: str) -> float:
-    """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
-
-    Parameters
-    ----------
-    model : Model
-        Model with scales for values with units.
-    option : str
-        Option, for messages.
-    text : str
-        Number or quantity.
-
-    Returns
-    -------
-    float
-        Omega.
-
-    Raises
-    ------
-    ValueError
-        If the text is no number or frequency, or the model has no scales.
-    """
-    if is_number(text):
-        return number_of(option, text)
-    scales = model.scales
-    if scales is None:
-        raise ValueError(
-            f"{option} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
-        )
-    if text.strip().lower().endswith("hz"):
-        return float(scales.from_mesh_frequency(to_si(option, "frequency", text, "Hz")))
-    try:
-        rate = to_si(option, "speed", text, "rad/s")
-    except ValueError:
-        raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min") from None
-    return float(scales.from_pinion_speed(rate * 30 / math.pi))

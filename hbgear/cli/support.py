@@ -15,7 +15,6 @@ from hbgear.analysis.quantities.axis_quantities import QUANTITIES, Ordinate, usu
 from hbgear.cli.first import compile_in_parallel
 from hbgear.cli.output import bar, print_message
 from hbgear.cli.quantities import (
-    Omega_of,
     changes_of,
     check_parameter,
     named,
@@ -26,7 +25,7 @@ from hbgear.cli.quantities import (
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic.models import model_registry
-from hbgear.harmonic.models.frequency_units import model_of
+from hbgear.harmonic.models.frequency_units import Omega_of, model_of
 from hbgear.mechanics.fields import check_names, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:

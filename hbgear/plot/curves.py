@@ -313,8 +313,9 @@ def _mark_infinity(
         ax.set_ylim(low - 0.05 * (top - low), top)
     else:
         top = np.inf
-    for value in {round(value, 9): value for branch in branches for value in branch.asymptotes.values()}.values():
-        ax.axvline(across.scale * value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote",
+    lines = [across.at(branch, value) for branch in branches for value in branch.asymptotes.values()]
+    for value in {float(f"{value:.9g}"): value for value in lines}.values():
+        ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote",
                    gid="asymptote")  # fmt: skip
     for branch, each, colour in zip(branches, amplitudes, colours, strict=True):
         for end in branch.asymptotes:
@@ -381,7 +382,7 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, across: Abscissa, height: Ordin
     """Draw a vertical arrow from the value before a jump to the value after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
-    x = across.scale * jump.value
+    x = across.at(branch, jump.value)
     start, end = ((x, height.at(point, branch)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
@@ -396,7 +397,7 @@ def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbere
     for point in map(named, branch.special):
         x, y = point.parameters[branch.parameter], height.at(point, branch)
         (line,) = ax.plot(
-            across.scale * x, y, point.marker, markersize=4.5, markeredgecolor="black",
+            across.at(branch, x), y, point.marker, markersize=4.5, markeredgecolor="black",
             markerfacecolor="black" if point.certificate else "white", zorder=4, gid=point.label,
             markeredgewidth=1.6 if point.certificate else 0.9, label=legend_entry(point),
         )  # fmt: skip
@@ -443,7 +444,7 @@ def _enlarge(
     enlarged = max(float(np.ptp(v) / np.ptp(limits)) for v, limits in zip((x, amplitude), ends, strict=True))
     _curve(zoomed, branch, x, amplitude, element, color, None, enlarged=enlarged)
     for point in map(named, branch.special):
-        at = (across.scale * point.parameters[branch.parameter], float(amplitude[point.index]))
+        at = (across.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
         zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     zoomed.set(xlim=ends[0], ylim=ends[1])

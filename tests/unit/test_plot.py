@@ -503,6 +503,41 @@ def test_curves_with_and_without_a_unit_of_length_are_drawn_without_units():
     assert "m]" in ax.get_ylabel() and tops[1] == pytest.approx(2 * tops[0], rel=1e-9)
 
 
+def test_machines_of_different_scales_are_drawn_over_the_speed():
+    """Each curve, jump and special point has the scale of its own machine; no jump lands on another machine."""
+    one, two = (
+        hb.trace(
+            hb.HarmonicBalance(hb.SpurPair(zeta=0.05, reference=(k, 37.6e-6, 15000.0, 25)), 6), "Omega", (1.2, 0.6)
+        )
+        for k in (38000.0, 45000.0)
+    )
+    ax = plot.responses((one, two))
+    assert ax.get_xlabel() == "speed of the pinion [r/min]"
+    for k, branch in ((1, one), (2, two)):
+        speed = branch.problem.model.scales.pinion_speed
+        ends = [
+            f(line.get_xdata()) for line in curves(ax) if line.get_label() == f"branch {k}" for f in (np.min, np.max)
+        ]
+        assert (min(ends), max(ends)) == pytest.approx((speed(0.6), speed(1.2)))
+        marked = [line.get_xdata()[0] for line in ax.lines if line.get_gid() == "LP1"]
+        assert marked[k - 1] == pytest.approx(speed(branch["LP1"].parameters["Omega"]), rel=1e-12)
+    assert [[landing.branch for landing in found] for found in landings((one, two))] == [[0, 0], [1, 1]]
+
+
+def test_jumps_do_not_land_on_another_structure():
+    """The stiffness of a structure is no parameter: two of them have equal fixed parameters."""
+    stop, load = hb.Element([1.0], hb.Unilateral(k=3.0, gap=0.5)), hb.Load(cosine={1: [0.2]})
+    soft, hard = (
+        hb.trace(hb.HarmonicBalance(hb.System([[1.0]], [[0.06]], [[K]], [stop], load), 8), "Omega", (0.8, 1.8))
+        for K in (1.0, 1.2)
+    )
+    assert soft.fixed == hard.fixed == {}
+    for k, (found, own) in enumerate(zip(landings((soft, hard)), (soft, hard), strict=True)):
+        assert [landing.branch for landing in found] == [k, k]
+        for landing, jump in zip(found, own.jumps(), strict=True):
+            assert landing.jump.after.amplitude("pp2") == pytest.approx(jump.after.amplitude("pp2"), rel=1e-9)
+
+
 @pytest.mark.parametrize("side", ["top", "bottom", "left"])
 def test_labels_keep_clear_of_ticks(side):
     """The usual place of this label, to the left of its point, would end two pixels from a border of the axes."""
@@ -586,8 +621,8 @@ def test_axes_of_speed_and_frequency_after_loading():
     given = plt.subplots()[1]
     assert not plot.response(with_model(resonance()), "pp2", ax=given).child_axes
     assert plot.response(with_model(resonance()), "pp2", ax=given, speeds=True).child_axes
-    mixed = plot.responses((with_model(resonance()), with_model(resonance(), k_mean=1e9)), "pp2")
-    assert not mixed.child_axes  # Omega = 1 is not the same speed on both
+    both = with_model(resonance()), with_model(resonance(), k_mean=1e9)
+    assert not plot.responses(both, "pp2", dimensionless=True).child_axes  # Omega = 1 is not the same speed on both
 
 
 @pytest.mark.parametrize("floor", [-1.0, 0.0, 1.0])

@@ -1,5 +1,6 @@
 """Figures of many cases, held against the closed form of a linear oscillator; what is drawn and what is left out."""
 
+import csv
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -163,3 +164,60 @@ def test_figures_of_a_machine_with_scales_are_in_its_units():
     np.testing.assert_allclose(drawn[False][0], drawn[True][0] * (speed, length))
     np.testing.assert_allclose(drawn[False][1], drawn[True][1] * speed)
     np.testing.assert_allclose(drawn[False][2], drawn[True][2] * length)
+
+
+REFERENCES = ((38000.0, 37.6e-6, 15000.0, 25), (45000.0, 30e-6, 15000.0, 25))
+"""Scales of two spur pairs of the same equations."""
+
+
+@pytest.fixture(scope="module")
+def scaled():
+    with ThreadPoolExecutor(1) as pool:
+        return hb.design.cases(
+            hb.SpurPair(reference=REFERENCES[0]), hb.design.grid(reference=REFERENCES), ("peak", "jumps", "curve"),
+            harmonics=4, span=(0.6, 1.2), executor=pool,
+        )  # fmt: skip
+
+
+def test_each_case_is_shown_by_its_own_scales(scaled, tmp_path):
+    """Equal equations have equal Omega and x / b; speeds and lengths are those of each pair."""
+    a, b = (hb.SpurPair(reference=reference).scales for reference in REFERENCES)
+    assert scaled.table["jump_rising"][0] == scaled.table["jump_rising"][1]
+    ax = plot.jump_distribution(scaled)
+    assert ax.get_xlabel() == "jump, speed of the pinion [r/min]"
+    speeds = [one.pinion_speed(float(scaled.table["jump_rising"][0])) for one in (a, b)]
+    peak, jumps = plot.against_parameters(with_numbers(scaled)).axes
+    np.testing.assert_allclose(jumps.lines[0].get_ydata(), speeds, rtol=1e-12)
+    np.testing.assert_allclose(
+        peak.lines[0].get_ydata(), [1e6 * one.length * scaled.table["peak"][0] for one in (a, b)], rtol=1e-12
+    )
+    envelope = plot.envelope(scaled)
+    limits = b.pinion_speed(0.6), a.pinion_speed(1.2)  # both curves cover this range
+    np.testing.assert_allclose(envelope.get_xlim(), limits)
+    assert plot.envelope(scaled, dimensionless=True).get_xlim() == (0.6, 1.2)
+    scaled.export(tmp_path / "t.csv")
+    header, *rows = csv.reader((tmp_path / "t.csv").open())
+    assert header[2:6] == ["peak [um]", "peak at pinion [r/min]", "jumps", "jump_rising at pinion [r/min]"]
+    np.testing.assert_allclose([float(row[5]) for row in rows], speeds, rtol=1e-12)
+    scaled.export(tmp_path / "t.csv", dimensionless=True)
+    assert next(csv.reader((tmp_path / "t.csv").open())) == list(scaled.table)
+
+
+def with_numbers(found):
+    """Return cases whose varied parameter is a number."""
+    return replace(found, table={**found.table, "reference": np.array([1.0, 2.0])})
+
+
+def test_the_envelope_follows_each_case(scaled):
+    """The upper limit at a speed is the larger of both curves there."""
+    a, b = (hb.SpurPair(reference=reference).scales for reference in REFERENCES)
+    x = np.array([a.pinion_speed(1.1)])
+    heights = [
+        1e6 * one.length * sweep_response(scaled.curves[i], None, x / one.pinion_speed(1.0), -1)[0][0]
+        for i, one in enumerate((a, b))
+    ]
+    ax = plot.envelope(scaled, points=1201)
+    vertices = np.concatenate([path.vertices for c in ax.collections for path in c.get_paths()])
+    near = vertices[np.abs(vertices[:, 0] - x[0]) < 8.0]
+    assert near[:, 1].max() == pytest.approx(max(heights), rel=2e-3)
+    assert min(heights) < 0.95 * max(heights)

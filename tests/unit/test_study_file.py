@@ -123,6 +123,31 @@ def test_parameters_of_a_structure_file_vary(tmp_path):
         )
 
 
+def test_spans_are_speeds_of_the_drawing(tmp_path):
+    """A number is Omega, 30 / pi rad/s are 1 r/min; other units and models without scales are refused."""
+    (tmp_path / "pair.toml").write_text(PAIR)
+    text = 'model = "{}"\n[grid]\ndamping = [0.04]\n[compute]\nspan = {}'
+    scales = read_model(tmp_path / "pair.toml").scales
+    for span, expected in (
+        ('["8000 r/min", "1.2e3 rad/s"]', [scales.from_pinion_speed(n) for n in (8000.0, 1.2e3 * 30 / np.pi)]),
+        ('["3 kHz", 0.7]', [scales.from_mesh_frequency(3000.0), 0.7]),
+    ):
+        (tmp_path / "a.toml").write_text(text.format("pair.toml", span))
+        assert read_study(tmp_path / "a.toml").work.span == pytest.approx(expected, rel=1e-12)
+    for model, span, words in (
+        ("pair.toml", '["8000 um", 1.0]', "need a speed with its unit"),
+        ("pair.toml", '["8000 r/min", "8000 r/min"]', "need two different positive"),
+        ("pair.toml", '["-8000 r/min", 1.0]', "need two different positive"),
+        ("duffing", '["8000 r/min", 1.0]', "this model has no scales"),
+    ):
+        (tmp_path / "a.toml").write_text(
+            text.format(model, span).replace("damping", "zeta" if model == "duffing" else "damping")
+        )
+        with pytest.raises(StudyFileError) as error:
+            read_study(tmp_path / "a.toml")
+        assert words in str(error.value), str(error.value)
+
+
 def test_tuples_have_no_distribution(tmp_path):
     (tmp_path / "a.toml").write_text(
         'model = "spur-pair"\n[sample]\ncount = 2\n[sample.parameters]\neps = ["uniform", 0.01, 0.02]'

@@ -2,12 +2,13 @@
 
     n [r/min] = pinion_speed(1) Omega,   x [um] = 1e6 length xbar
 
-`Abscissa` is the parameter of branches; Omega becomes the speed of the pinion if it is the same multiple at all points.
+`Abscissa` is the parameter of branches; Omega becomes the speed of the pinion if it is a known multiple on each branch.
 `Ordinate` is a measure of amplitude, or an engineering quantity such as the dynamic factor.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -222,7 +223,8 @@ class OmegaAxis:
     Parameters
     ----------
     known : mapping of str to float
-        Values of Omega = 1 in physical units by `MESH` and `PINION`; empty if the model has no scales.
+        Values of Omega = 1 in physical units by `MESH` and `PINION`; empty if the model has no scales, and without
+        `MESH` if the number of teeth differs.
     usual : str, optional
         Label of the axis of Omega.
     dimensionless : bool, optional
@@ -251,8 +253,9 @@ class OmegaAxis:
     def __init__(self, known: Mapping[str, float], usual: str = r"$\Omega$", dimensionless: bool = False) -> None:
         self.scale, self.hertz, self.label, self.name, self.above = 1.0, 1.0, usual, "Omega", dict(known)
         if known and not dimensionless:
-            self.scale, self.hertz, self.label, self.name = known[PINION], known[MESH], SPEED_LABEL, PINION
-            self.above = {MESH: known[MESH] / known[PINION]}
+            self.scale, self.hertz = known[PINION], known.get(MESH, math.nan)
+            self.label, self.name = SPEED_LABEL, PINION
+            self.above = {MESH: known[MESH] / known[PINION]} if MESH in known else {}
 
     @classmethod
     def of(cls, model: Model | None, dimensionless: bool = False) -> OmegaAxis:
@@ -284,6 +287,34 @@ class OmegaAxis:
         return self.text(Omega, 5).replace("Omega", r"$\Omega$")
 
 
+def axis_scales(known: Sequence[dict[str, float]], dimensionless: bool = False) -> dict[str, float]:
+    """Return the scales of an axis for models of several scales.
+
+    Speeds in r/min may be compared if their scales differ. An axis of Omega has speeds above it only if they are equal.
+
+    Parameters
+    ----------
+    known : sequence of dict of str to float
+        Scales of each model, see `OmegaAxis`.
+    dimensionless : bool, optional
+        Whether the axis is Omega; default False.
+
+    Returns
+    -------
+    dict of str to float
+        Scales of the first model, without `MESH` if its ratio to `PINION` differs; empty if a model has no scales.
+
+    Examples
+    --------
+    >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min": 1800.0}])
+    {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
+    """
+    if dimensionless or not known or not all(known):
+        return same_scales(known)
+    ratios = [one[MESH] / one[PINION] for one in known]
+    return known[0] if np.allclose(ratios, ratios[0]) else {PINION: known[0][PINION]}
+
+
 class Abscissa:
     """Parameter of branches on the horizontal axis of a figure.
 
@@ -297,9 +328,9 @@ class Abscissa:
     Attributes
     ----------
     scale : float
-        Value on the axis for a parameter of one.
+        Value on the axis for a parameter of one on the first branch.
     hertz : float
-        Mesh frequency [Hz] for a parameter of one; 1 if Omega is kept.
+        Mesh frequency [Hz] for a parameter of one on the first branch; 1 if Omega is kept.
     label : str
         Label of the axis.
     above : dict of str to float
@@ -314,16 +345,30 @@ class Abscissa:
     """
 
     def __init__(self, branches: Sequence[Branch], dimensionless: bool = False) -> None:
-        known = common_scales(branches)
+        known = [common_scales([branch]) for branch in branches]
         first, layout = branches[0], layout_of(branches[0])
         names = layout.labels if layout else {}
         usual = r"$\Omega$" if first.parameter == "Omega" else first.parameter
-        axis = OmegaAxis(known, str(names.get(first.parameter, usual)), dimensionless)
+        axis = OmegaAxis(axis_scales(known, dimensionless), str(names.get(first.parameter, usual)), dimensionless)
         self.scale, self.hertz, self.label, self.above = axis.scale, axis.hertz, axis.label, axis.above
+        self._is_speed, self._own = axis.is_speed, dict[int, tuple[Branch, float]]()
 
     def along(self, branch: Branch) -> Array:
         """Return the values at the points of a branch."""
-        return self.scale * branch.values
+        return self._scale_of(branch) * branch.values
+
+    def at(self, branch: Branch, value: float) -> float:
+        """Return the value on the axis of a parameter of a branch."""
+        return float(self._scale_of(branch) * value)
+
+    def _scale_of(self, branch: Branch) -> float:
+        """Return the value on the axis for a parameter of one on a branch (computed once)."""
+        if not self._is_speed:
+            return self.scale
+        if id(branch) not in self._own:
+            known = common_scales([branch])
+            self._own[id(branch)] = branch, known.get(PINION, self.scale)  # the branch is kept, as its id
+        return self._own[id(branch)][1]
 
 
 class Ordinate:

@@ -107,7 +107,8 @@ def _print_indices(found: Cases) -> None:
     """Print Sobol indices of each number of the table."""
     from hbgear.design.uncertainty.sobol import sobol_indices
 
-    for quantity in [name for name in found.table if name not in (*found.names, "case", "reason", "seconds")]:
+    skipped, columns = {*found.names, "case", "reason", "seconds"}, zip(found.table, found.physical_table, strict=True)
+    for quantity in [shown for name, shown in columns if name not in skipped]:
         try:
             indices = sobol_indices(found, quantity)
         except ValueError as error:

@@ -36,10 +36,10 @@ from hbgear.cli.options import (
     Within,
 )
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
-from hbgear.cli.quantities import Omega_of, is_number, number_of
+from hbgear.cli.quantities import is_number, number_of
 from hbgear.cli.support import check_landing, chosen_model, element_of, path_of, problem_in
 from hbgear.common.units import to_si
-from hbgear.harmonic.models.frequency_units import PINION, length_scale, scales
+from hbgear.harmonic.models.frequency_units import PINION, Omega_of, length_scale, scales
 
 DISAGREES = 1
 """Exit code of a validation in which a point or jump disagrees."""

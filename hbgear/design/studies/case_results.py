@@ -6,14 +6,17 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean
+from hbgear.common.text.symbols import unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.store import Result
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -21,8 +24,19 @@ from hbgear.harmonic.models.model_registry import fields_from_plain
 from hbgear.io.branches.npz import unpacked
 from hbgear.mechanics.models import Model
 
+JUMP_COLUMNS = ("jump_rising", "jump_falling")
+"""Columns with the frequencies of the largest jumps, for each direction of a slow sweep."""
+
 KINDS = ("peak", "jumps", "curve", "branch")
 """Results of a case that `Work.compute` may list."""
+
+
+class PhysicalUnits(NamedTuple):
+    """Speeds [r/min] and mesh frequencies [Hz] at Omega = 1, and lengths [m] of one, by case (n,); nan if it failed."""
+
+    speed: Array
+    mesh: Array
+    length: Array
 
 
 class Outcome(StrEnum):
@@ -138,6 +152,38 @@ class Cases:
         pairs = zip(self.table["case"], self.table["reason"], strict=True)
         return {int(case): str(reason) for case, reason in pairs if reason}
 
+    @cached_property
+    def units(self) -> PhysicalUnits | None:
+        """Physical units of the computed cases; None if a model has no scales."""
+        rows = np.full((len(self), 3), np.nan)
+        for row, case in zip(rows, self.table["case"].tolist(), strict=True):
+            if case in self.failed:
+                continue
+            own = self.model_of(case).scales
+            if own is None:
+                return None
+            row[:] = own.pinion_speed(1.0), own.mesh_frequency(1.0), own.length
+        return PhysicalUnits(*rows.T) if np.isfinite(rows).any() else None
+
+    @property
+    def physical_table(self) -> dict[str, Any]:
+        """The table with frequencies as speeds of the pinion [r/min] and amplitudes in um, if the models have scales.
+
+        Names of columns state their units, also those of parameters whose labels have a unit.
+        """
+        units, out = self.units, dict[str, Any]()
+        for name, column in self.table.items():
+            if name.removeprefix("critical_") in {*self.names, *self.work.critical}:
+                unit = unit_of(self.model.labels.get(name.removeprefix("critical_"), ""))
+                out[f"{name} [{unit}]" if unit and unit != "-" else name] = column
+            elif units is not None and (name.endswith("_Omega") or name in JUMP_COLUMNS):
+                out[f"{name.removesuffix('_Omega')} at pinion [r/min]"] = units.speed * column
+            elif units is not None and name == "peak" and dimension_of(self.work.measure):
+                out[f"peak [{MICROMETRE}]"] = (1e6 * units.length) ** dimension_of(self.work.measure) * column
+            else:
+                out[name] = column
+        return out
+
     def model_of(self, case: int) -> Model:
         """Return the model of a case.
 
@@ -172,13 +218,18 @@ class Cases:
         except (OSError, ValueError) as error:
             raise ValueError(f"the branch of case {case} cannot be read ({error}); run the study again") from error
 
-    def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the table (.csv), or the table, jumps and curves as arrays (.npz), atomically."""
+    def export(self, path: str | os.PathLike[str], *, dimensionless: bool = False) -> None:
+        """Write the table (.csv), or the table, jumps and curves as arrays (.npz), atomically.
+
+        A .csv has the columns of `physical_table`, or of the table with ``dimensionless``; arrays are those of Omega
+        and of amplitudes in the unit of the model.
+        """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
+            table = self.table if dimensionless else self.physical_table
             with csv_table(path) as writer:
-                writer.writerow(self.table)
-                writer.writerows(zip(*(column.tolist() for column in self.table.values()), strict=True))
+                writer.writerow(table)
+                writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
         elif suffix == ".npz":
             rows = [np.vstack([np.full(curve.shape[1], case), curve]).T for case, curve in self.curves.items()]
             curves = np.concatenate(rows) if rows else np.empty((0, 4))

@@ -23,6 +23,7 @@ from hbgear.common.units import known_unit, to_si
 from hbgear.design.studies.case_results import KINDS, Work
 from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
+from hbgear.harmonic.models.frequency_units import Omega_of
 from hbgear.harmonic.models.model_registry import model_class
 from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, location_and_text, parsed
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
@@ -198,7 +199,7 @@ def _schema(subject: _Subject | None) -> Any:
     compute = table("compute", {
         "what": (list[Literal[KINDS]], ["peak", "jumps"]), "critical": (list[str], []),  # type: ignore[valid-type]
         "harmonics": (Annotated[int, Field(ge=1)], 16),
-        "span": (Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=2, max_length=2)], None),
+        "span": (Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
         "measure": (str, "pp2"), "element": (int | str, 0),
     })  # fmt: skip
     return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
@@ -244,13 +245,13 @@ def _study(checked: Any, subject: _Subject | None) -> Study:
                 raise ValueError("[sample.parameters] names no parameter; give at least one")
             vary = Sample(given.get("method", METHODS[0]), given["count"], given.get("seed", 0), given["parameters"])
     compute = checked.compute
-    span = tuple(compute.span or model.default_span)
     with _errors_of_table("compute"):
-        if span[0] == span[1]:
-            raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
-        work = Work(
-            tuple(compute.what), tuple(compute.critical), compute.harmonics, span, compute.measure, compute.element
-        )
+        given = compute.span or model.default_span
+        first, last = (Omega_of(model, "span", one) if isinstance(one, str) else one for one in given)
+        if first == last or min(first, last) <= 0:
+            raise ValueError(f"span = {list(given)}: need two different positive frequencies")
+        what, critical, span = tuple(compute.what), tuple(compute.critical), (first, last)
+        work = Work(what, critical, compute.harmonics, span, compute.measure, compute.element)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # are given when the study is computed
             check_work(model, work)

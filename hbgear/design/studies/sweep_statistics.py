@@ -147,7 +147,9 @@ def _stable_count(curve: Array, Omega: Array) -> Array:
 
 
 def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponses:
-    """Return the response of each case to a slow sweep with Omega rising (+1) or falling (-1), at ascending values.
+    """Return the response of each case to a slow sweep with Omega rising (+1) or falling (-1).
+
+    Omega (P,) or (cases, P) are ascending values, common to all curves or one row for each.
 
     Raises
     ------
@@ -156,9 +158,10 @@ def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponse
     """
     known = "jumps" in found.work.compute
     responses = []
-    for case, curve in found.curves.items():
+    rows = np.broadcast_to(Omega, (len(found.curves), np.shape(Omega)[-1]))
+    for (case, curve), own in zip(found.curves.items(), rows, strict=True):
         mine = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
-        responses.append(sweep_response(curve, mine if known else None, Omega, direction))
+        responses.append(sweep_response(curve, mine if known else None, own, direction))
     if not any(np.isfinite(amplitude).any() for amplitude, _ in responses):
         raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
     return SweepResponses(*(np.array(column) for column in zip(*responses, strict=True)))

@@ -67,7 +67,7 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
     found : Cases
         Results of `cases` for a sample from `saltelli`.
     quantity : str, default "peak"
-        Column of ``found.table``, such as "peak", "peak_Omega" or "jump_rising".
+        Column of ``found.table`` or ``found.physical_table``, such as "peak", "peak_Omega" or "peak [um]".
     seed : int, default 0
         Seed of the resampling that estimates the standard errors.
 
@@ -92,10 +92,11 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
     >>> index, error = hb.design.sobol_indices(found, "peak").total["F"]  # doctest: +SKIP
     """
     counted("sobol_indices: seed", seed, least=0)
-    if quantity not in found.table or quantity in ("case", "reason"):
-        raise KeyError(f"there is no column '{quantity}'{did_you_mean(quantity, found.table)}")
+    table = found.table if quantity in found.table else found.physical_table
+    if quantity not in table or quantity in ("case", "reason"):
+        raise KeyError(f"there is no column '{quantity}'{did_you_mean(quantity, table)}")
     width = len(found.names) + 2
-    Y = _blocks(found, quantity, width)
+    Y = _blocks(found, table[quantity], width)
     known = np.isfinite(Y).all(axis=1)
     count, some = len(Y), int(known.sum())
     if 2 * some < count or some < 2:
@@ -115,10 +116,10 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
     return SobolIndices(quantity, first, total, count, count - some)
 
 
-def _blocks(found: Cases, quantity: str, width: int) -> Array:
+def _blocks(found: Cases, results: Array, width: int) -> Array:
     """Return the result in each block of cases (B, parameters + 2), nan if it is unknown."""
     values = np.full((found.total, len(found.names) + 1), np.nan)
-    columns = [np.asarray(found.table[name], dtype=float) for name in (*found.names, quantity)]
+    columns = [np.asarray(column, dtype=float) for column in (*(found.table[name] for name in found.names), results)]
     values[np.asarray(found.table["case"], dtype=int)] = np.column_stack(columns)
     if found.total % width:
         raise ValueError("the cases are not a sample from saltelli; compute them with vary=saltelli(...)")

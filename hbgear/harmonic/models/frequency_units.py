@@ -8,11 +8,13 @@ Omega.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from hbgear.common.units import to_si
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import Model
@@ -86,3 +88,57 @@ def same_scales(found: Sequence[dict[str, float]]) -> dict[str, float]:
     first = found[0] if found else {}
     same = all(one.keys() == first.keys() and np.allclose([*one.values()], [*first.values()]) for one in found)
     return first if same else {}
+
+
+def Omega_of(model: Model, what: str, text: str) -> float:
+    """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
+
+    Parameters
+    ----------
+    model : Model
+        Model with scales for values with units.
+    what : str
+        Name of the option or setting, for messages.
+    text : str
+        Number or quantity.
+
+    Returns
+    -------
+    float
+        Omega.
+
+    Raises
+    ------
+    ValueError
+        If the text is no finite number or frequency, or the model has no scales.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    >>> Omega_of(pair, "span", "0.5"), round(Omega_of(pair, "span", "14515 r/min"), 3)
+    (0.5, 1.0)
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        return _converted_frequency(model, what, text)
+    if not math.isfinite(value):
+        raise ValueError(f"{what}={text}: need a finite number")
+    return value
+
+
+def _converted_frequency(model: Model, what: str, text: str) -> float:
+    """Return a frequency with a unit as Omega."""
+    own = model.scales
+    if own is None:
+        raise ValueError(
+            f"{what} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
+        )
+    if text.strip().lower().endswith("hz"):
+        return float(own.from_mesh_frequency(to_si(what, "frequency", text, "Hz")))
+    try:
+        rate = to_si(what, "speed", text, "rad/s")
+    except ValueError:
+        raise ValueError(f"{what} {text}: need a speed with its unit, such as {what} 9000r/min") from None
+    return float(own.from_pinion_speed(rate * 30 / math.pi))

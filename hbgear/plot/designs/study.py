@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of, in_figure, in_micrometres
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, axis_scales, dimension_of, in_figure, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.equations.layout import axis_text
-from hbgear.harmonic.models.frequency_units import length_scale, same_scales, scales
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -57,13 +57,13 @@ def envelope(
     found : Cases
         Cases of a study with their curves.
     ax : Axes, optional
-        Axes to draw on; new ones by default, with axes of the speeds above if the models have common scales.
+        Axes to draw on; new ones by default, with an axis of the mesh frequency above if the models have scales.
     points : int, optional
         Number of frequencies; default 600.
     legend : bool, optional
         Whether to add a legend; default True.
     dimensionless : bool, optional
-        Whether Omega and amplitudes keep the unit of the model although all models have the same scales; default False.
+        Whether Omega and amplitudes keep the unit of the model although the models have scales; default False.
 
     Returns
     -------
@@ -86,11 +86,12 @@ def envelope(
     ...
     >>> axes = hb.plot.envelope(found)
     """
-    Omega = np.linspace(min(found.work.span), max(found.work.span), points)
-    swept = {direction: sweep_responses(found, Omega, direction) for direction in (1, -1)}
-    across, factor = _axis(found, dimensionless), _factor(found, dimensionless)
+    across, scales = _axis(found, dimensionless)
+    own, rows = ax is None, _curve_rows(found)
+    scale, factor = scales[rows, None], _lengths(found, dimensionless)[rows, None]
+    x = _common_range(scale * np.sort(found.work.span), points)
+    swept = {direction: sweep_responses(found, x / scale, direction) for direction in (1, -1)}
     up, down = factor * swept[1].amplitude, factor * swept[-1].amplitude
-    x, own = across.scale * Omega, ax is None
     same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
     with styled():
         ax = axes_or_new(ax, (5.4, 4.2))
@@ -217,22 +218,34 @@ def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
     return top
 
 
-def _axis(found: Cases, dimensionless: bool) -> OmegaAxis:
-    """Return the axis of Omega: the speed of the pinion if its scale is equal in all cases."""
-    known = same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
-    return OmegaAxis(known, _label(found, "Omega"), dimensionless)
+def _common_range(ends: Array, points: int) -> Array:
+    """Return values between ends (n, 2) that all curves cover; that any curve covers if there are none."""
+    low, high = (float(end) for end in (ends[:, 0].max(initial=-np.inf), ends[:, 1].min(initial=np.inf)))
+    if not -np.inf < low < high:
+        low, high = float(ends.min(initial=0.0)), float(ends.max(initial=1.0))
+    return np.linspace(low, high, points)
 
 
-def _factor(found: Cases, dimensionless: bool) -> float:
-    """Return the unit of amplitudes [um], or 1 if it is unknown or not equal in all cases."""
-    return factor_of(found.work.measure, _length(found, dimensionless))
+def _curve_rows(found: Cases) -> list[int]:
+    """Return the row of the table of each curve."""
+    rows = {case: row for row, case in enumerate(found.table["case"].tolist())}
+    return [rows[case] for case in found.curves]
 
 
-def _length(found: Cases, dimensionless: bool) -> float | None:
-    """Return the unit of length [m]; None if it is unknown, or differs between cases."""
-    lengths = [length_scale(found.model_of(int(case)), {}) for case in found.table["case"]]
-    first = lengths[0] if lengths and not dimensionless else None
-    return first if first and all(one is not None and np.isclose(one, first) for one in lengths) else None
+def _axis(found: Cases, dimensionless: bool) -> tuple[OmegaAxis, Array]:
+    """Return the axis of Omega, the speed of the pinion if the models have scales, and Omega = 1 on it (n,) by case."""
+    units, known = found.units, list[dict[str, float]]()
+    if units is not None:
+        pairs = np.column_stack([units.mesh, units.speed])[np.isfinite(units.speed)].tolist()
+        known = [{MESH: mesh, PINION: speed} for mesh, speed in pairs]
+    across = OmegaAxis(axis_scales(known, dimensionless), _label(found, "Omega"), dimensionless)
+    return across, np.ones(len(found)) if units is None or dimensionless else units.speed
+
+
+def _lengths(found: Cases, dimensionless: bool) -> Array:
+    """Return the unit of amplitudes [um] by case (n,), or 1 if it is unknown."""
+    units = None if dimensionless else found.units
+    return np.ones(len(found)) if units is None else (1e6 * units.length) ** dimension_of(found.work.measure)
 
 
 @checked_arguments()
@@ -244,11 +257,11 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, d
     found : Cases
         Cases of a study with their jumps.
     ax : Axes, optional
-        Axes to draw on; new ones by default, with axes of the speeds above if the models have common scales.
+        Axes to draw on; new ones by default, with an axis of the mesh frequency above if the models have scales.
     bins : int, optional
         Largest number of bins; default 30.
     dimensionless : bool, optional
-        Whether Omega is kept although all models have the same scales; default False.
+        Whether Omega is kept although the models have scales; default False.
 
     Returns
     -------
@@ -273,8 +286,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, d
     """
     if "jump_rising" not in found.table:
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
-    across = _axis(found, dimensionless)
-    columns = {name: across.scale * _finite(found.table[name]) for name in JUMPS}
+    across, scale = _axis(found, dimensionless)
+    columns = {name: _finite(scale * found.table[name]) for name in JUMPS}
     every = np.concatenate(list(columns.values()))
     own = ax is None
     with styled():
@@ -314,7 +327,7 @@ def against_parameters(
     figure : Figure or SubFigure, optional
         Figure to draw on; a new one by default.
     dimensionless : bool, optional
-        Whether Omega and amplitudes keep the unit of the model although all models have the same scales; default False.
+        Whether Omega and amplitudes keep the unit of the model although the models have scales; default False.
 
     Returns
     -------
@@ -397,19 +410,19 @@ def figures(found: Cases) -> dict[str, Any]:
     return drawn
 
 
-def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], float]]:
-    """Return the axis label of each row of panels, the table columns drawn there, and the unit of their values."""
-    rows = []
+def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], Array]]:
+    """Return the axis label of each row of panels, the table columns drawn there, and their unit in each case."""
+    rows, ones = [], np.ones(len(found))
     if "peak" in found.table:
-        rows.append((f"largest {_measure(found, dimensionless)}", ["peak"], _factor(found, dimensionless)))
+        rows.append((f"largest {_measure(found, dimensionless)}", ["peak"], _lengths(found, dimensionless)))
     if "jump_rising" in found.table:
-        across = _axis(found, dimensionless)
-        rows.append((f"jumps, {across.label}", list(JUMPS), across.scale))
-    critical = [(f"critical {_label(found, name)}", [f"critical_{name}"], 1.0) for name in found.work.critical]
+        across, scale = _axis(found, dimensionless)
+        rows.append((f"jumps, {across.label}", list(JUMPS), scale))
+    critical = [(f"critical {_label(found, name)}", [f"critical_{name}"], ones) for name in found.work.critical]
     return rows + critical
 
 
-def _dots(ax: Axes, found: Cases, name: str, column: str, scale: float) -> None:
+def _dots(ax: Axes, found: Cases, name: str, column: str, scale: Array) -> None:
     marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
     x, y = found.table[name], scale * found.table[column]
     which = np.isfinite(y)
@@ -443,8 +456,8 @@ def _finite(column: Array) -> Array:
 def _measure(found: Cases, dimensionless: bool) -> str:
     """Return the name of the measure and of the measured coordinate."""
     motion = found.model.labels.get("amplitude", "gap (model units)")
-    length = _length(found, dimensionless)
-    return in_figure(axis_text(found.work.measure, motion if length is None else in_micrometres(motion)))
+    known = not dimensionless and found.units is not None
+    return in_figure(axis_text(found.work.measure, in_micrometres(motion) if known else motion))
 
 
 def _label(found: Cases, name: str) -> str:
