@@ -119,6 +119,16 @@ def test_right_multipliers_of_a_coarse_motion_are_no_reason_against_more_harmoni
     assert row.status == "agrees with H = 4" and row.multiplier_error < 1e-6
 
 
+@pytest.mark.parametrize(("by", "status"), [(3e-6, "agrees with H = 12"), (3e-3, "rms, harmonics, multipliers differ")])
+def test_multipliers_that_differ_by_the_last_newton_step_are_no_reason_against_more_harmonics(by, status):
+    """Multipliers of a trace belong to the state before its last step, which is up to 1e-6."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.03), 6), "Omega", (0.9, 0.8), special=False)
+    mu = curve.multipliers.copy()
+    mu[5] = curve.problem.multipliers(curve.X[5], **curve.parameters_at(5)) * (1 + by * np.array([1, -1]))
+    (row,) = validate(replace(curve, multipliers=mu), [5], 1e-6, multiplier_tolerance=1e-4).rows
+    assert row.status == status
+
+
 def test_a_wrong_verdict_on_stability_is_found(pair):
     """The middle motion with the multipliers of a stable one, and the other way round."""
     middle = pair["LP1"].index + 8

@@ -69,7 +69,10 @@ _MAX_DOUBLINGS = 3
 """Largest number of doublings of the harmonics of a motion that disagrees [-]."""
 
 _CONSISTENCY_TOLERANCE = 1e-7
-"""Largest residual, and largest distance of multipliers [-], of a motion that solves its equations."""
+"""Largest residual [-] of a motion that solves its equations."""
+
+_MULTIPLIER_CONSISTENCY = 1e-5
+"""Largest distance of multipliers [-] of one motion: the last Newton step of a trace, which is 1e-6, moves them."""
 
 
 @checked_arguments(points="a number, or a list of indices and labels, such as ['LP1', 10]")
@@ -229,10 +232,8 @@ def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, 
 
     own = last = _compared(problem, X, stored, here)
     status = status_of(own)
-    if status != AGREES:
-        # verified points have the multipliers of a refined motion, not those of their own coefficients
-        right = own.orbit is not None and _multiplier_distance(own.mu, own.orbit.multipliers) <= tolerance
-        for finer, Y in _refinements(problem, X, None if right else stored, here):
+    if status != AGREES and _has_own_multipliers(problem, X, own, here):
+        for finer, Y in _refinements(problem, X, here):
             last = _compared(finer, Y, None, here)
             if status_of(last) == AGREES:
                 status = f"{AGREES} with H = {last.H}"
@@ -269,6 +270,16 @@ def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, 
     )
 
 
+def _has_own_multipliers(problem: Any, X: Array, own: _Compared, here: dict[str, float]) -> bool:
+    """Return whether multipliers are those of X, or of a more accurate motion: then they are closer to shooting."""
+    recomputed = problem.multipliers(X, **here)
+    allowed = _MULTIPLIER_CONSISTENCY * max(1.0, float(np.abs(own.mu).max()))
+    if own.orbit is None:
+        return _multiplier_distance(own.mu, recomputed) <= allowed
+    stored, again = (_multiplier_distance(mu, own.orbit.multipliers) for mu in (own.mu, recomputed))
+    return stored <= again + allowed
+
+
 def _compared(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, float]) -> _Compared:
     """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
     changes = {k: v for k, v in here.items() if k != "Omega"}
@@ -285,13 +296,10 @@ def _compared(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, f
     return _Compared(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
 
 
-def _refinements(
-    problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, float]
-) -> Iterator[tuple[Any, Array]]:
+def _refinements(problem: Any, X: Array, here: dict[str, float]) -> Iterator[tuple[Any, Array]]:
     """Yield the same motion with 2, 4, ... times the harmonics, each solved from the one before.
 
-    Nothing is yielded if harmonic truncation is not the reason for the difference: X does not solve its own equations,
-    or mu are not its multipliers.
+    Nothing is yielded if harmonic truncation is not the reason for the difference: X does not solve its own equations.
     """
     layout = problem.layout
     rows = np.array([layout.rows(X, j) for j in range(len(layout.elements))])
@@ -300,10 +308,6 @@ def _refinements(
     X = own.from_layout(X, layout)
     now = linearise(own, X, "", here)
     if not norm(now.R) <= _CONSISTENCY_TOLERANCE * now.size:
-        return
-    if mu is not None and not _multiplier_distance(mu, own.multipliers(X, **here)) <= _CONSISTENCY_TOLERANCE * max(
-        1.0, float(np.abs(mu).max())
-    ):
         return
     for _ in range(_MAX_DOUBLINGS):
         finer = own.with_order(own.nu, 2 * own.H)
