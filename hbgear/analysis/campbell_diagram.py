@@ -32,6 +32,7 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 
 _MAX_EIGENVALUE_COORDINATES = 1500
@@ -212,8 +213,8 @@ def campbell(
     with np.errstate(invalid="ignore"):
         damping = -poles.real / np.abs(poles)
     names = [e.name for e in system.elements]
-    in_contact = tuple(name for name, k in zip(names, stiffness, strict=True) if k != 0)
-    opened = tuple(name for name, k in zip(names, stiffness, strict=True) if k == 0)
+    in_contact = tuple(name for name, row in zip(names, stiffness, strict=True) if row.any())
+    opened = tuple(name for name, row in zip(names, stiffness, strict=True) if not row.any())
     critical = tuple(sorted(crossings, key=lambda one: one.Omega))
     return Campbell(Omega, poles.imag, damping, named, critical, scales(model, {}), whirl, in_contact, opened)
 
@@ -221,7 +222,7 @@ def campbell(
 def _element_stiffness(
     model: Model, system: System, closed: Mapping[str, bool] | Sequence[bool] | bool | None, span: tuple[float, float]
 ) -> Array:
-    """Return the stiffness of each element, shape (m,)."""
+    """Return the stiffness of the elements, shape (m, m); diagonal but for laws of several displacements."""
     system.check_matrices()
     names = [e.name for e in system.elements]
     given: list[bool | None]
@@ -238,16 +239,19 @@ def _element_stiffness(
     given = [False if state is None and _is_linear(e.law) else state
              for e, state in zip(system.elements, given, strict=True)]  # fmt: skip
     if None not in given:
-        return np.array([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, given, strict=True)])
+        return np.diag([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, given, strict=True)])
     static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(given) if state is None], names)
-    return np.array([static[i] if state is None else _mean_slope(e.law, state)
-                     for i, (e, state) in enumerate(zip(system.elements, given, strict=True))])  # fmt: skip
+    for i, (e, state) in enumerate(zip(system.elements, given, strict=True)):
+        if state is not None:
+            static[i] = 0.0
+            static[i, i] = _mean_slope(e.law, state)
+    return static
 
 
 def _equilibrium_stiffness(
     model: Model, span: tuple[float, float], elements: Sequence[int], names: Sequence[str]
 ) -> Array:
-    """Return the stiffness of all elements in the static equilibrium at the lower end of the span, shape (m,).
+    """Return the stiffness of all elements in the static equilibrium at the lower end of the span, shape (m, m).
 
     Warn if the contact of one of the numbered elements differs at the upper end.
     """
@@ -260,7 +264,7 @@ def _equilibrium_stiffness(
             "campbell: no static equilibrium is found at the ends of the span; give the state of each element: "
             f"closed={{{', '.join(f'{names[i]!r}: True' for i in elements)}}}"
         )
-    changed = [names[i] for i in elements if (first[i] != 0) != (last[i] != 0)]
+    changed = [names[i] for i in elements if first[i].any() != last[i].any()]
     if changed:
         warnings.warn(
             f"{', '.join(changed)}: the contact changes between the static equilibria at Omega = {span[0]:g} and "
@@ -281,6 +285,8 @@ def _is_linear(law: Law) -> bool:
 
 def _mean_slope(law: Law, closed: bool) -> float:
     """Return the mean slope of a law over a period at zero displacement, or beyond all breakpoints if it is closed."""
+    if closed and isinstance(law, Component) and law.law.has_edges:
+        return law.reference
     tau = 2 * np.pi * np.arange(_STIFFNESS_PHASES) / _STIFFNESS_PHASES
     outside = _CLOSED_DISTANCE_RATIO * max(1.0, *map(abs, law.breakpoints)) if closed and law.breakpoints else 0.0
     slopes = (
@@ -325,7 +331,7 @@ class _Rotor:
         self.gyroscopic = _gyroscopic(system)
         scaled = None if self.gyroscopic is None else np.abs(self.inverse @ self.gyroscopic[1])
         self.gyroscopic_scale = 0.0 if scaled is None else float(scaled.max())
-        self.element_matrices = (W * stiffness) @ W.T, (W * dampers) @ W.T
+        self.element_matrices = W @ stiffness @ W.T, (W * dampers) @ W.T
 
     def modes(self, Omega: float) -> tuple[ComplexArray, ComplexArray, Array]:
         """Return poles (r,) with ascending frequency, mass-scaled unit shapes (n, r) and their whirl (r,)."""

@@ -26,6 +26,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
+from hbgear.continuation.events.event import Event
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
@@ -36,6 +37,8 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
 from hbgear.harmonic.autonomous.phase import phase_vector
 from hbgear.harmonic.autonomous.unforced import unforced_balance
+from hbgear.harmonic.bifurcations.grazing import GrazingEvent
+from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.structure.receptance import LinearPart
@@ -105,6 +108,11 @@ class BackboneProblem(ContinuationProblem):
     def smooth(self) -> bool:  # type: ignore[override]
         """Whether the Jacobian is differentiable."""
         return self.balance.smooth
+
+    @property
+    def is_nonsmooth(self) -> bool:
+        """Whether the tangent may be discontinuous, as where a friction slider begins to slip."""
+        return self.balance.is_nonsmooth
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -260,7 +268,43 @@ class BackboneProblem(ContinuationProblem):
         d, own = self.split(X)
         here = _of_model(parameters)
         seen = self.balance.observe_many(d[None], "Omega", np.array([own["Omega"]]), False, **here)[0]
-        return {name: seen[name] for name in ("regime", "error")}
+        return {name: seen[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in seen}
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Return grazing contacts, and first slips of friction sliders."""
+        slips = (SlipEvent(),) if self.slider_names else ()
+        return GrazingEvent(by_newton=False), *slips
+
+    @property
+    def slider_names(self) -> tuple[str, ...]:
+        """Names of the friction sliders."""
+        return self.balance.slider_names
+
+    @property
+    def clearance_names(self) -> tuple[str, ...]:
+        """Meaning of each entry of `clearance`."""
+        return self.balance.clearance_names
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Meaning of each entry of `edge_extremes`."""
+        return self.balance.edge_names
+
+    def slip_margins(self, X: Array, **parameters: float) -> Array:
+        """Return the margins of the friction sliders, see `HarmonicBalance.slip_margins`."""
+        return self.balance.slip_margins(self.split(X)[0], **self._of_balance(X, parameters))
+
+    def clearance(self, X: Array, **parameters: float) -> Array:
+        """Return the distances of extrema from breakpoints, see `HarmonicBalance.clearance`."""
+        return self.balance.clearance(self.split(X)[0], **self._of_balance(X, parameters))
+
+    def edge_extremes(self, X: Array, **parameters: float) -> Array:
+        """Return the extrema of the edges of vector laws, see `HarmonicBalance.edge_extremes`."""
+        return self.balance.edge_extremes(self.split(X)[0], **self._of_balance(X, parameters))
+
+    def _of_balance(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
+        """Return the parameters of the balance at a solution."""
+        return {**_of_model(parameters), "Omega": self.split(X)[1]["Omega"]}
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

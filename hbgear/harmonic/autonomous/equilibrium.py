@@ -31,8 +31,7 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY
 from hbgear.harmonic.autonomous.unforced import unforced_balance
-from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.harmonic.equations.static_state import statics
+from hbgear.harmonic.equations.static_state import forces_at, statics
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
 
@@ -125,9 +124,9 @@ class EquilibriumProblem(ContinuationProblem):
         """Return the forces (m,) and the stiffness (m, m) at displacements X (m,)."""
         evaluator = self.balance.compiled(parameters)
         linear, s = evaluator.linear(STATIC_FREQUENCY), evaluator.structure
-        p, k, _ = _forces(evaluator, X)
+        p, k, _ = forces_at(evaluator, X, np.zeros(1))
         e, Z = evaluator.receptance.e[0].real, linear.Z[0].real
-        return s.joint @ (Z @ X + linear.g[0].real + p) + s.ties @ (X + e), s.joint @ (Z + np.diag(k)) + s.ties
+        return s.joint @ (Z @ X + linear.g[0].real + p) + s.ties @ (X + e), s.joint @ (Z + k) + s.ties
 
     def start(self, **parameters: float) -> Array:
         """Return a stable equilibrium if there is one, else another one.
@@ -151,9 +150,9 @@ class EquilibriumProblem(ContinuationProblem):
                 f"eigenvalues of equilibria need a mass of every coordinate, and '{s.system.massless}' has none: give "
                 "it a small one"
             )
-        _, k, c = _forces(evaluator, X)
+        _, k, c = forces_at(evaluator, X, np.zeros(1))
         M, C, K = (np.asarray(dense(A)) for A in (s.M, s.C, s.K))
-        K, C = K + (s.W * (k - s.kr)) @ s.W.T, C + (s.W * c) @ s.W.T
+        K, C = K + s.W @ (k - np.diag(s.kr)) @ s.W.T, C + s.W @ c @ s.W.T
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
         values, vectors = scipy.linalg.eig(A)
         return values, s.W.T @ vectors[:n]
@@ -167,14 +166,6 @@ class EquilibriumProblem(ContinuationProblem):
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
         return {"curve": {"of": type(self).__name__}}
-
-
-def _forces(evaluator: Evaluator, d: Array) -> tuple[Array, Array, Array]:
-    """Return force, stiffness and damping (m,) of the laws at constant displacements d (m,)."""
-    still = np.zeros(1)
-    each = [law.force(np.full(1, x), still, still) for law, x in zip(evaluator.laws, d, strict=True)]
-    p, k, c = (np.array([np.ravel(one[i])[0] for one in each], dtype=float) for i in range(3))
-    return p, k, c
 
 
 def _scaled_sum_product(values: ComplexArray) -> float:

@@ -59,7 +59,8 @@ def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
         If the structure has fewer modes that the elements measure.
     """
     held = [state for state in statics(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
-    rest, stiffness = (held[0].d, held[0].stiffness) if held else (np.zeros(evaluator.m), evaluator.structure.kr)
+    reference = np.zeros(evaluator.m), np.diag(evaluator.structure.kr)
+    rest, stiffness = (held[0].d, held[0].stiffness) if held else reference
     modes = _modes(evaluator, rest, stiffness)
     if number > len(modes):
         raise ValueError(
@@ -72,7 +73,7 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
     """Return the modes that the elements measure, in ascending frequency, without rigid-body and overdamped ones."""
     structure = evaluator.structure
     M, C, W = (np.asarray(dense(A)) for A in (structure.M, structure.C, structure.W))
-    K = np.asarray(dense(structure.K)) + (W * (stiffness - structure.kr)) @ W.T
+    K = np.asarray(dense(structure.K)) + W @ (stiffness - np.diag(structure.kr)) @ W.T
     squares, vectors = scipy.linalg.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
     sizes = np.linalg.norm(W.T @ vectors, axis=0)
     found: list[LinearMode] = []

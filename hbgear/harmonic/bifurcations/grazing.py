@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -131,12 +132,18 @@ class GrazingEvent(Event):
     """Grazing contact: an extremum of an element passes a breakpoint of its law.
 
     Elements that graze at the same value of the parameter are one point.
+
+    Parameters
+    ----------
+    by_newton : bool, optional
+        Whether the point is located by Newton's method on `GrazingProblem`, the default, so that its curve in a second
+        parameter can be traced. If not, it is a bracketed root.
     """
 
     kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
 
-    def __init__(self) -> None:
-        pass
+    def __init__(self, by_newton: bool = True) -> None:
+        self.by_newton = by_newton
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -196,11 +203,11 @@ class GrazingEvent(Event):
                 known = problem.clearance(point.X, **{**segment.parameters, segment.name: point.value})
             return float(known[which])
 
-        try:
+        if self.by_newton:
             extended = GrazingProblem(problem, segment.name, which)
-            return locate_by_newton(segment, self, extended, before / (before - after), note)
-        except (NoConvergence, np.linalg.LinAlgError):
-            return locate_root(segment, self, test, note)
+            with suppress(NoConvergence, np.linalg.LinAlgError):
+                return locate_by_newton(segment, self, extended, before / (before - after), note)
+        return locate_root(segment, self, test, note)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
@@ -226,5 +233,7 @@ class GrazingEvent(Event):
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        if not self.by_newton:
+            return None
         names, first = list(problem.clearance_names), point.note.split(", ")[0]
         return GrazingProblem(problem, parameter, names.index(first)) if first in names else None

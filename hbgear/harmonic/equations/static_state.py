@@ -1,6 +1,6 @@
 """Static states of the elements under the mean loads, and the stiffness of the elements in them.
 
-    Z_0 d + g_0 + p(d) = 0,     k_j = mean over tau of dp_j/dd (d_j, 0, tau)
+    Z_0 d + g_0 + p(d) = 0,     k_ij = mean over tau of dp_i/dd_j (d, 0, tau)
 
 Z_0 and g_0 are harmonic 0 of the linear part, see `hbgear.harmonic.structure.receptance`. At a breakpoint, where an
 element touches without force, the smaller of the two slopes is used: such a contact counts as open.
@@ -26,8 +26,8 @@ class Static(NamedTuple):
     ----------
     d : ndarray, shape (m,)
         Displacements of the elements.
-    stiffness : ndarray, shape (m,)
-        Mean stiffness of the laws.
+    stiffness : ndarray, shape (m, m)
+        Mean stiffness of the laws; diagonal but for laws of several displacements.
     balanced : bool
         Whether the forces are in equilibrium.
     stable : bool
@@ -73,13 +73,13 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
         terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
         if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
             break
-        step = np.linalg.lstsq(joint @ (Z + np.diag(k)) + ties, r, rcond=1e-12)[0]
+        step = np.linalg.lstsq(joint @ (Z + k) + ties, r, rcond=1e-12)[0]
         d = d - step
         if not np.isfinite(d).all() or (np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all():
             break
     balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms))
     own = joint[compiled.structure.own]  # forces on dependent elements act through the constraints
-    A = Z[np.ix_(compiled.structure.own, compiled.structure.own)] + (own * k) @ own.T
+    A = Z[np.ix_(compiled.structure.own, compiled.structure.own)] + own @ k @ own.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
     if not balanced:
         return Static(d, k, False, False)
@@ -108,7 +108,7 @@ def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     with np.errstate(all="ignore"):
         try:
-            A = joint @ (linear.Z + np.diag(static.stiffness)) + ties
+            A = joint @ (linear.Z + static.stiffness) + ties
             b = linear.g @ joint.T + compiled.receptance.e @ ties.T
             d = np.linalg.solve(A, -b[..., None])[..., 0].T
         except np.linalg.LinAlgError:
@@ -126,7 +126,7 @@ def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     if reach.all():
         return reach
     own = np.abs(
-        np.diag(compiled.linear(Omega).Z[0].real) + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1]
+        np.diag(compiled.linear(Omega).Z[0].real + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1])
     )
     stiffness = np.where(
         own > _ZERO_STIFFNESS_RATIO * springs, own, springs
@@ -134,7 +134,7 @@ def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     for j in np.flatnonzero(reach == 0):
         reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not reach.all():
-        whole = Static(np.zeros(compiled.m), springs, True, True)
+        whole = Static(np.zeros(compiled.m), np.diag(springs), True, True)
         moved = np.abs(linear_response(compiled, Omega, whole)).sum(axis=1) + np.abs(
             _load_displacements(compiled, Omega)
         )
@@ -157,17 +157,37 @@ def _load_signs(compiled: Evaluator, Omega: float) -> Array:
 
 
 def _mean_force_and_stiffness(compiled: Evaluator, d: Array) -> tuple[Array, Array]:
-    """Return the mean force and stiffness of each law over the phase at constant d (m,), reached from rest."""
-    tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
+    """Return the mean force (m,) and stiffness (m, m) of the laws over the phase at constant d, reached from rest."""
     with np.errstate(all="ignore"):  # a law may be undefined at large displacements
-        out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(compiled.laws, d, strict=True)]
-    p, k = np.array(out).sum(axis=2).T / 64
+        p, k, _ = forces_at(compiled, d, 2 * np.pi * np.arange(_PHASES) / _PHASES)
     for j, slider, limit in friction_limits(compiled.system.elements):
         d_n = d[limit.normal : limit.normal + 1] if limit.normal >= 0 else None
         bound = slider.limit if d_n is None else float(limit_at(limit, d_n, np.zeros(1))[0])
         friction, stiffness = first_loading(slider, d[j : j + 1], bound)
-        p[j], k[j] = p[j] + friction[0], k[j] + stiffness[0]
+        p[j], k[j, j] = p[j] + friction[0], k[j, j] + stiffness[0]
     return p, k
+
+
+_PHASES = 64
+"""Number of phases over which laws are averaged."""
+
+
+def forces_at(compiled: Evaluator, d: Array, tau: Array) -> tuple[Array, Array, Array]:
+    """Return the mean force (m,), stiffness (m, m) and damping (m, m) of the laws at phases tau, at constant d (m,).
+
+    Stiffness and damping of laws of one displacement are diagonal. Friction is not included.
+    """
+    m, count = len(d), len(tau)
+    p, k, c = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+    together = {int(j) for rows, _ in compiled.vectors for j in rows}
+    still = np.zeros(count)
+    for j in (j for j in range(m) if j not in together):
+        p[j], k[j, j], c[j, j] = (np.mean(x) for x in compiled.laws[j].force(np.full(count, d[j]), still, tau))
+    for rows, law in compiled.vectors:
+        here = np.repeat(d[rows, None], count, axis=1)
+        at = np.ix_(rows, rows)
+        p[rows], k[at], c[at] = (np.mean(x, axis=-1) for x in law.force(here, 0 * here, tau))
+    return p, k, c
 
 
 _BREAKPOINT_DISTANCE = 1e-9
@@ -175,7 +195,7 @@ _BREAKPOINT_DISTANCE = 1e-9
 
 
 def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
-    """Return the stiffness (m,) of the elements in a static equilibrium at Omega; None if no equilibrium is found.
+    """Return the stiffness (m, m) of the elements in a static equilibrium at Omega; None if no equilibrium is found.
 
     Stable equilibria are preferred, first at rest, then on the side of the load.
     """
@@ -183,6 +203,7 @@ def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
         if static.balanced:
             near = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
             below, above = (_mean_force_and_stiffness(compiled, static.d + side * near)[1] for side in (-1.0, 1.0))
-            smaller: Array = np.where(np.abs(below) <= np.abs(above), below, above)
+            first = np.abs(np.diag(below)) <= np.abs(np.diag(above))
+            smaller: Array = np.where(first[:, None], below, above)
             return smaller
     return None

@@ -1,0 +1,104 @@
+"""Backbones with friction and backlash, and cubic springs, against closed forms and shooting."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+
+def at_displacement(model: hb.System, harmonics: int, x: float, span: tuple[float, float], mode: int = 1) -> hb.Point:
+    """Return the point of a backbone at which the largest displacement of the first element is x."""
+    problem = hb.harmonic.BackboneProblem(model, mode, harmonics)
+    hit = hb.Event("largest", lambda point: point.amplitude("max", 0) - x)
+    return hb.trace(problem, "amplitude", span, cover=False, events=[hit], accuracy=None)["largest1"]
+
+
+def slider(k: float, limit: float) -> hb.System:
+    return hb.System([[1.0]], None, [[1.0]], [hb.Element([1.0], hb.mechanics.Jenkins(k, limit), name="slider")])
+
+
+JENKINS = [
+    (1.0, 0.1, 0.11, 1.3979722454389134, 0.026790202675902486),
+    (1.0, 0.1, 0.15, 1.3074059276417724, 0.08207404840969729),
+    (1.0, 0.1, 0.2, 1.2258676901976977, 0.10575288042635411),
+    (1.0, 0.1, 0.4, 1.0935981120211686, 0.10105727714235226),
+    (1.0, 0.1, 1.0, 1.0252868006149383, 0.05503715314077884),
+    (1.0, 0.1, 3.0, 1.0049856727723823, 0.020373713229677667),
+    (0.25, 0.05, 0.25, 1.1019878712654194, 0.020900473831894785),
+    (0.25, 0.05, 0.5, 1.0457422542960422, 0.034991946530664605),
+    (0.25, 0.05, 2.0, 1.0064571813314003, 0.014176790533008164),
+]
+"""Stiffness, limit, largest displacement, frequency and damping of x'' - 2 D omega x' + x + Jenkins = 0 by shooting."""
+
+
+@pytest.mark.parametrize(("k", "limit", "x", "omega", "damping"), JENKINS)
+def test_a_friction_slider_agrees_with_shooting(k, limit, x, omega, damping):
+    point = at_displacement(slider(k, limit), 64, x, (0.5 * x, 1.5 * x))
+    assert abs(point.parameters["Omega"] - omega) < 5e-9
+    assert abs(point.parameters["modal_damping"] - damping) < 5e-9
+
+
+def test_the_backbone_passes_the_first_slip():
+    """The slider slips from x = limit / k on; before, the frequency is that of the closed link and the damping zero."""
+    problem = hb.harmonic.BackboneProblem(slider(0.25, 0.05))
+    for span in ((0.1, 0.2), (0.2, 0.1)):
+        curve = hb.trace(problem, "amplitude", span, cover=False)
+        assert curve.status.complete and [point.kind for point in curve.special] == ["SL"]
+        assert curve["SL1"].parameters["amplitude"] == pytest.approx(0.2 / math.sqrt(2), rel=1e-9)
+        sticks = curve.values < 0.2 / math.sqrt(2) * (1 - 1e-6)
+        assert np.abs(curve.tracked["Omega"][sticks] - math.sqrt(1.25)).max() < 1e-12
+        assert np.abs(curve.tracked["modal_damping"][sticks]).max() < 1e-9 < curve.tracked["modal_damping"].max()
+
+
+def gap(F: float) -> hb.System:
+    load = hb.Load(constant=[F]) if F else ()
+    return hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash(), name="gap")], load)
+
+
+BACKLASH = [
+    (0.0, 3.0, 0.7585469929947761), (0.0, 4.0, 0.8249418932369944), (0.1, 1.4, 0.6629146738553157),
+    (0.1, 1.7, 0.41043370727068135), (0.1, 2.1, 0.5838276062196354), (0.3, 1.8, 0.8855466812136265),
+    (0.3, 2.8, 0.6714496036385587),
+]  # fmt: skip
+"""Mean force, largest displacement and frequency of x'' + g(x) = F, half gap and stiffness 1, closed forms."""
+
+
+@pytest.mark.parametrize(("F", "x", "omega"), BACKLASH)
+def test_backlash_has_its_closed_form(F, x, omega):
+    span = (0.3 * F, 1.1 * x) if F else (x, 0.5 * x)
+    assert abs(at_displacement(gap(F), 128, x, span).parameters["Omega"] - omega) < 2e-8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("F", "x", "omega"), [BACKLASH[0], BACKLASH[1], BACKLASH[5]])
+def test_backlash_has_its_closed_form_to_ten_digits(F, x, omega):
+    span = (0.3 * F, 1.1 * x) if F else (x, 0.5 * x)
+    assert abs(at_displacement(gap(F), 256, x, span).parameters["Omega"] - omega) < 1e-10
+
+
+def test_contact_is_lost_where_the_gap_opens():
+    """x = 1 + F + a cos reaches 1 at a = F: the rms is F / sqrt(2)."""
+    curve = hb.analysis.backbone(gap(0.3), span=(0.1, 0.4))
+    assert curve["GR1"].parameters["amplitude"] == pytest.approx(0.3 / math.sqrt(2), rel=1e-9)
+
+
+TWO_MASSES = {
+    (0.0, 1): [(0.5, 1.0370690976579064), (1.0, 1.1437105229248123), (2.0, 1.5169614506422335)],
+    (0.0, 2): [(0.5, 1.7532817849076823), (1.0, 1.8120777618344084), (2.0, 2.011087756939591)],
+    (0.2, 2): [(0.5, 1.5160371848090328), (1.0, 1.7835839029605487), (2.0, 2.5800552632235734)],
+}
+"""Largest displacement of the first mass and frequency by shooting; by cubic coefficient of the coupling, and mode."""
+
+
+@pytest.mark.parametrize(("coupling", "mode"), TWO_MASSES)
+def test_two_masses_with_cubic_springs_agree_with_shooting(coupling, mode):
+    k12, grounds = (0.5, ()) if coupling else (1.0, (([1, 0], 0.5), ([0, 1], 0.3)))
+    springs = [hb.Element(direction, hb.Cubic(c)) for direction, c in (*grounds, ([1, -1], coupling)) if c]
+    if coupling:  # the first element measures the first mass
+        springs.insert(0, hb.Element([1, 0], hb.Cubic(1e-30)))
+    model = hb.System(np.eye(2), None, [[1 + k12, -k12], [-k12, 1 + k12]], springs)
+    for x, omega in TWO_MASSES[coupling, mode]:
+        point = at_displacement(model, 15, x, (0.3 * x, 3.0 * x), mode)
+        assert abs(point.parameters["Omega"] - omega) < 1e-8
