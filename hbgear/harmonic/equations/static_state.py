@@ -159,7 +159,7 @@ def _load_signs(compiled: Evaluator, Omega: float) -> Array:
 def _mean_force_and_stiffness(compiled: Evaluator, d: Array) -> tuple[Array, Array]:
     """Return the mean force (m,) and stiffness (m, m) of the laws over the phase at constant d, reached from rest."""
     with np.errstate(all="ignore"):  # a law may be undefined at large displacements
-        p, k, _ = forces_at(compiled, d, 2 * np.pi * np.arange(_PHASES) / _PHASES)
+        p, k, _ = forces_at(compiled, d, 2 * np.pi * np.arange(_AVERAGED_PHASES) / _AVERAGED_PHASES)
     for j, slider, limit in friction_limits(compiled.system.elements):
         d_n = d[limit.normal : limit.normal + 1] if limit.normal >= 0 else None
         bound = slider.limit if d_n is None else float(limit_at(limit, d_n, np.zeros(1))[0])
@@ -168,7 +168,7 @@ def _mean_force_and_stiffness(compiled: Evaluator, d: Array) -> tuple[Array, Arr
     return p, k
 
 
-_PHASES = 64
+_AVERAGED_PHASES = 64
 """Number of phases over which laws are averaged."""
 
 
