@@ -129,7 +129,8 @@ def response(
         return with_other_kinds(responses, [branch], measure, element, ax, names=[label] if label else None,
                                 legend=legend, dimensionless=dimensionless)  # fmt: skip
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
-    branch, across = height.prepared(branch), Abscissa([branch], dimensionless)
+    branch = height.prepared(branch)
+    across = Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
     own, fresh = ax is None, ax is None or not ax.has_data()
     with styled():

@@ -34,6 +34,7 @@ from hbgear.harmonic.models.frequency_units import (
     scales,
 )
 from hbgear.mechanics.models import Model
+from hbgear.mechanics.structures.scales import Numbers
 
 SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acceleration": "acceleration, rms"}
 """Engineering quantities by the short names that measures may have."""
@@ -89,19 +90,19 @@ def dimension_of(measure: str) -> int:
     return 1 if entry is None else 0 if entry.unit else entry.dimension
 
 
-def factor_of(measure: str, length: float | None) -> float:
+def factor_of(measure: str, length: Numbers | None) -> Numbers | float:
     """Return the unit of a measure of amplitude [um] for a unit of length [m].
 
     Parameters
     ----------
     measure : str
         Name of a measure of amplitude.
-    length : float or None
+    length : float or ndarray or None
         Unit of length; None if amplitudes keep the unit of the model.
 
     Returns
     -------
-    float
+    float or ndarray
         Factor of amplitudes; 1 without a unit of length.
 
     Examples
@@ -351,7 +352,8 @@ class Abscissa:
         usual = r"$\Omega$" if first.parameter == "Omega" else first.parameter
         axis = OmegaAxis(axis_scales(known, dimensionless), str(names.get(first.parameter, usual)), dimensionless)
         self.scale, self.hertz, self.label, self.above = axis.scale, axis.hertz, axis.label, axis.above
-        self._is_speed, self._own = axis.is_speed, dict[int, tuple[Branch, float]]()
+        self._is_speed = axis.is_speed
+        self._own = {id(branch): (branch, one.get(PINION, 1.0)) for branch, one in zip(branches, known, strict=True)}
 
     def along(self, branch: Branch) -> Array:
         """Return the values at the points of a branch."""

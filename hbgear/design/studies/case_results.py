@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of, factor_of
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean
@@ -20,6 +20,7 @@ from hbgear.common.text.symbols import unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.store import Result
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.models.frequency_units import MESH, PINION, length_scale, scales
 from hbgear.harmonic.models.model_registry import fields_from_plain
 from hbgear.io.branches.npz import unpacked
 from hbgear.mechanics.models import Model
@@ -32,11 +33,11 @@ KINDS = ("peak", "jumps", "curve", "branch")
 
 
 class PhysicalUnits(NamedTuple):
-    """Speeds [r/min] and mesh frequencies [Hz] at Omega = 1, and lengths [m] of one, by case (n,); nan if it failed."""
+    """Speeds [r/min] and mesh frequencies [Hz] at Omega = 1, and lengths [m] or None; by case (n,), nan if it failed."""
 
     speed: Array
     mesh: Array
-    length: Array
+    length: Array | None
 
 
 class Outcome(StrEnum):
@@ -159,11 +160,15 @@ class Cases:
         for row, case in zip(rows, self.table["case"].tolist(), strict=True):
             if case in self.failed:
                 continue
-            own = self.model_of(case).scales
-            if own is None:
+            model = self.model_of(case)
+            known, length = scales(model, {}), length_scale(model, {})
+            if not known:
                 return None
-            row[:] = own.pinion_speed(1.0), own.mesh_frequency(1.0), own.length
-        return PhysicalUnits(*rows.T) if np.isfinite(rows).any() else None
+            row[:] = known[PINION], known[MESH], np.nan if length is None else length
+        speed, mesh, lengths = rows.T
+        if not np.isfinite(speed).any():
+            return None
+        return PhysicalUnits(speed, mesh, lengths if np.isfinite(lengths[np.isfinite(speed)]).all() else None)
 
     @property
     def physical_table(self) -> dict[str, Any]:
@@ -178,8 +183,8 @@ class Cases:
                 out[f"{name} [{unit}]" if unit and unit != "-" else name] = column
             elif units is not None and (name.endswith("_Omega") or name in JUMP_COLUMNS):
                 out[f"{name.removesuffix('_Omega')} at pinion [r/min]"] = units.speed * column
-            elif units is not None and name == "peak" and dimension_of(self.work.measure):
-                out[f"peak [{MICROMETRE}]"] = (1e6 * units.length) ** dimension_of(self.work.measure) * column
+            elif units is not None and units.length is not None and name == "peak" and dimension_of(self.work.measure):
+                out[f"peak [{MICROMETRE}]"] = factor_of(self.work.measure, units.length) * column
             else:
                 out[name] = column
         return out

@@ -92,7 +92,7 @@ class Equations:
         self._displacements: dict[int, Array] = {}
         self._bounds: dict[tuple[int, ...], Array] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
-        self.constant_matrices: dict[tuple[Contacts, ...], Array] = {}  # of flows at Omega = 1
+        self.constant_matrices: dict[tuple[Contacts, ...], Array | None] = {}  # of flows at Omega = 1
 
     @cached_property
     def starts(self) -> Array:
@@ -285,14 +285,15 @@ class EquationsAt:
 
     def flows(self, contacts: tuple[Contacts, ...]) -> tuple[Array, dict[int, Flow]]:
         """Return the matrices A (K, N, N) of several flows, and the flows of varying stiffness by their number."""
-        found = self.equations.constant_matrices.get(contacts)
-        if found is not None:
-            A = found.copy()
+        known = self.equations.constant_matrices
+        if contacts not in known:
+            units = [unit.A for unit in map(self._unit_flow, contacts) if unit is not None]
+            known[contacts] = np.array(units) if len(units) == len(contacts) else None
+        matrices = known[contacts]
+        if matrices is not None:
+            A = matrices.copy()
             A[:, : self.size] /= self.Omega
             return A, {}
-        units = [self._unit_flow(one) for one in contacts]
-        if None not in units:
-            self.equations.constant_matrices[contacts] = np.array([unit.A for unit in units if unit is not None])
         flows = [self.flow(one) for one in contacts]
         return np.array([flow.A for flow in flows]), {k: flow for k, flow in enumerate(flows) if flow.stiffness}
 

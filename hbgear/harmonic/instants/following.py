@@ -183,7 +183,8 @@ class Follower:
                 continue
             break
         grow = STEP_GROWTH if point.iterations <= FAST_ITERATIONS else 1.0
-        grow = min(grow, max(MULTIPLIER_STEP / length, PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / max(change, 1e-3)))
+        if change > PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / STEP_GROWTH:  # the next step would change them too far
+            grow = min(grow, max(MULTIPLIER_STEP / length, PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / change))
         self.step = min(LARGEST_STEP, max(length * grow, self.step if length < self.step else 0.0))
         if self._leaves(point):
             self._finish(last, point)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, axis_scales, dimension_of, in_figure, in_micrometres
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, axis_scales, factor_of, in_figure, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
@@ -242,10 +242,14 @@ def _axis(found: Cases, dimensionless: bool) -> tuple[OmegaAxis, Array]:
     return across, np.ones(len(found)) if units is None or dimensionless else units.speed
 
 
+def _known_lengths(found: Cases, dimensionless: bool) -> Array | None:
+    """Return the unit of length [m] by case (n,); None if amplitudes keep the unit of the model."""
+    return None if dimensionless or found.units is None else found.units.length
+
+
 def _lengths(found: Cases, dimensionless: bool) -> Array:
     """Return the unit of amplitudes [um] by case (n,), or 1 if it is unknown."""
-    units = None if dimensionless else found.units
-    return np.ones(len(found)) if units is None else (1e6 * units.length) ** dimension_of(found.work.measure)
+    return factor_of(found.work.measure, _known_lengths(found, dimensionless)) * np.ones(len(found))
 
 
 @checked_arguments()
@@ -456,7 +460,7 @@ def _finite(column: Array) -> Array:
 def _measure(found: Cases, dimensionless: bool) -> str:
     """Return the name of the measure and of the measured coordinate."""
     motion = found.model.labels.get("amplitude", "gap (model units)")
-    known = not dimensionless and found.units is not None
+    known = _known_lengths(found, dimensionless) is not None
     return in_figure(axis_text(found.work.measure, in_micrometres(motion) if known else motion))
 
 
