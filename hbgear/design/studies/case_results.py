@@ -33,7 +33,7 @@ KINDS = ("peak", "jumps", "curve", "branch")
 
 
 class PhysicalUnits(NamedTuple):
-    """Speeds [r/min] and mesh frequencies [Hz] at Omega = 1, and lengths [m] or None; by case (n,), nan if it failed."""
+    """Speed [r/min] and mesh frequency [Hz] at Omega = 1, and length [m] or None, by case (n,); nan if it failed."""
 
     speed: Array
     mesh: Array
