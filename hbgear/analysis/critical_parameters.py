@@ -14,7 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_of, report_progress, response_curve
+from hbgear.analysis.fold_curves import (
+    check_parameter,
+    folds_of,
+    on_fold_curve,
+    problem_of,
+    report_progress,
+    response_curve,
+)
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.continuation.augmented.fold import FoldProblem
@@ -198,8 +205,8 @@ def _search_values(own: float) -> Iterator[float]:
 
 
 def _count_folds(curve: Branch) -> str:
-    """Return the number of folds of a response curve as text."""
-    count = sum(p.kind == "LP" for p in curve.special)
+    """Return the number of folds of the response curves as text."""
+    count = len(folds_of(curve))
     return f"{count} folds" if count else "no fold"
 
 
@@ -214,7 +221,7 @@ def _find_cusps(
     """
     own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     reach = _MAX_PARAMETER_RATIO * (abs(own) or 1.0)
-    for point in (p for p in curve.special if p.kind == "LP" and p.located):
+    for point in folds_of(curve):
         if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
             continue
         value = point.parameters[parameter]

@@ -58,7 +58,7 @@ def check_parameter(problem: HarmonicBalance, parameter: str) -> None:
 def response_curve(
     problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None
 ) -> Branch:
-    """Trace the response curve at a value of a parameter over a range of Omega, without stability.
+    """Trace the response curves at a value of a parameter that cover a range of Omega, without stability.
 
     Parameters
     ----------
@@ -74,12 +74,15 @@ def response_curve(
     Returns
     -------
     Branch
-        Response curve.
+        Response curve; `Branch.others` are the curves of the rest of the range.
     """
     span = problem.model.default_span if frequencies is None else frequencies
-    return raise_if_interrupted(
-        trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False, accuracy=None)
-    )
+    return raise_if_interrupted(trace(problem, "Omega", span, at={parameter: value}, stability=False, accuracy=None))
+
+
+def folds_of(curve: Branch) -> list[Point]:
+    """Return the located folds of a response curve and of the other curves of its range."""
+    return [point for one in (curve, *curve.others) for point in one.special if point.kind == "LP" and point.located]
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

@@ -12,12 +12,21 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_of, report_progress, response_curve
+from hbgear.analysis.fold_curves import (
+    check_parameter,
+    folds_of,
+    on_fold_curve,
+    problem_of,
+    report_progress,
+    response_curve,
+)
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
@@ -32,6 +41,7 @@ from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.stepping.control import StepControl
+from hbgear.continuation.tracing.coverage import coverage_message, uncovered_intervals
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
@@ -79,9 +89,9 @@ class JumpMap:
     status : Status
         Complete if all curves were traced to their ends.
     message : str
-        Reason of an early end, and advice.
+        Reason of an early end, and advice; or sections of the range in which no response curve was found.
     curves : tuple of Branch
-        Response curves whose folds are the starts of the fold curves.
+        Response curves whose folds are the starts of the fold curves; `Branch.others` are further curves of the range.
     frequencies : tuple of float
         Range of Omega of the response curves.
 
@@ -129,12 +139,33 @@ class JumpMap:
         return [(Omega, self.arms[i].direction) for Omega, i in self._arms_at(value)]
 
     def _arms_at(self, value: float) -> list[tuple[float, int]]:
-        """Return Omega, ascending, and the number of the section of each jump at a value of the parameter."""
-        found = [(arm.at(value), i) for i, arm in enumerate(self.arms)]
-        return sorted((Omega, i) for Omega, i in found if not math.isnan(Omega))
+        """Return Omega, ascending, and the number of the section of each jump; at a cusp the lower jump is first."""
+        found = [(arm.at(value), arm.direction, i) for i, arm in enumerate(self.arms)]
+        return [(Omega, i) for Omega, _, i in sorted(found) if not math.isnan(Omega)]
+
+    @cached_property
+    def _asymptotes(self) -> list[tuple[float, list[tuple[float, int]]]]:
+        """Values of the parameter, ascending, with the asymptotes of the response curves there."""
+        return sorted((curve.fixed[self.parameter], _asymptotes_of(curve)) for curve in self.curves)
+
+    def _asymptotes_at(self, value: float) -> list[tuple[float, int]]:
+        """Return the asymptotes at a value of the parameter, between the nearest curves if they have the same ones."""
+        known = self._asymptotes
+        if not any(asymptotes for _, asymptotes in known):
+            return []
+        k = min(max(int(np.searchsorted([at for at, _ in known], value)), 1), len(known) - 1)
+        (low, below), (high, above) = known[max(k - 1, 0)], known[k]
+        share = (value - low) / (high - low) if high > low else 0.0
+        if [change for _, change in below] != [change for _, change in above]:
+            return below if share < 0.5 else above
+        return [((1 - share) * a + share * b, change) for (a, change), (b, _) in zip(below, above, strict=True)]
 
     def several_motions(self, value: float) -> list[tuple[float, float]]:
         """Return the intervals of Omega with several motions at a value of the parameter.
+
+        The number of motions changes by two at each jump, and by one where a curve grows without bound. These
+        frequencies are interpolated between the response curves. An interval without an end extends to the end of the
+        range of Omega.
 
         Parameters
         ----------
@@ -144,20 +175,23 @@ class JumpMap:
         Returns
         -------
         list of tuple of float
-            Lower and upper end of each interval in which the traced branch has several motions.
+            Lower and upper end of each interval in which the traced curves have several motions.
         """
         return [(low[0], high[0]) for low, high in self._intervals(value)]
 
     def _intervals(self, value: float) -> list[tuple[tuple[float, int], tuple[float, int]]]:
-        """Return the intervals of `several_motions` with the numbers of the sections at their ends."""
-        out, count, start = [], 0, (0.0, -1)
-        for Omega, i in self._arms_at(value):
-            before, count = count, count - self.arms[i].direction
-            if before <= 0 < count:
-                start = (Omega, i)
-            elif count <= 0 < before:
-                out.append((start, (Omega, i)))
-        return out
+        """Return the intervals of `several_motions`, each end with a number: of its section, or below zero."""
+        changes = [(Omega, i, -2 * self.arms[i].direction) for Omega, i in self._arms_at(value)]
+        if not changes:
+            return []
+        changes += [(Omega, -3 - k, change) for k, (Omega, change) in enumerate(self._asymptotes_at(value))]
+        changes.sort(key=lambda change: change[0])
+        ends = [(min(*self.frequencies, changes[0][0]), -1), *((Omega, i) for Omega, i, _ in changes)]
+        ends += [(max(*self.frequencies, changes[-1][0]), -2)]
+        counts = np.cumsum([0, *(change for *_, change in changes)])
+        several = np.concatenate([[False], counts > counts.min(), [False]])
+        starts, stops = np.flatnonzero(several[1:] & ~several[:-1]), np.flatnonzero(several[:-1] & ~several[1:])
+        return [(ends[i], ends[k]) for i, k in zip(starts.tolist(), stops.tolist(), strict=True)]
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a .csv file with one row for each point of each section; no file is left after an error.
@@ -215,9 +249,9 @@ def jump_map(
 ) -> JumpMap:
     """Compute the jump-up and jump-down frequencies over a design parameter.
 
-    Response curves at `seeds` values of the parameter are searched for folds, and each fold is followed in the
-    parameter through the span. A fold curve that intersects none of the response curves is missed: use more seeds if
-    jumps appear and vanish within the span.
+    Response curves that cover the range of Omega at `seeds` values of the parameter are searched for folds, and each
+    fold is followed in the parameter through the span. A fold curve that intersects none of the response curves is
+    missed: use more seeds if jumps appear and vanish within the span.
 
     Parameters
     ----------
@@ -285,8 +319,9 @@ def jump_map(
             if value not in curves:
                 curves[value] = response_curve(problem, parameter, value, frequencies)
             curve = curves[value]
-            ending.merge(curve, f"the response curve at {parameter} = {value:.5g}")
-            for point in (p for p in curve.special if p.kind == "LP" and p.located):
+            for one in (curve, *curve.others):
+                ending.merge(one, f"the response curve at {parameter} = {value:.5g}")
+            for point in folds_of(curve):
                 if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
                     report_progress(
                         progress, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}"
@@ -298,10 +333,29 @@ def jump_map(
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
         ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+    message = ending.message_with_advice or _without_curve(parameter, curves, frequencies)
     return JumpMap(
         parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, ending.message_with_advice, tuple(curves.values()), frequencies,
+        dict(problem.model.labels), ending.status, message, tuple(curves.values()), frequencies,
     )  # fmt: skip
+
+
+def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:
+    """Return Omega, ascending, where curves grow without bound; -1 if they approach it from below, 1 from above."""
+    found = []
+    for one in (curve, *curve.others):
+        for end, Omega in one.asymptotes.items():
+            found.append((Omega, -1 if one.values[0 if end == "first" else -1] < Omega else 1))
+    return sorted(found)
+
+
+def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: tuple[float, float]) -> str:
+    """Return a sentence on the first value of a parameter at which no curve covers a part of the range, or ""."""
+    for value, curve in curves.items():
+        if uncovered_intervals([curve, *curve.others], frequencies):
+            gap = coverage_message(curve, curve.others, frequencies)
+            return f"at {parameter} = {value:.5g} {gap}; jumps there are not in the map"
+    return ""
 
 
 def _spread(low: float, high: float, count: int) -> list[float]:

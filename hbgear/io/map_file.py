@@ -1,7 +1,7 @@
 """Incomplete jump maps as .npz files, from which `jump_map` continues.
 
 The file has the format of a branch, see `npz`: the first response curve, with the other response curves and the fold
-curves as the other curves of its span. The entry "map" of its header identifies the map: parameter, span, frequencies.
+curves as its other curves. The entry "map" of its header identifies the map: parameter, span, frequencies.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 from hbgear.analysis.jump_maps import JumpMap
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.model_registry import is_description
@@ -30,7 +31,8 @@ def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
     """
     if not found.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
-    first, *rest = (dataclasses.replace(curve, others=()) for curve in (*found.curves, *found.folds))
+    every = [one for curve in (*found.curves, *found.folds) for one in (curve, *curve.others)]
+    first, *rest = (dataclasses.replace(one, others=()) for one in every)
     meta = {**first.meta, "map": _settings(found.parameter, found.span, found.frequencies)}
     dataclasses.replace(first, meta=meta, others=tuple(rest)).save(path)
 
@@ -73,11 +75,21 @@ def read_map(
             raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({about}): give another output file, or "
                              "remove this one")  # fmt: skip
     every = (dataclasses.replace(first, others=()), *first.others)
-    curves = tuple(dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega")
+    curves = _by_value(
+        [dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega"], parameter
+    )
     folds = tuple(dataclasses.replace(one, problem=FoldProblem(problem)) for one in every if one.parameter == parameter)
     low, high = sorted(map(float, span))
     begin, end = map(float, frequencies)
     return JumpMap(parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", curves, (begin, end))
+
+
+def _by_value(curves: list[Branch], parameter: str) -> tuple[Branch, ...]:
+    """Return the first response curve at each value of a parameter, with the others at this value in its ``others``."""
+    groups: dict[float, list[Branch]] = {}
+    for curve in curves:
+        groups.setdefault(curve.fixed[parameter], []).append(curve)
+    return tuple(dataclasses.replace(first, others=tuple(rest)) for first, *rest in groups.values())
 
 
 def _settings(parameter: str, span: tuple[float, float], frequencies: tuple[float, float]) -> dict[str, Any]:

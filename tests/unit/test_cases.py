@@ -21,6 +21,7 @@ from scipy import stats
 
 import hbgear as hb
 from hbgear.cli import app as cli
+from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.design.studies import case_work
 from hbgear.design.studies.samples import distribution, grid, latin_hypercube, monte_carlo
 from hbgear.design.studies.store import Result, Store
@@ -610,3 +611,36 @@ def test_cases_of_a_pair_from_its_drawing_keep_its_teeth():
     curve = hb.trace(hb.HarmonicBalance(model.replace(zeta=0.1), 4), "Omega", (0.9, 0.8), accuracy=None)
     (name,) = [name for name in found.table if name.startswith("peak") and "Omega" not in name]
     assert found.table[name][0] == pytest.approx(curve.amplitude("pp2").max(), rel=1e-3)
+
+
+def test_all_curves_of_the_span_are_results_of_a_case(tmp_path):
+    """The curve from 1.5 grows without bound, another one covers the rest: jumps and stable motions of both count."""
+    model, span = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), (1.5, 0.3)
+    with ThreadPoolExecutor(1) as executor:
+        what = ("peak", "jumps", "curve")
+        found = cases(model, grid(zeta=[0.01, 0.2]), what, harmonics=8, span=span, executor=executor)
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", span, accuracy=None)
+    curves = (curve, *curve.others)
+    assert found.failed == {} and len(curves) == 2
+    jumps = sorted(jump.value for one in curves for jump in one.jumps())
+    np.testing.assert_allclose(sorted(found.jumps[found.jumps[:, 0] == 0, 1]), jumps, rtol=1e-6)
+    assert found.table["jumps"].tolist() == [len(jumps), 0] and len(jumps) == 2
+    assert np.isinf(found.table["peak"][0]) and np.isfinite(found.table["peak"][1])
+    assert found.table["peak_Omega"][0] == pytest.approx(curve.asymptotes["last"], rel=1e-9)
+    columns = np.isnan(found.curves[0][0])
+    assert columns.sum() == 1 and not np.isnan(found.curves[1]).any()
+    np.testing.assert_allclose(found.curves[0][0, ~columns], np.concatenate([one.values for one in curves]))
+    at = [0.42, 0.6]
+    stable = [sum(count_stable(one, Omega) for one in curves) for Omega in at]
+    assert stable[0] == 2
+    known = hb.design.sweep_statistics(found, at)
+    assert known.coexisting.tolist() == [0.5 * (count > 1) for count in stable]
+    path = tmp_path / "table.npz"
+    found.export(path)
+    assert np.isnan(np.load(path)["curve_table"][:, 1]).sum() == 1
+    assert hb.plot.envelope(found).get_ylim()[1] < 20
+
+
+def count_stable(branch, Omega):
+    """Return the number of stable motions of a branch at a value of Omega."""
+    return sum(bool(branch.stable[one.index]) for one in crossings_at(branch, Omega))

@@ -247,6 +247,17 @@ def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
             assert arm.direction == other.direction
 
 
+def test_a_part_of_a_map_keeps_all_curves_of_the_range(tmp_path):
+    problem, path = hb.HarmonicBalance(hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), 8), tmp_path / "a.part.npz"
+    found = hb.jump_map(problem, "zeta", (0.01, 0.011), frequencies=(1.5, 0.3), seeds=2)
+    save_map(found, path)
+    known = read_map(path, problem, "zeta", (0.01, 0.011), (1.5, 0.3))
+    for one, other in zip(found.curves, known.curves, strict=True):
+        assert len(one.others) == len(other.others) == 1 and one.asymptotes == other.asymptotes
+        np.testing.assert_array_equal(one.others[0].X, other.others[0].X)
+    assert len(known.folds) == len(found.folds) == 2
+
+
 def test_the_part_of_another_jump_map_is_refused(tmp_path):
     problem, path = hb.HarmonicBalance(DUFFING, 3), tmp_path / "a.part.npz"
     found = hb.jump_map(problem, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), seeds=2)

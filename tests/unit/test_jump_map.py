@@ -1,5 +1,6 @@
 """Jump maps and critical values against traces, similarity, and what they say when there is nothing to find."""
 
+import dataclasses
 import re
 from itertools import pairwise
 
@@ -8,6 +9,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, trace
+from hbgear.analysis import jump_maps
 from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
 from hbgear.analysis.jump_maps import Arm, jump_map
 from hbgear.continuation import FoldProblem
@@ -74,6 +76,43 @@ def test_the_band_of_several_motions(jumps):
     inside = values < cusp
     width = (high - low)[inside]
     assert np.all(width > 0) and all(b < a for a, b in pairwise(width))
+
+
+def test_jumps_of_every_curve_of_the_range_are_on_the_map():
+    """The curve from 1.5 grows without bound; another one covers the range below its fold, and has a fold too."""
+    model, at = SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), 0.0105
+    found = jump_map(model, "zeta", (0.01, 0.011), frequencies=(1.5, 0.3), harmonics=8, seeds=2)
+    curve = trace(HarmonicBalance(model.replace(zeta=at), 8), "Omega", (1.5, 0.3))
+    folds = [p.parameters["Omega"] for one in (curve, *curve.others) for p in one.special if p.kind == "LP"]
+    assert len(curve.others) == 1 and len(folds) == 2
+    assert [direction for _, direction in found.jumps_at(at)] == [-1, 1]
+    np.testing.assert_allclose([Omega for Omega, _ in found.jumps_at(at)], sorted(folds), rtol=1e-4)
+    (low, high), *more = found.several_motions(at)
+    assert low == 0.3 and high == pytest.approx(curve.asymptotes["last"], abs=1e-5) and not more
+    assert {len(one.others) for one in found.curves} == {1} and found.message == ""
+
+
+@pytest.mark.parametrize(
+    ("directions", "frequencies", "several"),
+    [
+        ((-1, 1), (0.5, 2.0), [(0.7, 1.4)]),  # the upper motions end at both jumps
+        ((-1, -1), (2.0, 0.5), [(0.7, 2.0)]),  # they leave the range
+        ((1, 1), (0.5, 2.0), [(0.5, 1.4)]),
+        ((1, -1), (0.5, 2.0), [(0.5, 0.7), (1.4, 2.0)]),
+    ],
+)
+def test_intervals_of_several_motions(directions, frequencies, several):
+    values = np.array([0.0, 1.0])
+    arms = tuple(Arm(values, np.full(2, at), sign) for at, sign in zip((0.7, 1.4), directions, strict=True))
+    found = jump_maps.JumpMap("zeta", (0.0, 1.0), (), arms, {}, frequencies=frequencies)
+    assert found.several_motions(0.5) == several
+
+
+def test_ranges_without_a_curve_are_named(jumps, problem):
+    """A range that reaches far below the last motion of an incomplete curve."""
+    curve = dataclasses.replace(jumps.curves[0], others=())
+    said = jump_maps._without_curve("zeta", {0.112: curve}, (0.95, 0.7))
+    assert said.startswith("at zeta = 0.112 no curve was found from Omega = 0.7 to 0.8")
 
 
 def test_a_map_of_no_jumps():

@@ -17,6 +17,7 @@ import numpy as np
 
 from hbgear.analysis.quantities.engineering_quantities import machine_quantities, problem_along, transmission_error
 from hbgear.common.arrays import Array
+from hbgear.common.text.digits import short
 from hbgear.common.text.messages import quoted
 from hbgear.common.text.symbols import without_unit
 from hbgear.continuation.results.branch import Branch
@@ -277,7 +278,7 @@ class OmegaAxis:
 
     def number(self, Omega: float, digits: int = 6) -> str:
         """Return the value on the axis as text."""
-        return f"{self.scale * Omega:.{digits}g}"
+        return short(self.scale * Omega, digits)
 
     def text(self, Omega: float, digits: int = 6) -> str:
         """Return the value with its unit, such as "9000 r/min", or "Omega = 0.8"."""

@@ -30,7 +30,7 @@ from hbgear.cli.options import (
     OwnModel,
     range_option,
 )
-from hbgear.cli.output import bar, exit_code, finish, print_table, show_branch
+from hbgear.cli.output import bar, exit_code, finish, print_message, print_table, show_branch
 from hbgear.cli.support import (
     chosen_model,
     element_of,
@@ -88,7 +88,7 @@ def map_command(
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
          " to ".join(across.number(Omega, digits) for Omega in arm.Omega[[0, -1]]),
          "increasing" if arm.direction > 0 else "decreasing"]
-        for arm in found.arms
+        for arm in sorted(found.arms, key=lambda arm: arm.Omega.min())
     ]  # fmt: skip
     unit = unit_after(problem.model, parameter)
     with outputs() as out:
@@ -111,6 +111,8 @@ def map_command(
         for point in (one for one in found.special if one not in found.cusps):
             where = f"{parameter} = {text_at(point, parameter)}{unit}, {_where(point, across)}"
             print(f"{point.meaning} ({point.label}) at {where}")
+        if found.status.complete and found.message:
+            print_message("warning", found.message)
     finish(found)
 
 

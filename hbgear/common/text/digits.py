@@ -8,7 +8,27 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 def rounded(value: float, digits: int) -> str:
     """Return a number with a given count of significant digits, zeros at the end included."""
-    return f"{value:#.{digits}g}".rstrip(".")
+    return _without_exponent(f"{value:#.{digits}g}".rstrip("."))
+
+
+def short(value: float, digits: int) -> str:
+    """Return a number with at most a given count of significant digits, without zeros at the end.
+
+    Examples
+    --------
+    >>> short(0.85, 4), short(11794.2, 4), short(1.5e9, 4)
+    ('0.85', '11790', '1.5e+09')
+    """
+    return _without_exponent(f"{value:.{digits}g}")
+
+
+def _without_exponent(text: str) -> str:
+    """Return a number below `MAX_PLAIN` that was written with a positive exponent without it."""
+    return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < MAX_PLAIN else text
+
+
+MAX_PLAIN = 1e7
+"""Value from which numbers are written with an exponent."""
 
 
 def concise(value: float, error: float, most: int = 8) -> str:

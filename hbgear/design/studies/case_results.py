@@ -102,11 +102,11 @@ class Cases:
         Names of the parameters that vary.
     table : dict of str to ndarray
         Columns by name, with one entry for each computed case: case, parameters, numbers, reason of a failure, and
-        computing time in seconds.
+        computing time in seconds. The peak of a motion that grows without bound is inf.
     jumps : ndarray, shape (J, 5)
         Case, Omega, direction (+1 for rising Omega), amplitude before and amplitude after (nan if unknown).
     curves : dict of int to ndarray, shape (3, P)
-        Omega, amplitude and stability (1 or 0) by case; only with "curve".
+        Omega, amplitude and stability (1 or 0) by case, with a column of nan between curves; only with "curve".
     total : int
         Number of cases of the study.
     outcome, message : Outcome and str
@@ -180,7 +180,7 @@ class Cases:
         for name, column in self.table.items():
             if name.removeprefix("critical_") in {*self.names, *self.work.critical}:
                 unit = unit_of(self.model.labels.get(name.removeprefix("critical_"), ""))
-                out[f"{name} [{unit}]" if unit and unit != "-" else name] = column
+                out[f"{name} [{unit}]" if unit not in ("", "-", "1") else name] = column
             elif units is not None and (name.endswith("_Omega") or name in JUMP_COLUMNS):
                 out[f"{name.removesuffix('_Omega')} at pinion [r/min]"] = units.speed * column
             elif units is not None and units.length is not None and name == "peak" and dimension_of(self.work.measure):

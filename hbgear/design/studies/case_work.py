@@ -14,10 +14,12 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
+from hbgear.analysis.jump_landings import landings
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import raise_if_interrupted
+from hbgear.continuation.tracing.coverage import uncovered_intervals
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.studies.case_results import Work
 from hbgear.design.studies.store import Result
@@ -98,13 +100,15 @@ def _result_of(model: Model, work: Work) -> Result:
     if work.compute:
         stability = set(work.compute) != {"peak"}
         branch = raise_if_interrupted(
-            trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
+            trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
         )
-        if branch.status != Status.REACHED_END:
-            raise ValueError(f"the curve ended early: {branch.message}")
+        curves = [branch, *branch.others]
+        incomplete = next((one for one in curves if not one.status.complete), branch)
+        if not incomplete.status.complete or uncovered_intervals(curves, work.span):
+            raise ValueError(f"the curve ended early: {incomplete.message}")
         for kind, take in _CURVE_RESULTS.items():
             if kind in work.compute:
-                take(branch, work, numbers, arrays)
+                take(curves, work, numbers, arrays)
         if "branch" in work.compute:
             packed_branch = packed(branch)
     for name in work.critical:
@@ -118,13 +122,18 @@ def _result_of(model: Model, work: Work) -> Result:
     return Result(numbers, arrays, packed_branch)
 
 
-def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    """Store the largest amplitude and its frequency: a located peak, or an end of the curve."""
-    rows = [found.point for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
-    A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
-    largest = int(np.argmax(A))
-    Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
-    numbers |= {"peak": A[largest], "peak_Omega": Omega[largest]}
+def _peak(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """Store the largest amplitude and its frequency: a located peak, an end of a curve, or inf at an asymptote."""
+    asymptotes = [Omega for branch in curves for Omega in branch.asymptotes.values()]
+    if asymptotes:
+        numbers |= {"peak": np.inf, "peak_Omega": min(asymptotes)}
+        return
+    found = list[tuple[float, float]]()
+    for branch in curves:
+        rows = [row.point for *_, row in locate_peaks(branch, work.measure, work.element, share=0.99)]
+        Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
+        found += zip(_amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]]), Omega, strict=True)
+    numbers["peak"], numbers["peak_Omega"] = max(found)
 
 
 def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
@@ -135,12 +144,16 @@ def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
     return A
 
 
-def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+def _jumps(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """Store all jumps, and the frequency of the largest jump in each direction."""
-    jumps = branch.jumps()
-    ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
-    known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
-    rows = [[jump.value, jump.direction, next(known), np.nan if jump.after is None else next(known)] for jump in jumps]
+    rows = []
+    for branch, landed in zip(curves, landings(curves), strict=True):
+        jumps = [one.jump for one in landed]
+        ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
+        known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
+        rows += [
+            [jump.value, jump.direction, next(known), np.nan if jump.after is None else next(known)] for jump in jumps
+        ]
     arrays["jumps"] = np.array(rows, dtype=float).reshape(-1, 4)
     numbers["jumps"] = float(len(rows))
     for name, direction in (("jump_rising", 1), ("jump_falling", -1)):
@@ -149,9 +162,14 @@ def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[s
         numbers[name] = np.nan if top is None else float(top[0])
 
 
-def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    assert branch.stable is not None
-    arrays["curve"] = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
+def _curve(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """Store Omega, amplitude and stability; a column of nan separates curves."""
+    parts = []
+    for branch in curves:
+        assert branch.stable is not None
+        rows = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
+        parts += [np.full((3, 1), np.nan), rows]
+    arrays["curve"] = np.hstack(parts[1:])
 
 
 _CURVE_RESULTS = {"peak": _peak, "jumps": _jumps, "curve": _curve}

@@ -1,6 +1,7 @@
 """Responses of slow sweeps from sampled curves: a sweep follows a stable segment to its end and jumps to the next one.
 
-    curve (3, P): Omega, amplitude, stable (1 or 0), in the order of the curve;  jumps (J, 5) as in `Cases`
+    curve (3, P): Omega, amplitude, stable (1 or 0), in the order of the curve, nan between curves
+    jumps (J, 5): as in `Cases`
 
 If a segment ends without a jump, for example at a period doubling, the response is nan until the next stable segment.
 """
@@ -173,7 +174,7 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
     Parameters
     ----------
     curve : ndarray, shape (3, P)
-        Omega, amplitude and stability (1 or 0).
+        Omega, amplitude and stability (1 or 0); a column of nan separates curves.
     jumps : ndarray, shape (J, 3), or None
         Omega and the amplitudes before and after each jump in this direction. With None, a segment that ends at a
         frequency of other stable segments is assumed to end in a jump to the nearest one.
@@ -186,7 +187,7 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
     segments = [(x[::direction], y[::direction]) for x, y in segments]
     at = (direction * Omega)[::direction]
     amplitude, count = np.full(len(at), np.nan), np.zeros(len(at))
-    tolerance = JUMP_TOLERANCE * float(np.ptp(curve[0]))
+    tolerance = JUMP_TOLERANCE * float(np.nanmax(curve[0]) - np.nanmin(curve[0]))
     here, start, jump_count = min(segments, key=lambda part: part[0][0], default=None), -np.inf, 0
     while here is not None:
         x, y = here
@@ -202,6 +203,13 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
 
 def stable_segments(curve: Array) -> Iterator[tuple[Array, Array]]:
     """Yield Omega, ascending, and amplitude of each stable segment between folds; a fold belongs to both neighbours."""
+    separators = np.flatnonzero(np.isnan(curve[0]))
+    for part in np.split(curve, separators, axis=1):
+        yield from _segments_of(part[:, np.isfinite(part[0])])
+
+
+def _segments_of(curve: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield the stable segments of a single curve."""
     values, amplitude, stable = curve
     ahead = np.sign(np.diff(values))
     fold = np.zeros(len(values), dtype=bool)

@@ -19,6 +19,7 @@ from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
 from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.plot.branch_sections import HEADROOM
 from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def envelope(
                 hatch="////", linewidth=0, label="no stable motion",
             )  # fmt: skip
         ax.set_xlim(x[0], x[-1])
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(bottom=0.0, top=_top(found, dimensionless))
         ax.set_xlabel(across.label)
         ax.set_ylabel(f"{_measure(found, dimensionless)},\nslow sweeps")
         dress(ax)
@@ -186,6 +187,17 @@ def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
     moves = np.where(np.isfinite(np.diff(part, axis=1)), np.abs(np.diff(part, axis=1)), 0.0).max(axis=0)
     leaps = np.flatnonzero(np.abs(np.diff(line)) > moves + 0.02 * np.nanmax(part)) + 1
     return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
+
+
+def _top(found: Cases, dimensionless: bool) -> float | None:
+    """Return the upper limit of amplitudes if motions of a case grow without bound: above finite peaks and jumps."""
+    peaks = found.table.get("peak", np.empty(0))
+    if not np.isinf(peaks).any():
+        return None
+    lengths, row = _lengths(found, dimensionless), {case: i for i, case in enumerate(found.table["case"].tolist())}
+    of_jumps = lengths[[row[int(case)] for case in found.jumps[:, 0]], None] * found.jumps[:, 3:]
+    known = _finite(np.concatenate([lengths * peaks, of_jumps.ravel()]))
+    return HEADROOM * float(known.max()) if known.size else None
 
 
 def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
