@@ -39,6 +39,12 @@ from hbgear.mechanics.models import Model
 _MAX_PARAMETER_RATIO = 5.0
 """Range in which a fold is followed, over the value of the parameter in the model."""
 
+_MIN_PARAMETER_RATIO = 0.01
+"""Smallest value to which a fold is followed, over its own value; folds are not followed through zero.
+
+Fold curves change ever faster towards zero, where the model has no load, no gap or no damping.
+"""
+
 _FOLD_STEPS = StepControl(first_step=0.002, max_step=0.02, max_points=300)
 """Step sizes of fold curves; small steps resolve a cusp near the start."""
 
@@ -118,7 +124,7 @@ def critical_parameter(
 
     The response curve of the model is searched for folds. If it has none, response curves at values with increasing
     distance on both sides are searched, within the range of the parameter. Each fold is followed in the parameter to a
-    cusp, or over five times the value of the model.
+    cusp, or over five times the value of the model, and towards zero to a hundredth of the value.
 
     Parameters
     ----------
@@ -228,6 +234,8 @@ def _find_cusps(
         first = -1 if own < value else 1  # towards the value of the model
         for side in (first, -first):
             end = allowed.clipped(value + side * reach, value)
+            if end * value < _MIN_PARAMETER_RATIO * value**2:
+                end = _MIN_PARAMETER_RATIO * value
             if end == value:
                 continue
             report_progress(

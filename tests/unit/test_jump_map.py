@@ -263,7 +263,7 @@ def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
             SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, progress=lambda now: said.append(now.text)
         )
     ends = [float(line.rpartition(" ")[2]) for line in said if "followed" in line]
-    assert ends and min(ends) == 0.0 and len(ends) <= 8
+    assert ends and 0.0 < min(ends) <= 0.01 and len(ends) <= 8  # not through zero
 
 
 def test_a_map_outside_the_range_is_refused():

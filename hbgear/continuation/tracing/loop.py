@@ -20,6 +20,10 @@ from hbgear.continuation.tracing.stepper import Stepper
 
 _RETRACED = "the curve ran back over itself"
 
+MAX_SMALLEST_STEPS = 30
+"""Steps of the smallest size in succession after which a trace ends; after a sharp turn, sizes grow within ten steps.
+"""
+
 
 class ContinuationLoop:
     """Traces a curve from its first point until something ends it.
@@ -77,11 +81,21 @@ class ContinuationLoop:
                 state.asymptote = asymptote
                 name = state.setup.name
                 return Status.UNBOUNDED, f"the curve runs off to infinity towards {name} = {asymptote:.6g}"
+            if self._has_stalled():
+                where = f"{MAX_SMALLEST_STEPS} steps in succession needed the smallest size {state.location_text()}"
+                return Status.STEP_TOO_SMALL, where
             sizes = state.problem.solution_norms(unknowns(path)[1:, :-1])
             state.update_scale(state.last.X, max(state.solution_scale, float(sizes.max())))
             self.resolution.adapt()
 
     # ---- steps
+
+    def _has_stalled(self) -> bool:
+        """Return whether the last steps were all of the smallest size, far below the largest one: no progress."""
+        latest, steps = self.state.points[-MAX_SMALLEST_STEPS:], self.state.setup.settings.steps
+        if len(latest) < MAX_SMALLEST_STEPS or steps.min_step * MAX_SMALLEST_STEPS > steps.max_step:
+            return False
+        return all(point.step <= steps.min_step for point in latest)
 
     def _step(self) -> tuple[Points, str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""

@@ -42,7 +42,7 @@ class StepResult(NamedTuple):
     reason: str
 
 
-MIN_PARAMETER_COMPONENT = 0.35
+MIN_PARAMETER_COMPONENT = 0.1
 """Component of the scaled unit tangent in the parameter above which the corrector keeps the parameter value.
 
 This is done for expensive parameters only. A smaller component is close to a fold, which needs the arclength plane.

@@ -28,7 +28,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear, springs_of
 from hbgear.mechanics.series.fourier import Series, is_listed
 from hbgear.mechanics.series.periodic import Periodic, Phased
-from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, as_cubic
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ class MovingSpring(NamedTuple):
 def _common_rows(functions: Sequence[Sequence[Pieced]], at: Array) -> Array:
     """Return cubics (T, F, J, 4) of F functions of J contacts from given phases on."""
     rows = np.array([
-        [np.pad(x, ((0, 0), (0, 4 - x.shape[1]))) for x in (one.rows_at(at) for one in some)] for some in functions
+        [as_cubic(one.rows_at(at)) for one in some] for some in functions
     ])  # fmt: skip
     return np.ascontiguousarray(np.moveaxis(rows, 2, 0))
 
@@ -434,7 +434,7 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
     levels = [_pieces(contact.level).scaled(float(side)) for contact in some]
     exists = [_pieces(contact.stiffness) for contact in some]
     at = _union([x.at for x in (*levels, *exists)])
-    rows = np.array([np.pad(x.rows_at(at), ((0, 0), (0, 4 - x.rows.shape[1]))) for x in levels])
+    rows = np.array([as_cubic(x.rows_at(at)) for x in levels])
     present = np.array([np.any(x.rows_at(at) != 0.0, axis=1) for x in exists])
     width = np.diff(np.append(at, TURN))
     x = width[:, None] * np.linspace(0.0, 1.0, 5)
@@ -457,7 +457,7 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
             begin.append(at[i] + start)
             out.append(np.polynomial.polynomial.Polynomial(rows[which, i])(
                 np.polynomial.polynomial.Polynomial([start, 1.0])).coef)  # fmt: skip
-    pieces = Pieced(np.array(begin), np.array([np.pad(row, (0, 4 - len(row))) for row in out]))
+    pieces = Pieced(np.array(begin), np.concatenate([as_cubic(row[None]) for row in out]))
     ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
     smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()
     return Envelope(pieces, float(smallest))

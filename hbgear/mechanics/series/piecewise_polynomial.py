@@ -165,12 +165,20 @@ def shift_origin(rows: Array, x: Array) -> Array:
 
 def extremes(rows: Array, widths: Array) -> tuple[float, float]:
     """Return the smallest and the largest value of cubic polynomials (P, 4 or fewer) of widths (P,)."""
-    rows = np.pad(rows, ((0, 0), (0, 4 - rows.shape[1])))
+    rows = as_cubic(rows)
     candidates = [0 * widths, widths]
     with np.errstate(all="ignore"):
         a, b, c = 3 * rows[:, 3], rows[:, 2], rows[:, 1]  # a x^2 + 2 b x + c = 0
         q = -(b + np.where(b < 0, -1.0, 1.0) * np.sqrt(b * b - a * c))
         for x in (q / a, c / q):
             candidates.append(np.where((x > 0) & (x < widths), x, 0.0))
-    values = np.array([derivatives(rows, x)[:, 0] for x in candidates])
+    x = np.array(candidates)
+    values = rows[:, 0] + x * (rows[:, 1] + x * (rows[:, 2] + x * rows[:, 3]))
     return float(values.min()), float(values.max())
+
+
+def as_cubic(rows: Array) -> Array:
+    """Return polynomials (P, D + 1) of degree three or less with four coefficients (P, 4)."""
+    out = np.zeros((len(rows), 4))
+    out[:, : rows.shape[1]] = rows
+    return out
