@@ -42,6 +42,27 @@ def test_truth_without_noise(largest):
     assert [jump.value for jump in found.curve.jumps()] == pytest.approx([jump.value for jump in jumps], rel=1e-3)
 
 
+def test_points_on_every_curve_of_the_span_are_reached():
+    """The curve from 1.5 ends at its fold at 0.396: motions below it belong to another curve, and so does a jump."""
+    problem, span = hb.HarmonicBalance(hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), 8), (1.5, 0.3)
+    curve = hb.trace(problem, "Omega", span, accuracy=None)
+    (other,) = curve.others
+    rows = [int(np.argmin(np.abs(other.values - Omega) + 9.0 * ~other.stable)) for Omega in (0.32, 0.35, 0.38)]
+    amplitude = other.amplitude("max")[rows]
+    (jump,) = other.jumps()
+    data = hb.design.Measurements(
+        other.values[rows], amplitude, np.ones(3), measure="max", jumps=[(jump.value, jump.direction)]
+    )
+    found = Prediction(problem, data, {"zeta": 0.01}, span)
+    assert found.reached.all() and other.values[rows].max() < curve.values.min()
+    np.testing.assert_allclose(found.amplitudes, amplitude, rtol=1e-6)
+    np.testing.assert_allclose(found.jump_frequencies, [jump.value], rtol=1e-9)
+    h = 1e-6
+    up, down = (Prediction(problem, data, {"zeta": 0.01 + sign * h}, span).amplitudes for sign in (1, -1))
+    J = found.jacobian(found.deviation)[:3, 0] * found.deviation
+    np.testing.assert_allclose(J, (up - down) / (2 * h), rtol=1e-3, atol=1e-6)
+
+
 def test_derivatives_of_predictions(largest):
     """All residuals against central differences, where no point changes what it is held against; units too."""
     Omega, direction, amplitude, jumps = largest

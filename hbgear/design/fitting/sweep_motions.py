@@ -13,13 +13,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, units_at
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.interpolation import Crossing, crossings_at
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.results.stability import is_stable
 from hbgear.continuation.solvers.newton import NoConvergence, solve
@@ -56,11 +60,20 @@ class NotTraced(ValueError):
     """The response of the model cannot be traced with these values."""
 
 
+class SampledCurves(NamedTuple):
+    """Points (P,) of all curves of a model: Omega, amplitude, stability and unknowns (P, n); nan between curves."""
+
+    Omega: Array
+    amplitude: Array
+    stable: NDArray[np.bool_]
+    X: Array
+
+
 @dataclass(frozen=True)
 class Reference:
     """Motion with which a measured point is compared.
 
-    ``position`` is the index of the point on the curve with its fraction; ``jump`` is the jump at the end of a segment.
+    ``position`` is the index in `SweepMotions.points` with its fraction; ``jump`` is the jump at the end of a segment.
     """
 
     kind: str
@@ -69,7 +82,7 @@ class Reference:
 
 
 class SweepMotions:
-    """Curve of a model with given values of some parameters, and its motions at the measured points.
+    """Curves of a model with given values of some parameters, and its motions at the measured points.
 
     Parameters
     ----------
@@ -96,11 +109,39 @@ class SweepMotions:
         self.here = {**model.parameters, **values}
         try:
             self.units = units_at(self.problem, {**model.entries, **self.here}, self.names)
-            self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None, cover=False)
+            self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None)
         except (NoConvergence, ValueError) as error:
             raise NotTraced(f"no response at {_values_text(values)}: {error}") from error
         if not len(self.curve) or self.curve.multipliers is None or not self.curve.status.complete:
             raise NotTraced(f"no response at {_values_text(values)}: {self.curve.message}")
+
+    # ---- points of the curves
+
+    @cached_property
+    def curves(self) -> tuple[Branch, ...]:
+        """The curve and the other curves that cover the span."""
+        return (self.curve, *self.curve.others)
+
+    @cached_property
+    def points(self) -> SampledCurves:
+        """Points of all curves."""
+        rows = []
+        for curve in self.curves:
+            assert curve.multipliers is not None
+            A = curve.amplitude(self.data.measure, self.data.element)
+            own = np.column_stack([curve.values, A, is_stable(curve.multipliers), curve.X])
+            rows += [own, np.full((1, own.shape[1]), math.nan)]
+        table = np.concatenate(rows[:-1])
+        return SampledCurves(table[:, 0], table[:, 1], table[:, 2] == 1.0, table[:, 3:])
+
+    def _crossings_at(self, Omega: float) -> list[Crossing]:
+        """Return the crossings of all curves with a value of Omega, in indices of `points`."""
+        starts = np.cumsum([0, *(len(curve) + 1 for curve in self.curves)]).tolist()
+        return [
+            Crossing(start + one.index, one.fraction)
+            for start, curve in zip(starts, self.curves, strict=False)
+            for one in crossings_at(curve, Omega)
+        ]
 
     # ---- frequencies and positions
 
@@ -123,15 +164,15 @@ class SweepMotions:
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
-        """Jumps of slow sweeps of the curve."""
-        return tuple(jump for jump in self.curve.jumps() if jump.parameter == "Omega")
+        """Jumps of slow sweeps of the curves."""
+        found = (landing.jump for each in landings(self.curves) for landing in each)
+        return tuple(jump for jump in found if jump.parameter == "Omega")
 
     @cached_property
     def references(self) -> list[Reference]:
         """Motion with which each measured point is compared."""
-        curve, data = self.curve, self.data
-        assert curve.multipliers is not None
-        sampled = np.array([curve.values, np.arange(len(curve)), is_stable(curve.multipliers)], dtype=float)
+        data, points = self.data, self.points
+        sampled = np.array([points.Omega, np.arange(len(points.Omega)), points.stable], dtype=float)
         amplitude = self.curve_amplitudes
         segments = list(stable_segments(sampled))
         positions = np.full(len(data), math.nan)
@@ -147,16 +188,16 @@ class SweepMotions:
 
     @cached_property
     def curve_amplitudes(self) -> Array:
-        """Amplitudes (P,) of the points of the curve, in the unit of the data."""
-        return self.length[0] * self.curve.amplitude(self.data.measure, self.data.element)
+        """Amplitudes (P,) of `points`, in the unit of the data."""
+        return self.length[0] * self.points.amplitude
 
     def _jump_positions(self, jump: Jump) -> tuple[float, float, float]:
-        """Return Omega and the positions on the curve before and after a jump; nan without a known landing."""
+        """Return Omega and the positions in `points` before and after a jump; nan without a known landing."""
         after = jump.after
         if after is None:
             return jump.value, math.nan, math.nan
-        near = crossings_at(self.curve, jump.value)
-        to = min(near, key=lambda crossing: norm(crossing.interpolate(self.curve.X) - self.problem.from_point(after)))
+        near, X = self._crossings_at(jump.value), self.points.X
+        to = min(near, key=lambda crossing: norm(crossing.interpolate(X) - self.problem.from_point(after)))
         return jump.value, math.nan, to.index + to.fraction
 
     def _reference(
@@ -183,7 +224,7 @@ class SweepMotions:
         best, reference = min(options, key=lambda option: option[0], default=(math.inf, Reference(UNREACHED)))
         if own <= SWITCH_DEVIATIONS or best > SWITCH_RATIO * own or reference.position == position:
             reference = Reference(SWEPT, position) if math.isfinite(position) else reference
-        if reference.kind != UNREACHED or not (near := crossings_at(self.curve, Omega)):
+        if reference.kind != UNREACHED or not (near := self._crossings_at(Omega)):
             return reference
         return Reference(UNREACHED, min((p.index + p.fraction for p in near), key=distance))
 
@@ -202,9 +243,9 @@ class SweepMotions:
         return found
 
     def _solved(self, position: float, Omega: float) -> tuple[Array, dict[str, float]] | None:
-        i = min(int(position), len(self.curve) - 2)
-        here = {**self.here, "Omega": Omega}
-        guess = (1 - (position - i)) * self.curve.X[i] + (position - i) * self.curve.X[i + 1]
+        i, X = int(position), self.points.X
+        here, share = {**self.here, "Omega": Omega}, position - i
+        guess = (1 - share) * X[i] + share * X[i + 1] if share else X[i]
         try:
             return solve(self.problem, guess, here, "Omega").X, here
         except NoConvergence:
@@ -251,12 +292,13 @@ class SweepMotions:
 
         Close to a fold an amplitude determines the frequency of the fold and barely its height.
         """
-        curve, data, sizes = self.curve, self.data, self.curve_amplitudes
+        Omega, data, sizes = self.points.Omega, self.data, self.curve_amplitudes
         out = np.array(data.deviation, dtype=float)
         for i, reference in enumerate(self.references):
             if math.isfinite(reference.position):
-                k = min(int(reference.position), len(curve) - 2)
-                step = float(curve.values[k + 1] - curve.values[k])
+                k = int(reference.position)
+                k -= k + 1 == len(Omega) or math.isnan(Omega[k + 1])  # the last point of a curve
+                step = float(Omega[k + 1] - Omega[k])
                 slope = float(sizes[k + 1] - sizes[k]) / step if step else math.inf
                 out[i] = math.hypot(
                     out[i], min(abs(slope) * FREQUENCY_DEVIATION * float(self.Omega[i]), float(data.amplitude[i]))

@@ -20,7 +20,6 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import tangent
 from hbgear.continuation.numerics.linear import Factors
 from hbgear.continuation.results.point import Jump
-from hbgear.continuation.results.stability import is_stable
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.design.fitting.sweep_motions import (
     COARSE_DEVIATION,
@@ -104,18 +103,17 @@ class Prediction(SweepMotions):
 
     @cached_property
     def _nearest(self) -> tuple[list[int], Array, Array]:
-        """Index of the stable point of the curve nearest to each measured point, and both distances.
+        """Index in `points` of the stable point nearest to each measured point, and both distances.
 
         The distances are in frequency and amplitude.
         """
-        curve, data = self.curve, self.data
-        assert curve.multipliers is not None
-        rows = np.flatnonzero(is_stable(curve.multipliers))
+        data = self.data
+        rows = np.flatnonzero(self.points.stable)
         if not rows.size or not len(data):
             return [], np.zeros(0), np.zeros(0)
         sizes = self.curve_amplitudes[rows]
         wide = np.maximum(data.deviation, COARSE_DEVIATION * data.amplitude)
-        ahead = (curve.values[rows] - self.Omega[:, None]) / (COARSE_DEVIATION * self.Omega[:, None])
+        ahead = (self.points.Omega[rows] - self.Omega[:, None]) / (COARSE_DEVIATION * self.Omega[:, None])
         above = (sizes - data.amplitude[:, None]) / wide[:, None]
         near = np.argmin(np.hypot(ahead, above), axis=1)
         each = np.arange(len(data))
@@ -143,7 +141,7 @@ class Prediction(SweepMotions):
     @cached_property
     def distance_jacobian(self) -> Array:
         """Derivatives (N + J, A) of `distances`."""
-        curve, data = self.curve, self.data
+        data = self.data
         (length, moved_length), (scale, moved_scale) = self.length, self.unit_of(data.unit)
         rows, ahead, above = self._nearest
         slopes = self._slopes_at(sorted(set(rows)))
@@ -152,7 +150,7 @@ class Prediction(SweepMotions):
             if row in slopes and self.distances[i]:
                 wide = max(data.deviation[i], COARSE_DEVIATION * data.amplitude[i])
                 moved = (length * slopes[row] + self.curve_amplitudes[row] / length * moved_length) / wide
-                along = curve.values[row] * moved_scale / (scale * COARSE_DEVIATION * self.Omega[i])
+                along = self.points.Omega[row] * moved_scale / (scale * COARSE_DEVIATION * self.Omega[i])
                 J[i] = (above[i] * moved + ahead[i] * along) / self.distances[i]
         for j, (frequency, direction, _) in enumerate(data.jumps, len(rows)):
             jump = self.nearest_jump(direction, frequency)
@@ -163,16 +161,14 @@ class Prediction(SweepMotions):
         return np.nan_to_num(J)
 
     def _slopes_at(self, rows: Sequence[int]) -> dict[int, Array]:
-        """Return derivatives of the amplitudes of points of the curve at constant frequency.
+        """Return derivatives of the amplitudes of `points` at constant frequency.
 
         They are in the unit of the model.
         """
         if not rows:
             return {}
-        X, (known, along) = (
-            self.curve.X[list(rows)],
-            self._solution_derivatives(self.curve.X[list(rows)], self.curve.values[list(rows)]),
-        )
+        X, Omega = self.points.X[list(rows)], self.points.Omega[list(rows)]
+        known, along = self._solution_derivatives(X, Omega)
         return dict(zip((rows[i] for i in known), self._measured_along(X[known], along), strict=True))
 
     def _solution_derivatives(self, X: Array, Omega: Array) -> tuple[list[int], Array]:
