@@ -280,7 +280,13 @@ class Search:
         """Return the slack below the limit, relative to it."""
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
-        tops = peaks(curve, goal.measure, goal.element, share=0.99, accuracy=None)
+        for Omega in (Omega for one in (curve, *curve.others) for Omega in one.asymptotes.values()):
+            raise ValueError(
+                f"redesign: motions grow without bound towards Omega = {Omega:.6g}, so that {goal.measure} has no "
+                "highest peak; start from a design with bounded motions, such as one with more damping"
+            )
+        each = (peaks(one, goal.measure, goal.element, share=0.99, accuracy=None) for one in (curve, *curve.others))
+        tops = [point for points in each for point in points]
         if not tops:
             raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
         top = max(tops, key=lambda point: point.amplitude(goal.measure, goal.element))

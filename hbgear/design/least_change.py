@@ -261,7 +261,7 @@ def _result(search: Search, u: Array, ending: Termination) -> Redesign:
 def _shortfall_text(search: Search, short: float) -> str:
     """Return the shortfall as a text."""
     if search.goal.kind != "no jumps":
-        return f"the highest peak is {short:.2%} above the limit"
+        return "motions grow without bound" if math.isinf(short) else f"the highest peak is {short:.2%} above the limit"
     more = "" if search.cusp is None else f": {search.cusp.name} would have to change by {short:.2%} more"
     return f"jumps remain{more}"
 
@@ -276,8 +276,10 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
         warnings.simplefilter("ignore", ImplausibleInputWarning)
         curve = trace(search.balance(u, deviations), "Omega", search.span, stability=goal.kind == "no jumps")
         if goal.kind != "no jumps":
-            top = max(one.amplitude(goal.measure, goal.element).max() for one in (curve, *curve.others))
-            return curve, max(0.0, float(top) / goal.limit - 1.0)
+            every = (curve, *curve.others)
+            top = max(one.amplitude(goal.measure, goal.element).max() for one in every)
+            top = math.inf if any(one.asymptotes for one in every) else float(top)
+            return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
         if not jumps and goal.margin and search.cusp is not None:
             name = search.cusp.name

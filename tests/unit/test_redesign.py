@@ -74,6 +74,16 @@ def test_a_goal_out_of_reach(cusp):
     assert not found.reached and found.short > 1 and "above the limit" in found.message
 
 
+def test_peaks_of_motions_without_bound():
+    """A curve that grows without bound has no highest peak; a goal that is verified on one is not reached."""
+    model = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
+    with pytest.raises(ValueError, match=r"grow without bound towards Omega = 1\.048.* more damping"):
+        hb.design.redesign(model, hb.design.peak_below(0.5), ["zeta"], harmonics=8, span=(1.5, 0.3))
+    search = Search(hb.HarmonicBalance(model, 8), hb.design.peak_below(50.0), ("zeta",), np.array([0.01]), (1.5, 0.3),
+                    Spread({}, 2.0, (), 1.0), None)  # fmt: skip
+    assert math.isinf(_traced_shortfall(search, np.zeros(1), {})[1])
+
+
 def test_a_parameter_that_removes_no_jump():
     """eps_scale is a factor of amplitudes, and this pair has none."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["eps_scale"])
