@@ -19,8 +19,8 @@ TYPE_CHECKING = False  # nothing is imported here: Ctrl-C is handled by the comm
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear import analysis, continuation, design, gears, harmonic, io, mechanics, plot, time
     from hbgear._version import __version__
+    from hbgear.analysis.branch_search.multistart import trace_all
     from hbgear.analysis.jump_maps import jump_map
-    from hbgear.analysis.multistart import trace_all
     from hbgear.common.process.progress_bar import ProgressBar
     from hbgear.continuation.events.event import Event
     from hbgear.continuation.extend import extend

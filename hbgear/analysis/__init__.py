@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.analysis.branch_search.multistart import BranchSearch, trace_all
     from hbgear.analysis.campbell_diagram import Campbell, CriticalSpeed, campbell
     from hbgear.analysis.certificates.certificate import Certificate
     from hbgear.analysis.certificates.certify import certify
@@ -13,7 +14,6 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.jump_maps import JumpMap, jump_map
     from hbgear.analysis.loads.planet_loads import LoadSharing, load_sharing
     from hbgear.analysis.loads.tooth_loads import ToothLoads, tooth_loads
-    from hbgear.analysis.multistart import BranchSearch, trace_all
     from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
     from hbgear.analysis.parameter_sensitivity.table import Sensitivity
     from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, machine_quantities

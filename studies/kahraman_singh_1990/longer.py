@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 import hbgear as hb
-from hbgear.analysis.multistart import whole_branch
+from hbgear.analysis.branch_search.multistart import whole_branch
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.status import Status

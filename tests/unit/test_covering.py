@@ -10,7 +10,7 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.analysis.multistart import whole_branch
+from hbgear.analysis.branch_search.multistart import whole_branch
 from hbgear.continuation.tracing import coverage
 from hbgear.continuation.tracing.coverage import uncovered_intervals
 

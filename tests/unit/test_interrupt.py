@@ -348,7 +348,7 @@ def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
     def broken(*_):
         raise Bug("in the search")
 
-    monkeypatch.setattr("hbgear.analysis.multistart.deflated_newton", broken)
+    monkeypatch.setattr("hbgear.analysis.branch_search.multistart.deflated_newton", broken)
     found = hb.trace_all(hb.HarmonicBalance(DUFFING, 2), (0.9, 1.3), frequencies=1)
     assert len(found) == 1 and found.branches[0].status.complete
     assert found.status is Status.FAILED and "Bug: in the search" in found.message and "Omega = 1.1" in found.message

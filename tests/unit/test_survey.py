@@ -5,9 +5,10 @@ import pytest
 from cross.shooting import shoot, state
 
 from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, switch, trace
-from hbgear.analysis.multistart import random_motions, shifts, trace_all, whole_branch
+from hbgear.analysis.branch_search.backbone_starts import BackboneStarts
+from hbgear.analysis.branch_search.multistart import random_motions, shifts, trace_all, whole_branch
 from hbgear.continuation.solvers.deflation import deflated_newton
-from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.fourier import evaluate, to_complex
 
 STRONG = SpurPair(e=(0.10,))
 ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)
@@ -90,8 +91,34 @@ def test_its_motions_are_motions(isola):
 
 def test_the_survey_reports_its_starts(isola):
     assert isola.log[0].startswith("branch 1, from the linear response at Omega = 3.5")
-    assert any("at Omega = 5 by deflated Newton: the curve closed" in line for line in isola.log)
-    assert isola.log[-1].startswith("Omega = 5: 1 motions known, 20 random starts")
+    assert any("at Omega = 5 by Newton's method from a backbone: the curve closed" in line for line in isola.log)
+    assert any(line.startswith("Omega = 5: 1 motions known") and "starts from backbones" in line for line in isola.log)
+    assert "20 random starts" in isola.log[-1]
+
+
+def test_backbones_lead_to_a_resonance_that_random_starts_miss(monkeypatch):
+    """Ten random starts at each of four frequencies do not find the upper branch of a lightly damped oscillator."""
+    problem = HarmonicBalance(Duffing(zeta=0.01232, k3=1.05876, F=2.73444), 12)
+    search = {"frequencies": [3.4375, 4.3125], "guesses": 10, "stability": False}
+    found = trace_all(problem, (6.5, 3.0), **search)
+    assert len(found) == 3
+    rms = sorted(float(branch.amplitude("rms")[np.argmin(np.abs(branch.values - 3.5))]) for branch in found)
+    # in resonance on the backbone: Omega^2 = 1 + 3/4 k3 a^2 to first order in the third harmonic
+    assert rms[1:] == pytest.approx([np.sqrt((3.5**2 - 1) / (1.5 * 1.05876))] * 2, rel=0.06)
+    monkeypatch.setattr("hbgear.analysis.branch_search.backbone_starts.MODES", 0)
+    assert len(trace_all(problem, (6.5, 3.0), **search)) == 1
+
+
+def test_starts_from_backbones_are_free_motions_of_the_basis_frequencies():
+    """Without load and damping they solve the balance, in every phase: with 1, 2 and 3 times a third of Omega."""
+    problem = HarmonicBalance(Duffing(zeta=0.0, k3=1.0, F=1e-12), 9, nu=3)
+    starts = list(BackboneStarts(problem, 1.0).at(4.5, [np.zeros(problem.size)]))
+    assert len(starts) == 3 * 6
+    for X in starts:
+        now = problem.linearise(X, "", **problem.parameters, Omega=4.5)
+        assert np.linalg.norm(now.R) < 2e-2 * now.size
+    energy = [np.abs(to_complex(X.reshape(1, -1))[0]) for X in starts]
+    assert [int(np.argmax(each)) for each in energy] == [1] * 6 + [2] * 6 + [3] * 6
 
 
 def test_subharmonics_of_a_lightly_damped_oscillator():
@@ -155,7 +182,7 @@ def test_a_motion_of_the_single_period_is_traced_in_a_longer_basis():
 def test_one_branch_where_there_is_one():
     found = trace_all(HarmonicBalance(Duffing(), 5), (0.6, 1.5), frequencies=3, guesses=8, stability=False)
     assert len(found) == 1 and found[0].status == "reached_end"
-    assert len(found.log) == 1 + 3
+    assert len(found.log) == 1 + 2 * 3
 
 
 # ---- parts

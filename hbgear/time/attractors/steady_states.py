@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hbgear.analysis.multistart import problem_point, random_motions, shifts
+from hbgear.analysis.branch_search.multistart import problem_point, random_motions, shifts
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted

@@ -1,7 +1,7 @@
 """Disconnected branches: search for all branches in a span of Omega.
 
 Continuation follows one connected branch. Further motions at chosen frequencies are searched by deflated Newton's
-method from random starts, in which known motions X_i repel the iterates,
+method from random starts, in which known motions X_i repel the iterates, and from free motions on backbones,
 
     M(X) R(X) = 0,   M = prod_i (1 + 1 / |X - X_i|^2),     step  dX / (1 - (grad log M)^T dX),  dX = -J^-1 R
 
@@ -21,6 +21,7 @@ from functools import partial
 
 import numpy as np
 
+from hbgear.analysis.branch_search.backbone_starts import BackboneStarts
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
@@ -102,11 +103,12 @@ def trace_all(
 ) -> BranchSearch:
     """Search for all branches of periodic motions in a span of Omega.
 
-    The branches from the linear response at both ends are traced first. At each frequency, deflated Newton's method
-    then starts from `guesses` random motions of different size and phase. With `second`, the known motions at this
-    frequency are also followed in another parameter; each return of the branch to the value of the model is a further
-    motion. Each motion that lies on no known branch is traced. A motion and its copies shifted by whole periods of
-    the excitation are the same motion.
+    The branches from the linear response at both ends are traced first. At each frequency, Newton's method then starts
+    from the free motions on the backbones of the lowest modes whose frequency is a multiple of Omega / nu, with several
+    phases, and deflated Newton's method from `guesses` random motions of different size and phase. With `second`, the
+    known motions at this frequency are also followed in another parameter; each return of the branch to the value of
+    the model is a further motion. Each motion that lies on no known branch is traced. A motion and its copies shifted
+    by whole periods of the excitation are the same motion.
 
     Parameters
     ----------
@@ -117,7 +119,7 @@ def trace_all(
     frequencies : sequence of float or int, optional
         Frequencies of the search, or their number; a number spreads them evenly over the span. The default is 5.
     guesses : int, optional
-        Number of random starts at each frequency. The default is 20.
+        Number of random starts at each frequency. The default is 20. With 0 there are no starts from backbones either.
     second : tuple (str, (float, float)), optional
         Name and range of a parameter of the model, such as ``("zeta", (0.05, 0.2))``. By default no second parameter
         is used.
@@ -166,7 +168,9 @@ def trace_all(
         rng = np.random.default_rng(seed)
         for Omega in search_frequencies:
             where = f"at Omega = {Omega:.5g}"
-            search.search_by_deflation(Omega, guesses, rng)
+            if guesses:
+                search.search_from_backbones(Omega)
+                search.search_by_deflation(Omega, guesses, rng)
             if second is not None:
                 search.search_in_parameter(Omega, *second)
     except (Exception, KeyboardInterrupt) as error:
@@ -205,6 +209,7 @@ class _Search:
         progress: ProgressCallback | None,
     ) -> None:
         self.problem, self.span, self.steps, self.stability, self.progress = problem, span, steps, stability, progress
+        self.starts: BackboneStarts | None = None
         self.branches: list[Branch] = []
         self.log: list[str] = []
 
@@ -275,6 +280,19 @@ class _Search:
                 known += shifts(self.problem, X)
                 self._trace_new(X, Omega, "deflated Newton")
         self.report(f"Omega = {Omega:.5g}: {start} motions known, {guesses} random starts, now {len(known)}")
+
+    def search_from_backbones(self, Omega: float) -> None:
+        """Search for new motions by Newton's method from free motions on the backbones, and trace their branches."""
+        known = self.known(Omega)
+        start, count = len(known), 0
+        if self.starts is None:
+            self.starts = BackboneStarts(self.problem, motion_size(self.problem, known))
+        for guess in self.starts.at(Omega, known):
+            X, count = deflated_newton(self.problem, guess, self._parameters_at(Omega), []), count + 1
+            if X is not None and not any(same_solution(X, Y) for Y in known):
+                known += shifts(self.problem, X)
+                self._trace_new(X, Omega, "Newton's method from a backbone")
+        self.report(f"Omega = {Omega:.5g}: {start} motions known, {count} starts from backbones, now {len(known)}")
 
     def search_in_parameter(self, Omega: float, name: str, span: tuple[float, float]) -> None:
         """Search for new motions by continuation of each known one in a second parameter and back."""
@@ -383,11 +401,16 @@ def _distinct(motions: list[Array]) -> list[Array]:
     return out
 
 
-def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
-    """Return random starts: mean, lowest harmonics and phases, with sizes from 1/5 to 15 times the known motions."""
+def motion_size(problem: HarmonicBalance, known: Sequence[Array]) -> float:
+    """Return the size of the largest known motion, or a tenth of the largest breakpoint."""
     size = max([problem.solution_norm(X) for X in known] + [1e-3])
     breakpoints = [abs(x) for xs in problem.layout.breakpoints for x in xs]
-    size = max(size, 0.1 * max(breakpoints, default=0.0))
+    return max(size, 0.1 * max(breakpoints, default=0.0))
+
+
+def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
+    """Return random starts: mean, lowest harmonics and phases, with sizes from 1/5 to 15 times the known motions."""
+    size = motion_size(problem, known)
     means = [X.reshape(problem.m, -1)[:, 0] for X in known] or [np.zeros(problem.m)]
     out = []
     for i in range(count):

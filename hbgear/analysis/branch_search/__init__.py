@@ -1,0 +1,1 @@
+"""Search for disconnected branches: starts from backbones and random motions."""
