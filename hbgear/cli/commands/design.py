@@ -187,7 +187,7 @@ def critical(
         print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
         moved = hb.analysis.sensitivity(found, measure=measure, element=element_of(element))
-        show_shares(moved, quantity, max_rows, output, plot, dimensionless)
+        show_shares(moved, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
     finish(found)
 
 

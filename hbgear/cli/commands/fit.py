@@ -87,7 +87,7 @@ def sensitivity(
     branch = load_with_problem(file, model)
     chosen = _chosen(branch, point, measure, which)
     found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    show_shares(found, quantity, max_rows, output, plot, dimensionless)
+    show_shares(found, branch.problem.model.labels, quantity, max_rows, output, plot, dimensionless)
 
 
 def scatter(

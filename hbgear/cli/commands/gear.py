@@ -6,7 +6,7 @@ import dataclasses
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from math import degrees, pi
@@ -19,7 +19,9 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.quantities.engineering_quantities import problem_along
+from hbgear.analysis.jump_landings import landings
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
+from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, problem_along
 from hbgear.analysis.summary import message_of, position_headers, position_texts
 from hbgear.cli.commands.assumptions import (
     FACTOR_CANDIDATES,
@@ -227,41 +229,60 @@ def results(
     branch, which, _ = loaded(file, "pp2", element)
     at = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, own) if own else problem_along(branch)
-    branch = dataclasses.replace(branch, problem=problem)  # the problem of its points, too
-    found = hb.analysis.machine_quantities(branch, which, at)
-    title = found.title(quantity)
+    curves = [dataclasses.replace(one, problem=problem, others=()) for one in (branch, *branch.others)]
+    found = [hb.analysis.machine_quantities(one, which, at) for one in curves]
+    title = found[0].title(quantity)
     with outputs() as out:
-        out.write(output, found.save)
-        out.figure(plot, lambda drawing: drawing.response(branch, quantity, which, dof=at))
+        out.write(output, _of_all(found).save)
+        drawn = dataclasses.replace(curves[0], others=tuple(curves[1:]))
+        out.figure(plot, lambda drawing: drawing.response(drawn, quantity, which, dof=at))
         print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
-                    list(_largest(branch, found)))  # fmt: skip
+                    list(_largest(curves, found)))  # fmt: skip
         rows = []
-        for jump in branch.jumps():
-            ends = (float(hb.analysis.machine_quantities(end, which, at)[quantity][0]) if end else np.nan
-                    for end in (jump.before, jump.after))  # fmt: skip
-            direction = "increasing" if jump.direction > 0 else "decreasing"
-            rows.append([jump.label, position_texts(branch, jump.before)[0], direction,
-                         *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
+        for number, landed in enumerate(landings(curves), 1):
+            for jump in (one.jump for one in landed):
+                ends = (float(hb.analysis.machine_quantities(end, which, at, problem)[quantity][0]) if end else np.nan
+                        for end in (jump.before, jump.after))  # fmt: skip
+                label = f"{jump.label} ({number})" if len(curves) > 1 else jump.label
+                direction = "increasing" if jump.direction > 0 else "decreasing"
+                rows.append([label, position_texts(branch, jump.before)[0], direction,
+                             *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
         if rows:
             headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after"]
             print_table(headers, rows, "jumps of a slow sweep")
     raise typer.Exit(0)
 
 
-def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterator[list[str]]:
-    """Yield each quantity with its largest value and the frequency at which it occurs."""
-    columns = found.columns
-    stable = columns.get("stable", np.ones(len(branch))).astype(bool)
+def _of_all(found: Sequence[MachineQuantities]) -> MachineQuantities:
+    """Return the quantities of several curves together, with the number of the curve first."""
+    if len(found) == 1:
+        return found[0]
+    counts = [len(next(iter(each.columns.values()))) for each in found]
+    columns = {"curve": np.repeat(np.arange(1, len(found) + 1), counts)}
+    return MachineQuantities(
+        columns | {name: np.concatenate([each.columns[name] for each in found]) for name in found[0].columns}
+    )
+
+
+def _largest(curves: Sequence[hb.Branch], found: Sequence[MachineQuantities]) -> Iterator[list[str]]:
+    """Yield each quantity with its largest value on all curves and the frequency at which it occurs."""
+    first, columns = curves[0], _of_all(found).columns
+    stable = columns.get("stable", np.ones(sum(map(len, curves)))).astype(bool)
     if not stable.any():
-        stable[:] = True
+        stable = np.ones_like(stable)
+    rows = [(curve, i) for curve in curves for i in range(len(curve))]
+    asymptotes = [value for curve in curves for value in curve.asymptotes.values()]
     for name, values in columns.items():
-        if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
+        if name in ("curve", "stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{first.parameter} [-]"):
             continue
         if not np.isfinite(values[stable]).any():
             yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-"]
-            continue
-        i = int(np.nanargmax(np.where(stable, values, -np.inf)))
-        yield [name, rounded(float(values[i]), 4), position_texts(branch, branch[i])[0]]
+        elif asymptotes and ", static" not in name:
+            yield [name, "unbounded", OmegaAxis.of(first.require_problem().model).number(min(asymptotes))]
+        else:
+            k = int(np.nanargmax(np.where(stable, values, -np.inf)))
+            curve, i = rows[k]
+            yield [name, rounded(float(values[k]), 4), position_texts(curve, curve[i])[0]]
 
 
 # ---- output of hbgear gear

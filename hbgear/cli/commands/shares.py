@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hbgear.analysis.parameter_sensitivity.units import LENGTH
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE
 from hbgear.cli.commands.files import outputs
 from hbgear.cli.output import print_table
+from hbgear.common.text.symbols import unit_of
 
 if TYPE_CHECKING:
     from hbgear.analysis.parameter_sensitivity.table import Sensitivity
@@ -25,6 +29,7 @@ SHARE_ROUNDING = 1e-6
 
 def show_shares(
     found: Sensitivity,
+    labels: Mapping[str, str],
     quantity: str,
     max_rows: int,
     output: Path | None,
@@ -33,7 +38,8 @@ def show_shares(
 ) -> None:  # fmt: skip
     """Write the derivatives and their figure, and print the table of the largest derivatives of a quantity.
 
-    The empty ``quantity`` is the first one of `Sensitivity.shown` that has a derivative.
+    ``labels`` are the axis labels of the model, whose units are printed. The empty ``quantity`` is the first one of
+    `Sensitivity.shown` that has a derivative.
     """
     names = found.shown(dimensionless)
     quantity = quantity or next((name for name in names if any(found.percent(name).values())), names[0])
@@ -41,27 +47,47 @@ def show_shares(
     with outputs() as out:
         out.write(output, found.export)
         out.figure(plot, lambda drawing: drawing.tornado(found, quantity, most=max_rows))
-        _print(found, quantity, max_rows, names if quantity in names else (quantity, *names))
+        _print(found, labels, quantity, max_rows, names if quantity in names else (quantity, *names))
 
 
-def _print(found: Sensitivity, quantity: str, max_rows: int, names: tuple[str, ...]) -> None:
+def _print(
+    found: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
+) -> None:  # fmt: skip
     shares = {name: found.percent(name) for name in names}
-    print(f"{found.label}: " + ", ".join(f"{q} = {found.size(q):.6g}" for q in names))
+    shown = {name: _in_micrometres(name) for name in names}
+    print(f"{found.label}: " + ", ".join(f"{shown[q][0]} = {shown[q][1] * found.size(q):.6g}" for q in names))
     known = [
         name for name in shares[quantity] if any(not abs(share[name]) < SHARE_ROUNDING for share in shares.values())
     ]
     rows = [
-        [name, f"{found.values[found.parameters.index(name)]:.6g}", *(_percent_text(shares[q][name]) for q in names)]
+        [_with_unit(name, labels), f"{found.values[found.parameters.index(name)]:.6g}",
+         *(_percent_text(shares[q][name]) for q in names)]
         for name in known[:max_rows]
-    ]
-    title = f"percent per percent of a parameter, by {quantity}"
-    print_table(["", "value", *names], rows, title)
+    ]  # fmt: skip
+    name, factor = shown[quantity]
+    title = f"percent per percent of a parameter, by {name}"
+    print_table(["", "value", *(shown[q][0] for q in names)], rows, title)
     left = len(known) - len(rows)
     if left:
         print(f"{left} more parameters with smaller derivatives; see --max-rows")
-    for name, value in zip(found.parameters, found.values, strict=True):
-        if not value and found.of(quantity)[name]:
-            print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} per unit of {name}")
+    for parameter, value in zip(found.parameters, found.values, strict=True):
+        if not value and found.of(quantity)[parameter]:
+            unit = unit_of(labels.get(parameter, ""))
+            unit = f"unit of {parameter}" if unit in ("", "-", "1") else unit
+            print(f"{parameter} = 0: {name} changes by {factor * found.of(quantity)[parameter]:.4g} per {unit}")
+
+
+def _in_micrometres(quantity: str) -> tuple[str, float]:
+    """Return the name of a quantity as it is printed, and its factor: lengths in m are printed in um."""
+    if not quantity.endswith(f" {LENGTH}"):
+        return quantity, 1.0
+    return f"{quantity.removesuffix(LENGTH)}{MICROMETRE}", 1e6
+
+
+def _with_unit(parameter: str, labels: Mapping[str, str]) -> str:
+    """Return the name of a parameter with its unit, if it has one."""
+    unit = unit_of(labels.get(parameter, ""))
+    return parameter if unit in ("", "-", "1") else f"{parameter} [{unit}]"
 
 
 def _percent_text(share: float) -> str:
