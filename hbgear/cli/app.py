@@ -23,7 +23,7 @@ from typer.core import TyperGroup
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
-from hbgear.analysis.summary import message_of, summary_facts, text_at
+from hbgear.analysis.summary import message_of, position_headers, position_texts, summary_facts
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
 from hbgear.cli.commands import certify as cli_certify
@@ -549,4 +549,5 @@ def plot_command(
                                                                dimensionless=dimensionless))  # fmt: skip
         else:
             out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
-            print_text(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")
+            names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
+            print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))

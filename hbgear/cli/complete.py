@@ -40,13 +40,13 @@ def assigned(incomplete: str) -> list[str]:
 
 
 def labels(incomplete: str) -> list[str]:
-    """Return labels of the special points of the given file."""
-    return [p.label for p in _special() if p.label.startswith(incomplete)]
+    """Return labels of the special points of the given file; those of its second curve begin with ``2:``."""
+    return [label for label, _ in _special() if label.startswith(incomplete)]
 
 
 def crossings(incomplete: str) -> list[str]:
     """Return labels of its points from which another branch leads."""
-    return [p.label for p in _special() if p.kind in ("PD", "BP") and p.label.startswith(incomplete)]
+    return [label for label, point in _special() if point.kind in ("PD", "BP") and label.startswith(incomplete)]
 
 
 def events(incomplete: str) -> list[str]:
@@ -69,9 +69,14 @@ def _model() -> type[hb.mechanics.Model] | None:
     return next((model_registry.MODELS[word] for word in _words() if word in model_registry.MODELS), None)
 
 
-def _special() -> tuple[hb.SpecialPoint, ...]:
+def _special() -> list[tuple[str, hb.SpecialPoint]]:
+    """Return the special points of all curves of the given file, with their labels on the command line."""
     file = next((word for word in _words() if word.endswith(".npz")), "")
     try:
-        return hb.load(file).special
+        branch = hb.load(file)
     except (OSError, ValueError):
-        return ()
+        return []
+    return [
+        (point.label if number == 1 else f"{number}:{point.label}", point)
+        for number, curve in enumerate((branch, *branch.others), 1) for point in curve.special
+    ]  # fmt: skip

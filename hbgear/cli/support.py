@@ -212,9 +212,9 @@ def metadata_with(meta: dict[str, Any], harmonics: str | None, samples: int | No
 
 def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
     """Return a saved curve and its point given by --start: a label, a value of its parameter, or the last point."""
-    file, colon, which = (text, "", "") if os.path.exists(text) else text.rpartition(":")
-    branch = hb.load(file if colon else text)
-    return branch, point_of(branch, which, "--start") if colon else branch[-1]
+    found = None if os.path.exists(text) else re.fullmatch(r"(.+?):((?:\d+:)?[^:]*)", text)
+    branch = hb.load(found[1] if found else text)
+    return branch, point_of(branch, found[2], "--start") if found else branch[-1]
 
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.mechanics.Model:
@@ -244,8 +244,42 @@ def _has_own_names(model: hb.mechanics.Model) -> bool:
     return any(name not in kinds_of(type(model)) for name in model.parameters)
 
 
+def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, str]:
+    """Return the number, from 0, of the curve to which ``LP1``, ``2:LP1`` or ``LP1 (2)`` belongs, and ``LP1``.
+
+    Tables print the second form, figures the third one.
+
+    Raises
+    ------
+    ValueError
+        If the file has no such curve, or no number is given and only another curve has a point with this label.
+    """
+    curves = (branch, *branch.others)
+    before, after = re.fullmatch(r"(\d+):(.+)", text), re.fullmatch(r"(.+) \((\d+)\)", text)
+    if before is None and after is None:
+        owners = [n for n, one in enumerate(curves, 1) if any(point.label == text for point in one.special)]
+        if owners and owners[0] > 1:
+            raise ValueError(f"{option} {text}: curve 1 of the file has no such point; curve {owners[0]} has: "
+                             f"{owners[0]}:{text}")  # fmt: skip
+        return 0, text
+    label, number = (before[2], int(before[1])) if before else (after[1], int(after[2]))  # type: ignore[index]
+    if not 1 <= number <= len(curves):
+        raise ValueError(f"{option} {text}: the file has {len(curves)} curve{'s' if len(curves) > 1 else ''}")
+    return number - 1, label
+
+
+def on_curve(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[hb.Branch, str]:
+    """Return the curve of a file to which a point such as ``2:LP1`` belongs, and its label; see `numbered`."""
+    number, label = numbered(branch, text, option)
+    return (branch if number == 0 else branch.others[number - 1]), label
+
+
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
-    """Return a special point by label, or the point nearest to a value; of several crossings, a stable one."""
+    """Return a special point by label, or the point nearest to a value; of several crossings, a stable one.
+
+    ``2:`` in front of either selects the second curve of the file; see `numbered`.
+    """
+    branch, text = on_curve(branch, text, option)
     try:
         value = float(text)
     except ValueError:

@@ -1,6 +1,7 @@
 """The command line: what it prints, writes and returns, and that every bad input gets one line that says what to do."""
 
 import csv
+import dataclasses
 import os
 import re
 import subprocess
@@ -20,6 +21,7 @@ from hbgear.analysis import summary
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.cli import app as cli
 from hbgear.cli import support as cli_support
+from hbgear.cli.support import numbered
 from hbgear.common.text.digits import concise
 
 REPOSITORY = Path(__file__).parents[2]
@@ -182,6 +184,40 @@ def test_a_span_that_takes_several_curves(run):
     code, out, _ = run("info", "w.npz")
     assert code == 0 and f"Omega = {curve.asymptotes['last']:.9g} (beyond the last point)" in out
     assert "unbounded" in out and run("plot", "w.npz", "-o", "w.svg")[0] == 0
+
+
+def test_points_of_the_second_curve_of_a_file(run):
+    """Commands take 2:LP1; results, jumps and scatter are those of both curves."""
+    wild = ["--set", "zeta=0.01", "--set", "eps=0,0.2", "--set", "e=0.05", "--harmonics", 8]
+    run("trace", "spur-pair", *wild, "-o", "w.npz")
+    curve = hb.load("w.npz")
+    (other,) = curve.others
+    fold = other["LP1"].parameters["Omega"]
+    for label in ("2:LP1", "LP1 (2)"):
+        code, out, err = run("sensitivity", "w.npz", label)
+        assert (code, err) == (0, "") and f"Omega = {fold:.6g}" in out
+    code, out, _ = run("follow", "w.npz", "2:LP1", "--in", "zeta=0.01:0.0101")
+    assert code == 0 and f"{fold:.6g}" in out
+    code, out, _ = run("plot", "w.npz", "--point", "2:LP1", "-o", "p.png")
+    assert code == 0 and "point at Omega = 0.4468" in out and Path("p.png").exists()
+    code, _, err = run("sensitivity", "w.npz", "3:LP1")
+    assert code == 2 and "POINT 3:LP1: the file has 2 curves" in err
+    code, out, _ = run("scatter", "w.npz", "zeta=1e-4", "--draws", 20)
+    assert code == 0 and re.search(r"^ +LP1 .*falling", out, re.M) and re.search(r"^ +2:LP1 .*rising", out, re.M)
+    code, out, _ = run("results", "w.npz", "-o", "r.csv")
+    assert code == 0 and re.search(r"dynamic factor \[-\] +unbounded +1\.048", out)
+    assert re.search(r"force, static \[-\] +0\.\d+", out) and re.search(r"2:LP1 .*increasing", out)
+    rows = Path("r.csv").read_text().splitlines()
+    assert rows[0].startswith("curve,") and len(rows) == 1 + len(curve) + len(other)
+
+
+def test_a_label_of_another_curve_is_named():
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6), accuracy=None)
+    first = dataclasses.replace(curve, special=(), jump_records=(), others=(curve,))
+    with pytest.raises(ValueError, match="POINT LP2: curve 1 of the file has no such point; curve 2 has: 2:LP2"):
+        numbered(first, "LP2", "POINT")
+    assert numbered(first, "2:LP2") == numbered(first, "LP2 (2)") == (1, "LP2")
+    assert numbered(first, "1.1") == (0, "1.1") and numbered(first, "2:1.1") == (1, "1.1")
 
 
 def test_point_by_value_is_the_nearest_stable_one(saved):

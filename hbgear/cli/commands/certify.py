@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.options import Dimensionless, File, OwnModel
 from hbgear.cli.output import print_message, print_table
-from hbgear.cli.support import load_with_problem, point_of
+from hbgear.cli.support import load_with_problem, numbered, point_of
 
 NOT_PROVED = 1
 """Exit code of a point that is not certified."""
@@ -49,11 +50,15 @@ def certify(
     """
     check_writable(output, (".json",))
     branch = load_with_problem(file, model)
-    names = points or [point.label for point in branch.special if point.kind in ("LP", "PD", "GR")]
+    curves = [dataclasses.replace(branch, others=()), *branch.others]
+    names = points or [
+        point.label if number == 1 else f"{number}:{point.label}"
+        for number, curve in enumerate(curves, 1) for point in curve.special if point.kind in ("LP", "PD", "GR")
+    ]  # fmt: skip
     if output is not None and len(names) != 1:
         raise ValueError(f"--output {output}: {len(names)} points; give one POINT")
     chosen = [(name, point_of(branch, name, "POINT")) for name in names]
-    rows, failed, certified = [], False, branch
+    rows, failed, attached = [], False, False
     quantity = certified_header(branch, dimensionless).removeprefix("certified ")
     with outputs() as out:
         for name, point in chosen:
@@ -66,13 +71,14 @@ def certify(
             if output is not None:
                 out.write(output, proof.save)
             if point.label:
-                certified = proof.attached_to(certified)
+                number, _ = numbered(branch, name)
+                curves[number], attached = proof.attached_to(curves[number]), True
             stability = {True: "stable", False: "unstable", None: "undecided"}[proof.stable]
             bounds = certified_bounds(branch, point, proof.Omega, dimensionless)
             rows.append([name, *bounds, stability, f"{proof.uniqueness:.0e}"])
             print(f"{name}: {proof.statement_in(quantity, bounds)}")
-        if certified is not branch:
-            out.write(file, certified.save)
+        if attached:
+            out.write(file, dataclasses.replace(curves[0], others=tuple(curves[1:])).save)
         if rows:
             print(proof.assumptions)
             print_table(["point", f"{quantity} from", "to", "multipliers", "unique within"], rows)

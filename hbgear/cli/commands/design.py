@@ -35,6 +35,7 @@ from hbgear.cli.support import (
     chosen_model,
     element_of,
     load_with_problem,
+    on_curve,
     problem_of,
     range_of,
     span_of,
@@ -209,7 +210,8 @@ def switch(
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     branch, which = load_with_problem(file, model), element_of(element)
-    new = hb.switch(branch, label)
+    branch, own_label = on_curve(branch, label)
+    new = hb.switch(branch, own_label)
     names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)

@@ -33,6 +33,7 @@ from hbgear.cli.support import (
     chosen_model,
     element_of,
     load_with_problem,
+    on_curve,
     point_of,
     problem_of,
     span_of,
@@ -113,7 +114,8 @@ def scatter(
 ) -> None:
     """Compute the scatter of the jumps of a saved curve for scattered parameters; --plot draws the band of the curve.
 
-    To first order, and by Monte Carlo: the equations of each jump are solved for every draw.
+    To first order, and by Monte Carlo: the equations of each jump are solved for every draw. The band is that of the
+    first curve of the file, jumps are those of all its curves.
     """
     check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
@@ -123,10 +125,11 @@ def scatter(
     if dimensionless:
         unit, length = unit or "Omega", length or ""
     with bar("scatter") as progress:
-        jumps = (
-            hb.design.jump_tolerance(branch, deviations, draws=draws, unit=unit, progress=progress)
-            if branch.jumps() else ()
-        )  # fmt: skip
+        jumps = [
+            (one.label if number == 1 else f"{number}:{one.label}", one)
+            for number, curve in enumerate((branch, *branch.others), 1) if curve.jumps()
+            for one in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
+        ]  # fmt: skip
         band = hb.design.response_band(
             branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
         )
@@ -134,17 +137,17 @@ def scatter(
         out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
         if jumps:
             rows = [
-                [one.label, "rising" if one.direction > 0 else "falling", f"{one.value:.6g}", f"{one.first:.3g}",
+                [label, "rising" if one.direction > 0 else "falling", f"{one.value:.6g}", f"{one.first:.3g}",
                  _known(one.sampled, ".3g"), str(one.lost), *(f"{effect:+.3g}" for effect in one.effects.values())]
-                for one in jumps
+                for label, one in jumps
             ]  # fmt: skip
             title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
-            print_table(["jump", "sweep", jumps[0].unit, "+-", "drawn", "lost", *deviations], rows, title)
-            for one in jumps:
+            print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *deviations], rows, title)
+            for label, one in jumps:
                 if one.lost:
-                    print(f"{one.label} vanishes in {one.lost} of {draws} draws")
+                    print(f"{label} vanishes in {one.lost} of {draws} draws")
         else:
-            print("the curve has no jumps")
+            print("no curve of the file has jumps" if branch.others else "the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):
             if not np.nanmax(np.abs(effect)) > SHARE_ROUNDING:
                 print(f"{name} has no effect on the curve")
@@ -324,7 +327,8 @@ def _known(number: float, form: str) -> str:
 
 
 def _chosen(branch: hb.Branch, text: str, measure: str, element: int | str) -> hb.Point | hb.Jump:
-    """Return the point or jump given by a text."""
+    """Return the point or jump given by a text, after the number of its curve (``2:jump1``)."""
+    branch, text = on_curve(branch, text, "POINT")
     jumps = branch.jumps()
     if text.startswith("jump") and text[4:].isdecimal():
         if not 1 <= int(text[4:]) <= len(jumps):

@@ -243,7 +243,7 @@ def results(
             for jump in (one.jump for one in landed):
                 ends = (float(hb.analysis.machine_quantities(end, which, at, problem)[quantity][0]) if end else np.nan
                         for end in (jump.before, jump.after))  # fmt: skip
-                label = f"{jump.label} ({number})" if len(curves) > 1 else jump.label
+                label = jump.label if number == 1 else f"{number}:{jump.label}"
                 direction = "increasing" if jump.direction > 0 else "decreasing"
                 rows.append([label, position_texts(branch, jump.before)[0], direction,
                              *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip

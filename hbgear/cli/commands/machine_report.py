@@ -228,7 +228,7 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
             direction = "increasing" if jump.direction > 0 else "decreasing"
             Omega = [text_at(jump.before, "Omega")] if dimensionless else []
             row = [
-                f"{jump.label} ({number})" if len(branches) > 1 else jump.label,
+                jump.label if number == 1 else f"{number}:{jump.label}",
                 rpm,
                 hertz,
                 *Omega,

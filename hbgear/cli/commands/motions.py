@@ -34,6 +34,7 @@ from hbgear.cli.support import (
     harmonics_of,
     load_with_problem,
     longer_span,
+    on_curve,
     range_of,
 )
 from hbgear.common.text.symbols import unit_of
@@ -155,7 +156,7 @@ def torus(
     branch, which = load_with_problem(file, model), element_of(element)
     span = None if first is None and last is None else longer_span(branch, None, first, last)
     loaded = isinstance(branch.problem, hb.harmonic.TorusProblem)
-    found = hb.extend(branch, span) if loaded else hb.analysis.torus(branch, label, span)
+    found = hb.extend(branch, span) if loaded else hb.analysis.torus(*on_curve(branch, label), span)
     with outputs() as out:
         out.branch(output, found)
         shown = [found] if loaded else [branch, found]
@@ -188,7 +189,7 @@ def follow(
     check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
     name, span = range_of(within, model_of(branch))
-    found = hb.follow(branch, label, name, span)
+    found = hb.follow(*on_curve(branch, label), name, span)
     with outputs() as out:
         out.branch(output, found)
         out.figure(plot, lambda drawing: drawing.special_curves([found], dimensionless=dimensionless))
