@@ -5,6 +5,8 @@ R(X, p) = 0,   g(X, p) = 0        X and p unknown, a second parameter varies
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from hbgear.common.argument_checks import checked_arguments
@@ -14,7 +16,9 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.registry import event_of_kind
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
 from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.tracing.trace import trace
 
 
@@ -63,7 +67,8 @@ def follow(
     parameter : str
         Name of the second parameter.
     span : (float, float)
-        First and last value of the second parameter.
+        First and last value of the second parameter. If the value of the point lies between them, the curve is traced
+        to both ends.
     event : Event, optional
         Event that located the point. It is required for an event of the user that is not
         registered if the branch was loaded from a file.
@@ -114,7 +119,20 @@ def follow(
             f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
             "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
-    found = trace(equations, parameter, span, here, **options)
+    found = _to_both_ends(equations, parameter, span, here, options)
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(found)
     return found
+
+
+def _to_both_ends(
+    equations: Any, parameter: str, span: tuple[float, float], point: SpecialPoint, options: Mapping[str, Any]
+) -> Branch:
+    """Return the curve of a point to the last value of a span, and to the first one if the point lies between them."""
+    forth = trace(equations, parameter, span, point, **options)
+    low, high = sorted(map(float, span))
+    value = {**point.parameters, **options.get("at", {})}.get(parameter, low)
+    if not low < value < high or forth.status in (Status.CLOSED, Status.INTERRUPTED, Status.FAILED):
+        return forth
+    back = trace(equations, parameter, (span[1], span[0]), point, **options)
+    return replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))

@@ -402,3 +402,16 @@ def test_real_multipliers_that_pass_one_after_the_other_are_no_pair(H):
     for p in (p for p in curve.special if p.kind == "NS" and p.located):
         nearest = p.multipliers[np.argmin(np.abs(np.abs(p.multipliers) - 1))]
         assert abs(nearest.imag) > 1e-3
+
+
+@pytest.mark.parametrize("span", [(0.045, 0.055), (0.055, 0.045)])
+def test_a_curve_of_folds_reaches_both_ends_of_a_span_around_its_point(span):
+    """The folds at both ends are those of the response curves there."""
+    problem = HarmonicBalance(SpurPair(), 5)
+    own = trace(problem, "Omega", (1.0, 0.6), stability=False)
+    found = follow(own, "LP1", "zeta", span)
+    assert (found.values[0], found.values[-1]) == span and found.status.complete
+    assert np.abs(found.tracked["Omega"] - own["LP1"].parameters["Omega"]).min() < 1e-10
+    for i in (0, -1):
+        curve = trace(problem, "Omega", (1.0, 0.6), at={"zeta": float(found.values[i])}, stability=False)
+        assert found.tracked["Omega"][i] == pytest.approx(curve["LP1"].parameters["Omega"], abs=1e-8)

@@ -173,9 +173,7 @@ def follow(
         str,
         typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels),
     ],
-    within: Annotated[
-        str, range_option("Second parameter, and its range; the first value is usually that of the curve.")
-    ],
+    within: Annotated[str, range_option("Second parameter, and its range, in which the value of the curve lies.")],
     model: OwnModel = None,
     output: Output = None,
     plot: Figure = None,
