@@ -220,6 +220,10 @@ def test_neimark_sacker_points_over_the_load_are_those_of_shooting():
     again = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.12, 1.16), at={"F": 0.1})
     found = [point.parameters["Omega"] for point in again.special if point.kind == "NS"]
     assert found == pytest.approx([1.1301287894345817, 1.1473065816207717], abs=1e-8)
+    for label, angle in (("NS1", 0.08945804739400363), ("NS2", 0.08740938130294855)):
+        point = again[label]
+        pair = point.multipliers[np.argmin(np.abs(np.abs(point.multipliers) - 1))]
+        assert abs(np.angle(pair)) / (2 * np.pi) == pytest.approx(angle, abs=1e-7)
 
 
 @dataclass(frozen=True)

@@ -137,20 +137,24 @@ def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
     return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
 
 
-@pytest.mark.parametrize("eps, omega, amplitude, multiplier", [
-    (0.2, 0.9975088563587282, 2.000413678992092, 0.282826994188057),
-    (1.0, 0.94295584744161, 2.0086198608748598, 0.0008596950636079459),
+@pytest.mark.parametrize("eps, omega, amplitude, rms, multiplier, harmonics", [
+    (0.2, 0.9975088563587282, 2.000413678992092, 1.415095799728286, 0.282826994188057, 12),
+    (1.0, 0.94295584744161, 2.0086198608748598, 1.4350529588979852, 0.0008596950636079459, 20),
+    (3.0, 0.7092355317061698, 2.0233041416822153, 1.5208671301735879, 1.7763568394002505e-15, 80),
 ])  # fmt: skip
-def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, multiplier):
+def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, rms, multiplier, harmonics):
+    """The rms of displacement and of velocity are equal."""
     model = oscillator(eps)
     (hopf,) = hb.analysis.hopf_points(model, "damping", (2 * eps, -0.5))
     assert abs(hopf.value - eps) < 1e-10
     assert abs(hopf.Omega - 1) < 1e-10
-    cycles = hb.analysis.limit_cycles(model, hopf, (0.0, 2 * eps), harmonics=12 if eps < 1 else 20)
+    cycles = hb.analysis.limit_cycles(model, hopf, (0.0, 2 * eps), harmonics=harmonics)
     last = cycles[-1]
     assert last.parameters["damping"] == 0
     assert abs(last.parameters["Omega"] - omega) < 1e-9
     assert abs(last.amplitude("pp2") - amplitude) < 1e-6
+    assert abs(last.amplitude("rms") - rms) < 1e-8
+    assert abs(cycles.amplitude("rms", derivative=1)[-1] - rms) < 1e-8
     assert abs(last.multipliers[0] - multiplier) < 1e-6
     assert last.stable
 
