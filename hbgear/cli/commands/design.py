@@ -11,7 +11,7 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
-from hbgear.analysis.summary import digits_of, text_at
+from hbgear.analysis.summary import digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
@@ -216,7 +216,7 @@ def switch(
     with outputs() as out:
         out.branch(output, new)
         out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
-        print(f"from {label} of {file}: {len(new)} points; {new.message}")
+        print(f"from {label} of {file}: {len(new)} points; {message_of(new)}")
         show_branch(new, measure, which, other_branches=(branch,), names=names[:1])
     raise typer.Exit(exit_code(new))
 
@@ -238,6 +238,7 @@ def survey(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    dimensionless: Dimensionless = False,
 ) -> None:
     """Trace every branch in a span, including disconnected branches.
 
@@ -256,10 +257,10 @@ def survey(
     with outputs() as out:
         for number, branch in enumerate(found.branches, 1):
             out.branch(folder / f"branch{number}.npz" if folder else None, branch)
-        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which))
+        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which, dimensionless=dimensionless))
         for number, branch in enumerate(found.branches, 1):
-            print(f"branch {number}: {len(branch)} points; {branch.message}")
+            print(f"branch {number}: {len(branch)} points; {message_of(branch, dimensionless)}")
             others = [i for i in range(len(found)) if i != number - 1]
             other_branches, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
-            show_branch(branch, measure, which, other_branches, names)
+            show_branch(branch, measure, which, other_branches, names, dimensionless)
     finish(found, *found.branches)

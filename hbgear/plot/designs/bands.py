@@ -15,7 +15,7 @@ from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.design.uncertainty.uncertainty_band import ResponseBand, ellipse_contact
 from hbgear.harmonic.equations.layout import axis_text, layout_of
-from hbgear.plot.branch_sections import sections
+from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.curves import name_axes
 from hbgear.plot.style import COLOURS, LINES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
 
@@ -72,6 +72,8 @@ def band(
         ax.plot([], [], color=color, alpha=0.5, linewidth=6, label=f"\u00b1 {sigmas:g} standard deviations", gid="band")
         if own:
             _curve(ax, found)
+            if found.branch.asymptotes:
+                ax.set_ylim(top=HEADROOM * bounded(found.branch, found.amplitude))
             name_axes(ax, found.branch, found.measure, found.element)
             if found.unit != "Omega":
                 ax.set_xlabel(SPEEDS[found.unit])
