@@ -73,7 +73,8 @@ def band(
         if own:
             _curve(ax, found)
             if found.branch.asymptotes:
-                ax.set_ylim(top=HEADROOM * bounded(found.branch, found.amplitude))
+                low, top = float(found.amplitude.min()), HEADROOM * bounded(found.branch, found.amplitude)
+                ax.set_ylim(low - 0.05 * (top - low), top)
             name_axes(ax, found.branch, found.measure, found.element)
             if found.unit != "Omega":
                 ax.set_xlabel(SPEEDS[found.unit])
