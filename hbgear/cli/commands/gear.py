@@ -271,7 +271,10 @@ def _largest(curves: Sequence[hb.Branch], found: Sequence[MachineQuantities]) ->
     if not stable.any():
         stable = np.ones_like(stable)
     rows = [(curve, i) for curve in curves for i in range(len(curve))]
-    asymptotes = [value for curve in curves for value in curve.asymptotes.values()]
+    asymptotes = [
+        value for curve in curves for end, value in curve.asymptotes.items()
+        if curve.stable is None or curve.stable[0 if end == "first" else -1]
+    ]  # fmt: skip
     for name, values in columns.items():
         if name in ("curve", "stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{first.parameter} [-]"):
             continue

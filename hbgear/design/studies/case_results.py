@@ -102,7 +102,7 @@ class Cases:
         Names of the parameters that vary.
     table : dict of str to ndarray
         Columns by name, with one entry for each computed case: case, parameters, numbers, reason of a failure, and
-        computing time in seconds. The peak of a motion that grows without bound is inf.
+        computing time in seconds. The peak of a stable motion that grows without bound is inf.
     jumps : ndarray, shape (J, 5)
         Case, Omega, direction (+1 for rising Omega), amplitude before and amplitude after (nan if unknown).
     curves : dict of int to ndarray, shape (3, P)

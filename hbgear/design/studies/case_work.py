@@ -98,19 +98,12 @@ def _result_of(model: Model, work: Work) -> Result:
     packed_branch = b""
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
-        stability = set(work.compute) != {"peak"}
-        branch = raise_if_interrupted(
-            trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
-        )
-        curves = [branch, *branch.others]
-        incomplete = next((one for one in curves if not one.status.complete), branch)
-        if not incomplete.status.complete or uncovered_intervals(curves, work.span):
-            raise ValueError(f"the curve ended early: {incomplete.message}")
+        curves = _traced(problem, work)
         for kind, take in _CURVE_RESULTS.items():
             if kind in work.compute:
                 take(curves, work, numbers, arrays)
         if "branch" in work.compute:
-            packed_branch = packed(branch)
+            packed_branch = packed(curves[0])
     for name in work.critical:
         try:
             found = critical_parameter(problem, name, frequencies=work.span)
@@ -122,18 +115,50 @@ def _result_of(model: Model, work: Work) -> Result:
     return Result(numbers, arrays, packed_branch)
 
 
+def _traced(problem: HarmonicBalance, work: Work) -> list[Branch]:
+    """Return the curves that cover the span.
+
+    Raises
+    ------
+    ValueError
+        If a curve ended early, or a part of the span has no curve.
+    """
+    stability = set(work.compute) != {"peak"}
+    branch = trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
+    if not stability and any(one.asymptotes for one in (branch, *branch.others)):
+        branch = trace(problem, "Omega", work.span, accuracy=None)  # peaks are then those of stable motions
+    curves = [raise_if_interrupted(branch), *branch.others]
+    incomplete = next((one for one in curves if not one.status.complete), branch)
+    if not incomplete.status.complete or uncovered_intervals(curves, work.span):
+        raise ValueError(f"the curve ended early: {incomplete.message}")
+    return curves
+
+
 def _peak(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    """Store the largest amplitude and its frequency: a located peak, an end of a curve, or inf at an asymptote."""
-    asymptotes = [Omega for branch in curves for Omega in branch.asymptotes.values()]
-    if asymptotes:
-        numbers |= {"peak": np.inf, "peak_Omega": min(asymptotes)}
-        return
+    """Store the largest amplitude and its frequency: a located peak or an end of a curve.
+
+    Of a curve that grows without bound only stable motions count; if they are unbounded, the amplitude is inf.
+    """
     found = list[tuple[float, float]]()
     for branch in curves:
+        if branch.asymptotes:
+            found += _largest_stable(branch, work)
+            continue
         rows = [row.point for *_, row in locate_peaks(branch, work.measure, work.element, share=0.99)]
         Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
         found += zip(_amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]]), Omega, strict=True)
     numbers["peak"], numbers["peak_Omega"] = max(found)
+
+
+def _largest_stable(branch: Branch, work: Work) -> list[tuple[float, float]]:
+    """Return the largest amplitude of the stable motions of an unbounded curve and its frequency; [] without any."""
+    stable, A = branch.stable, branch.amplitude(work.measure, work.element)
+    assert stable is not None
+    for end, Omega in branch.asymptotes.items():
+        if stable[0 if end == "first" else -1]:
+            return [(np.inf, Omega)]
+    i = int(np.argmax(np.where(stable, A, -np.inf)))
+    return [(float(A[i]), float(branch.values[i]))] if stable[i] else []
 
 
 def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
