@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from typer.core import TyperGroup
@@ -535,6 +535,10 @@ def plot_command(
         list[Path] | None,
         typer.Option("--with", metavar="FILE", help="Also draw these saved curves, tori or backbones; repeatable."),
     ] = None,
+    style: Annotated[
+        Literal["journal", "screen"],
+        typer.Option(help="Serif text for print, or larger sans-serif text for slides."),
+    ] = "journal",
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
     others = [hb.load(each) for each in also or ()]
@@ -546,8 +550,8 @@ def plot_command(
     with outputs() as out:
         if chosen is None:
             out.figure(path, lambda drawing: drawing.responses([branch, *others], measure, which,
-                                                               dimensionless=dimensionless))  # fmt: skip
+                                                               dimensionless=dimensionless), style)  # fmt: skip
         else:
-            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)), style)
             names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
             print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))

@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # imported when they are first used
         STYLE,
         WIDTHS,
         State,
+        in_style,
         legend_entry,
         save,
     )
@@ -93,6 +94,7 @@ __all__ = [
     "figures",
     "fitted",
     "harris_map",
+    "in_style",
     "jump_distribution",
     "jump_map",
     "legend_entry",

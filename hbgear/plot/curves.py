@@ -27,12 +27,12 @@ from hbgear.plot.free_motions import with_other_kinds
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
-    FONT,
     GREY,
     LINES,
     WIDTHS,
     add_legend,
     axes_or_new,
+    current_font,
     dress,
     heighten,
     in_words,
@@ -450,7 +450,9 @@ def _enlarge(
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     zoomed.set(xlim=ends[0], ylim=ends[1])
     zoomed.locator_params(nbins=4)
-    zoomed.tick_params(direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=FONT[0], pad=2)
+    zoomed.tick_params(
+        direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=current_font(), pad=2
+    )
     ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
     return frame
 

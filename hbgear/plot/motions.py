@@ -14,9 +14,9 @@ from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 from hbgear.plot.style import (
     COLOURS,
-    FONT,
     GREY,
     axes_or_new,
+    current_font,
     dress,
     gap_label,
     in_words,
@@ -210,7 +210,7 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
     right.set_yticks(np.linspace(0.0, lowest, 7 if round(lowest) % 6 == 0 else 5))
     right.minorticks_off()
     right.set_ylabel(f"dB of the largest line, floor \N{MINUS SIGN}{-lowest:.0f} dB", fontsize=8)
-    right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
+    right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=current_font())
 
 
 @checked_arguments()

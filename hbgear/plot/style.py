@@ -8,6 +8,9 @@ regime. The settings of matplotlib are unchanged, and matplotlib is imported onl
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write
+from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
@@ -102,9 +106,75 @@ _METADATA: dict[str, Any] = {
 STYLE: Any = {
     "font.family": FONT, "font.size": 9, "mathtext.fontset": "stix", "axes.linewidth": 0.6, "axes.labelsize": 10,
     "axes.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "lines.linewidth": 1.2, "axes.grid": False,
+    "xtick.labelsize": 9, "ytick.labelsize": 9,
     "figure.facecolor": "white", "axes.facecolor": "white", "axes.edgecolor": "black", "text.color": "black",
 }  # fmt: skip
-"""Settings of matplotlib while a figure is drawn."""
+"""Settings of matplotlib while a figure is drawn in the style "journal"."""
+
+
+STYLES: dict[str, Any] = {
+    "journal": STYLE,
+    "screen": {
+        **STYLE,
+        "font.family": ["DejaVu Sans"],
+        "mathtext.fontset": "dejavusans",
+        "axes.labelsize": 9,
+        "xtick.labelsize": 8,
+        "ytick.labelsize": 8,
+    },
+}
+"""Settings of matplotlib by the name of a style."""
+
+
+SIZES = {"journal": 1.0, "screen": 0.85}
+"""Size of new axes over that of "journal"; text and lines keep their size in points."""
+
+
+_current: ContextVar[str] = ContextVar("style", default="journal")
+
+
+@contextmanager
+def in_style(name: str) -> Iterator[None]:
+    """Draw all figures of a ``with`` block in a style.
+
+    Parameters
+    ----------
+    name : {"journal", "screen"}
+        "journal", the default of all figures, has a serif typeface for print. "screen" has a sans-serif typeface, and
+        text and lines that are larger in relation to the axes, for slides.
+
+    Raises
+    ------
+    ValueError
+        If the style does not exist.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with hb.plot.in_style("screen"):
+    ...     axes = hb.plot.response(curve)
+    ...
+    >>> axes.xaxis.label.get_fontfamily()
+    ['DejaVu Sans']
+    """
+    if name not in STYLES:
+        raise ValueError(f"there is no style {quoted(name)}; choose one of {', '.join(map(quoted, STYLES))}")
+    token = _current.set(name)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+def current_settings() -> Any:
+    """Return the settings of the style of the block, for axes that are styled after they are drawn."""
+    return STYLES[_current.get()]
+
+
+def current_font() -> str:
+    """Return the first font family of the style of the block."""
+    return str(current_settings()["font.family"][0])
 
 
 SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
@@ -137,7 +207,7 @@ def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str
         extra: Any = make(side, functions=_times(known[name]))  # type: ignore[arg-type]
         extra.spines[side].set_position(("outward", (30.0 if side == "top" else 46.0) * len(added)))
         (extra.set_xlabel if side == "top" else extra.set_ylabel)(titles[name], fontsize=9, labelpad=3)
-        extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=FONT[0], pad=2)
+        extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=current_font(), pad=2)
         added.append(extra)
     if added:
         ax.tick_params(which="both", top=side != "top", right=side != "right")
@@ -202,10 +272,10 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
 
 
 def styled() -> Any:
-    """Return a context in which matplotlib has the settings of `STYLE`."""
+    """Return a context in which matplotlib has the settings of the style of the block, see `in_style`."""
     import matplotlib
 
-    return matplotlib.rc_context(STYLE)
+    return matplotlib.rc_context(current_settings())
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
@@ -216,7 +286,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
     ax : Axes or None
         Axes to draw on.
     size : tuple of float
-        Width and height of the new figure [in].
+        Width and height of the new figure [in] in the style "journal".
 
     Returns
     -------
@@ -227,7 +297,8 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
         return ax
     import matplotlib.pyplot as plt
 
-    return plt.subplots(figsize=size, layout="constrained")[1]
+    width, height = (SIZES[_current.get()] * x for x in size)
+    return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
 def dress(ax: Axes) -> None:
@@ -240,9 +311,11 @@ def dress(ax: Axes) -> None:
     ax : Axes
         Axes to style.
     """
+    settings = current_settings()
     for title in (ax.xaxis.label, ax.yaxis.label):
-        title.set(fontfamily=FONT, math_fontfamily=STYLE["mathtext.fontset"])
-    ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=9, labelfontfamily=FONT[0])
+        title.set(fontfamily=settings["font.family"], math_fontfamily=settings["mathtext.fontset"])
+    ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=settings["xtick.labelsize"],
+                   labelfontfamily=current_font())  # fmt: skip
     ax.tick_params(which="major", length=3.5)
     ax.tick_params(which="minor", length=2)
 

@@ -21,10 +21,10 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.curves import name_axes
 from hbgear.plot.style import (
     BRANCHES,
-    FONT,
     GREY,
     add_legend,
     axes_or_new,
+    current_font,
     dress,
     gap_label,
     heighten,
@@ -277,7 +277,7 @@ def waterfall(
         bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
         quantity = re.sub(r"\s*\[[^\[\]]*\]", "", _quantity(branch, element, derivative, dimensionless))
         bar.set_label(f"amplitude of {quantity}, run-{found.direction} [dB of the largest]")
-        bar.ax.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
+        bar.ax.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=current_font())
         if own and scaled_axes(ax, across.above):
             heighten(ax)
     return ax

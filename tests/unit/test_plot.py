@@ -729,3 +729,20 @@ def test_sweeps_are_in_physical_units():
     assert axes.get_xlabel() == "speed of the pinion [r/min]" and "[\N{MICRO SIGN}m]" in axes.get_ylabel()
     section = hb.plot.bifurcation([sweep], model=SCALED).lines[0]
     np.testing.assert_allclose(section.get_ydata(), [37.6 * points[0, 0, 0] for points in sweep.points], rtol=1e-9)
+
+
+def test_styles_for_print_and_for_slides(tmp_path):
+    """Sans-serif text, and axes that are smaller in relation to it; the default returns after the block."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.2), accuracy=None)
+    with hb.plot.in_style("screen"):
+        slide = hb.plot.response(curve)
+        hb.plot.save(slide, tmp_path / "slide.png")
+    paper = hb.plot.response(curve)
+    assert slide.xaxis.label.get_fontfamily() == ["DejaVu Sans"] != paper.xaxis.label.get_fontfamily()
+    assert slide.get_legend().get_texts()[0].get_fontfamily() == ["DejaVu Sans"]
+    assert slide.xaxis.get_ticklabels()[0].get_fontfamily() == ["DejaVu Sans"]
+    assert slide.figure.get_figwidth() < paper.figure.get_figwidth()
+    sizes = [ax.xaxis.get_ticklabels()[0].get_size() / ax.figure.get_figwidth() for ax in (slide, paper)]
+    assert sizes[0] > sizes[1]
+    with pytest.raises(ValueError, match="no style 'poster'; choose one of 'journal', 'screen'"):
+        hb.plot.in_style("poster").__enter__()

@@ -63,9 +63,9 @@ class Outputs:
         """Save or export a branch by the suffix."""
         self.write(path, branch.save if path and path.suffix.lower() == ".npz" else branch.export)
 
-    def figure(self, path: Path | None, make: Callable[[Any], Any]) -> None:
-        """Write a figure without a window; ``make`` gets `hbgear.plot`."""
-        self.write(path, partial(_draw, make))
+    def figure(self, path: Path | None, make: Callable[[Any], Any], style: str = "journal") -> None:
+        """Write a figure without a window, in a style of `hbgear.plot.in_style`; ``make`` gets `hbgear.plot`."""
+        self.write(path, partial(_draw, make, style))
 
     def _tried(self, path: Path, write: Callable[[Path], object]) -> OSError | None:
         try:
@@ -114,12 +114,13 @@ def _pyplot() -> Any:
     return plt
 
 
-def _draw(make: Callable[[Any], Any], path: Path) -> None:
+def _draw(make: Callable[[Any], Any], style: str, path: Path) -> None:
     plt = _pyplot()
     from hbgear import plot as drawing
 
     try:
-        drawing.save(make(drawing), path)
+        with drawing.in_style(style):
+            drawing.save(make(drawing), path)
     finally:
         plt.close("all")
 
