@@ -151,8 +151,7 @@ def build_model(
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
         return _torsion(pair, torque, zeta, given)
     if supports is None or len(supports) != 2 or not all(isinstance(one, Support) for one in supports):
-        raise ValueError(f"GearPair.model: the form {form!r} needs supports=(Support(...), Support(...)), of pinion "
-                         "and wheel")  # fmt: skip
+        raise ValueError(_NO_SUPPORTS.format(form=form, more=_SPATIAL_KEYS if form == "spatial" else ""))
     if form == "bearings":
         return _bearings(pair, torque, zeta, given, supports)
     return _spatial(pair, torque, zeta, given, supports, to_si("GearPair.model", "direction", direction, "rad"))
@@ -224,6 +223,15 @@ def _bearings(
         }  # fmt: skip
     F_m = mesh.load * pair.transverse_force(torque) / (mesh.k_mean * b_c)
     return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **fields, **mesh.fields)
+
+
+_SPATIAL_KEYS = ', axial = "3e8 N/m", tilt = "4e5 N m/rad"'
+
+
+_NO_SUPPORTS = """GearPair.model: the form {form!r} needs a support of the pinion and one of the wheel: \
+supports=(Support(...), Support(...)). In a file: support.pinion = {{ stiffness = "6e8 N/m"{more} }}, and the same for \
+support.wheel."""
+"""Message for a form without supports."""
 
 
 _NO_TILT = """GearPair.model: the form 'spatial' needs the key tilt in both supports, which is stiffness s^2/4 of two \
