@@ -312,7 +312,7 @@ def jump_map(
         raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
     folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
-    ending, value = Termination(), low
+    ending, value, gap = Termination(), low, ""
     try:
         for value in _spread(low, high, seeds):
             report_progress(progress, f"response curve at {parameter} = {value:.5g}")
@@ -329,14 +329,15 @@ def jump_map(
                     fold = _fold_curve(problem, parameter, (low, high), point, steps)
                     folds += [(fold, _arms(problem, fold))]
                     ending.merge(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
+        gap = _without_curve(parameter, curves, frequencies)
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
         ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
-    message = ending.message_with_advice or _without_curve(parameter, curves, frequencies)
     return JumpMap(
         parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, message, tuple(curves.values()), frequencies,
+        dict(problem.model.labels), ending.status, ending.message_with_advice or gap, tuple(curves.values()),
+        frequencies,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.harmonic.autonomous.backbone_curve import backbone
@@ -67,10 +68,9 @@ class BackboneStarts:
         found = []
         for mode in range(1, MODES + 1):
             with suppress(ValueError, NoConvergence, np.linalg.LinAlgError):
-                found.append(
-                    backbone(self.problem.model, mode, (low, high), harmonics=H, stability=False, special=False,
-                             accuracy=None, steps=_STEPS)
-                )  # fmt: skip
+                curve = backbone(self.problem.model, mode, (low, high), harmonics=H, stability=False, special=False,
+                                 accuracy=None, steps=_STEPS)  # fmt: skip
+                found.append(raise_if_interrupted(curve))
         return found
 
     def at(self, Omega: float, known: Sequence[Array]) -> Iterator[Array]:
