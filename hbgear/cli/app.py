@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -93,6 +93,7 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import model_of
 from hbgear.mechanics.model_lookup import installed
+from hbgear.plot.style import STYLES
 
 RENAMED = {
     "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
@@ -536,11 +537,12 @@ def plot_command(
         typer.Option("--with", metavar="FILE", help="Also draw these saved curves, tori or backbones; repeatable."),
     ] = None,
     style: Annotated[
-        Literal["journal", "screen"],
-        typer.Option(help="Serif text for print, or larger sans-serif text for slides."),
+        str, typer.Option(help="journal: serif text for print; screen: larger sans-serif text.")
     ] = "journal",
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
+    if style not in STYLES:
+        raise ValueError(f"--style {style}: choose {' or '.join(STYLES)}")
     others = [hb.load(each) for each in also or ()]
     measure = measure or ("pp2" if any(kind_of(each) != "periodic" for each in others) else None)
     branch, which, measure = loaded(file, measure, element, dimensionless)
