@@ -35,14 +35,13 @@ from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.events.fold import TURNING_KINDS
+from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.concatenation import concatenate
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.coverage import coverage_message, uncovered_intervals
-from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 
@@ -343,11 +342,10 @@ def jump_map(
 
 def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:
     """Return Omega, ascending, where curves grow without bound; -1 if they approach it from below, 1 from above."""
-    found = []
-    for one in (curve, *curve.others):
-        for end, Omega in one.asymptotes.items():
-            found.append((Omega, -1 if one.values[0 if end == "first" else -1] < Omega else 1))
-    return sorted(found)
+    return sorted(
+        (Omega, -1 if one.values[i] < Omega else 1)
+        for one in (curve, *curve.others) for i, Omega in one.unbounded_ends
+    )  # fmt: skip
 
 
 def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: tuple[float, float]) -> str:
@@ -369,13 +367,8 @@ def _fold_curve(
     problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
 ) -> Branch:
     """Trace the curve of a fold in both directions to the ends of the span."""
-    low, high = span
-    value = point.parameters[parameter]
-    rising = raise_if_interrupted(trace(FoldProblem(problem), parameter, (low, high), point, steps=steps))
-    if value == low or rising.status == "closed":
-        return rising
-    falling = raise_if_interrupted(trace(FoldProblem(problem), parameter, (high, low), point, steps=steps))
-    return concatenate(falling, rising) if value != high else falling
+    ends = span[::-1] if point.parameters[parameter] == span[1] else span
+    return raise_if_interrupted(trace_to_both_ends(FoldProblem(problem), parameter, ends, point, steps=steps))
 
 
 def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import hbgear as hb
+from hbgear.cli.support import label_on_curve
 from hbgear.continuation.events.registry import optional_events
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.models import model_registry
@@ -77,6 +78,6 @@ def _special() -> list[tuple[str, hb.SpecialPoint]]:
     except (OSError, ValueError):
         return []
     return [
-        (point.label if number == 1 else f"{number}:{point.label}", point)
+        (label_on_curve(number, point), point)
         for number, curve in enumerate((branch, *branch.others), 1) for point in curve.special
     ]  # fmt: skip

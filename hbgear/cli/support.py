@@ -244,6 +244,11 @@ def _has_own_names(model: hb.mechanics.Model) -> bool:
     return any(name not in kinds_of(type(model)) for name in model.parameters)
 
 
+def label_on_curve(number: int, one: hb.SpecialPoint | hb.Jump | Any) -> str:
+    """Return the label of a point or jump of a curve of a file, the first one with number 1: ``LP1`` or ``2:LP1``."""
+    return str(one.label) if number == 1 else f"{number}:{one.label}"
+
+
 def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, str]:
     """Return the number, from 0, of the curve to which ``LP1``, ``2:LP1`` or ``LP1 (2)`` belongs, and ``LP1``.
 

@@ -5,7 +5,6 @@ R(X, p) = 0,   g(X, p) = 0        X and p unknown, a second parameter varies
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +16,7 @@ from hbgear.continuation.events.registry import event_of_kind
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
-from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.tracing.trace import trace
 
@@ -119,20 +118,39 @@ def follow(
             f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
             "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
-    found = _to_both_ends(equations, parameter, span, here, options)
+    found = trace_to_both_ends(equations, parameter, span, here, **options)
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(found)
     return found
 
 
-def _to_both_ends(
-    equations: Any, parameter: str, span: tuple[float, float], point: SpecialPoint, options: Mapping[str, Any]
+def trace_to_both_ends(
+    equations: Any, parameter: str, span: tuple[float, float], point: Point, **options: Any
 ) -> Branch:
-    """Return the curve of a point to the last value of a span, and to the first one if the point lies between them."""
+    """Trace from a point to the last value of a span, and to the first one if the point lies between them.
+
+    Parameters
+    ----------
+    equations : ContinuationProblem
+        Equations.
+    parameter : str
+        Name of the parameter.
+    span : (float, float)
+        First and last value of the parameter.
+    point : Point
+        Solution of the equations.
+    **options
+        Arguments of `trace`.
+
+    Returns
+    -------
+    Branch
+        Both parts in one, from the first to the last value.
+    """
     forth = trace(equations, parameter, span, point, **options)
     low, high = sorted(map(float, span))
     value = {**point.parameters, **options.get("at", {})}.get(parameter, low)
-    if not low < value < high or forth.status in (Status.CLOSED, Status.INTERRUPTED, Status.FAILED):
+    if not low < value < high or forth.status in (Status.CLOSED, Status.INTERRUPTED):
         return forth
     back = trace(equations, parameter, (span[1], span[0]), point, **options)
     return replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))

@@ -280,13 +280,16 @@ class Search:
         """Return the slack below the limit, relative to it."""
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
-        for Omega in (Omega for one in (curve, *curve.others) for Omega in one.asymptotes.values()):
+        every = (curve, *curve.others)
+        unbounded = [Omega for one in every for Omega in one.asymptotes.values()]
+        if unbounded:
             raise ValueError(
-                f"redesign: motions grow without bound towards Omega = {Omega:.6g}, so that {goal.measure} has no "
-                "highest peak; start from a design with bounded motions, such as one with more damping"
+                f"redesign: motions grow without bound towards Omega = {unbounded[0]:.6g}, so that {goal.measure} has "
+                "no highest peak; start from a design with bounded motions, such as one with more damping"
             )
-        each = (peaks(one, goal.measure, goal.element, share=0.99, accuracy=None) for one in (curve, *curve.others))
-        tops = [point for points in each for point in points]
+        tops = [
+            top for one in every for top in peaks(one, goal.measure, goal.element, share=0.99, accuracy=None)
+        ]  # fmt: skip
         if not tops:
             raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
         top = max(tops, key=lambda point: point.amplitude(goal.measure, goal.element))

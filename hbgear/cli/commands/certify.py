@@ -14,7 +14,7 @@ from hbgear.cli import complete as cli_complete
 from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.options import Dimensionless, File, OwnModel
 from hbgear.cli.output import print_message, print_table
-from hbgear.cli.support import load_with_problem, numbered, point_of
+from hbgear.cli.support import label_on_curve, load_with_problem, numbered, point_of
 
 NOT_PROVED = 1
 """Exit code of a point that is not certified."""
@@ -52,7 +52,7 @@ def certify(
     branch = load_with_problem(file, model)
     curves = [dataclasses.replace(branch, others=()), *branch.others]
     names = points or [
-        point.label if number == 1 else f"{number}:{point.label}"
+        label_on_curve(number, point)
         for number, curve in enumerate(curves, 1) for point in curve.special if point.kind in ("LP", "PD", "GR")
     ]  # fmt: skip
     if output is not None and len(names) != 1:

@@ -41,7 +41,7 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.common.text.digits import rounded
-from hbgear.common.text.symbols import unit_of
+from hbgear.common.text.symbols import shown_unit
 from hbgear.io.map_file import read_map, save_map
 
 
@@ -124,8 +124,8 @@ def _where(point: hb.SpecialPoint, across: OmegaAxis) -> str:
 
 def unit_after(model: Any, parameter: str) -> str:
     """Return the unit of a parameter of a drawing after its value, such as " um"; empty for other models."""
-    unit = unit_of(str(model.labels.get(parameter, ""))) if model.scales is not None else ""
-    return f" {unit}" if unit not in ("", "-", "1") else ""
+    unit = shown_unit(str(model.labels.get(parameter, ""))) if model.scales is not None else ""
+    return f" {unit}" if unit else ""
 
 
 def critical(

@@ -32,6 +32,7 @@ from hbgear.cli.support import (
     assignments,
     chosen_model,
     element_of,
+    label_on_curve,
     load_with_problem,
     on_curve,
     point_of,
@@ -126,7 +127,7 @@ def scatter(
         unit, length = unit or "Omega", length or ""
     with bar("scatter") as progress:
         jumps = [
-            (one.label if number == 1 else f"{number}:{one.label}", one)
+            (label_on_curve(number, one), one)
             for number, curve in enumerate((branch, *branch.others), 1) if curve.jumps()
             for one in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
         ]  # fmt: skip

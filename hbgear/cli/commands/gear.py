@@ -54,6 +54,7 @@ from hbgear.cli.support import (
     check_shown,
     chosen_model,
     harmonics_of,
+    label_on_curve,
     loaded,
     problem_in,
     span_of,
@@ -230,10 +231,10 @@ def results(
     at = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, own) if own else problem_along(branch)
     curves = [dataclasses.replace(one, problem=problem, others=()) for one in (branch, *branch.others)]
-    found = [hb.analysis.machine_quantities(one, which, at) for one in curves]
-    title = found[0].title(quantity)
+    each = [hb.analysis.machine_quantities(one, which, at) for one in curves]
+    found, title = _of_all(each), each[0].title(quantity)
     with outputs() as out:
-        out.write(output, _of_all(found).save)
+        out.write(output, found.save)
         drawn = dataclasses.replace(curves[0], others=tuple(curves[1:]))
         out.figure(plot, lambda drawing: drawing.response(drawn, quantity, which, dof=at))
         print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
@@ -243,9 +244,8 @@ def results(
             for jump in (one.jump for one in landed):
                 ends = (float(hb.analysis.machine_quantities(end, which, at, problem)[quantity][0]) if end else np.nan
                         for end in (jump.before, jump.after))  # fmt: skip
-                label = jump.label if number == 1 else f"{number}:{jump.label}"
                 direction = "increasing" if jump.direction > 0 else "decreasing"
-                rows.append([label, position_texts(branch, jump.before)[0], direction,
+                rows.append([label_on_curve(number, jump), position_texts(branch, jump.before)[0], direction,
                              *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
         if rows:
             headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after"]
@@ -264,16 +264,15 @@ def _of_all(found: Sequence[MachineQuantities]) -> MachineQuantities:
     )
 
 
-def _largest(curves: Sequence[hb.Branch], found: Sequence[MachineQuantities]) -> Iterator[list[str]]:
+def _largest(curves: Sequence[hb.Branch], found: MachineQuantities) -> Iterator[list[str]]:
     """Yield each quantity with its largest value on all curves and the frequency at which it occurs."""
-    first, columns = curves[0], _of_all(found).columns
+    first, columns = curves[0], found.columns
     stable = columns.get("stable", np.ones(sum(map(len, curves)))).astype(bool)
     if not stable.any():
         stable = np.ones_like(stable)
     rows = [(curve, i) for curve in curves for i in range(len(curve))]
     asymptotes = [
-        value for curve in curves for end, value in curve.asymptotes.items()
-        if curve.stable is None or curve.stable[0 if end == "first" else -1]
+        value for curve in curves for i, value in curve.unbounded_ends if curve.stable is None or curve.stable[i]
     ]  # fmt: skip
     for name, values in columns.items():
         if name in ("curve", "stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{first.parameter} [-]"):

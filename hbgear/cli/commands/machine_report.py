@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import floor, log10
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, text_at
 from hbgear.cli.output import print_table, print_text
+from hbgear.cli.support import label_on_curve
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import rounded
 from hbgear.harmonic.equations.layout import layout_of
@@ -223,12 +223,12 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
         for jump in (landing.jump for landing in found):
             digits = digits_of(jump.before, 6)
             factors = [factor_text(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
-            rpm = fixed_point(float(scales.pinion_speed(jump.value)), digits)
-            hertz = fixed_point(float(scales.mesh_frequency(jump.value)), digits)
+            rpm = rounded(float(scales.pinion_speed(jump.value)), digits)
+            hertz = rounded(float(scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
             Omega = [text_at(jump.before, "Omega")] if dimensionless else []
             row = [
-                jump.label if number == 1 else f"{number}:{jump.label}",
+                label_on_curve(number, jump),
                 rpm,
                 hertz,
                 *Omega,
@@ -303,12 +303,6 @@ def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) 
         return rounded(hb.analysis.dynamic_factor(model, point), digits)
     except ValueError:
         return "-"
-
-
-def fixed_point(value: float, digits: int) -> str:
-    """Return a number with this many significant digits, without an exponent."""
-    after = digits - 1 - floor(log10(abs(value)))
-    return f"{round(value, after):.{max(after, 0)}f}"
 
 
 def recommendation(

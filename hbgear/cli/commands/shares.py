@@ -13,7 +13,7 @@ from hbgear.analysis.parameter_sensitivity.units import LENGTH
 from hbgear.analysis.quantities.axis_quantities import MICROMETRE
 from hbgear.cli.commands.files import outputs
 from hbgear.cli.output import print_table
-from hbgear.common.text.symbols import unit_of
+from hbgear.common.text.symbols import shown_unit
 
 if TYPE_CHECKING:
     from hbgear.analysis.parameter_sensitivity.table import Sensitivity
@@ -72,8 +72,7 @@ def _print(
         print(f"{left} more parameters with smaller derivatives; see --max-rows")
     for parameter, value in zip(found.parameters, found.values, strict=True):
         if not value and found.of(quantity)[parameter]:
-            unit = unit_of(labels.get(parameter, ""))
-            unit = f"unit of {parameter}" if unit in ("", "-", "1") else unit
+            unit = shown_unit(labels.get(parameter, "")) or f"unit of {parameter}"
             print(f"{parameter} = 0: {name} changes by {factor * found.of(quantity)[parameter]:.4g} per {unit}")
 
 
@@ -86,8 +85,8 @@ def _in_micrometres(quantity: str) -> tuple[str, float]:
 
 def _with_unit(parameter: str, labels: Mapping[str, str]) -> str:
     """Return the name of a parameter with its unit, if it has one."""
-    unit = unit_of(labels.get(parameter, ""))
-    return parameter if unit in ("", "-", "1") else f"{parameter} [{unit}]"
+    unit = shown_unit(labels.get(parameter, ""))
+    return f"{parameter} [{unit}]" if unit else parameter
 
 
 def _percent_text(share: float) -> str:

@@ -51,6 +51,16 @@ def unit_of(label: str) -> str:
     return "" if found is None else "1" if found[1] == "-" else found[1]
 
 
+def shown_unit(label: str) -> str:
+    r"""Return the unit of a label as `unit_of`, empty for numbers without a dimension.
+
+    >>> shown_unit("torque [N m]"), shown_unit(r"$\zeta$ [-]")
+    ('N m', '')
+    """
+    unit = unit_of(label)
+    return "" if unit == "1" else unit
+
+
 def without_unit(label: str) -> str:
     """Return a label as plain text without the unit at its end."""
     return re.sub(r"\s*\[[^\[\]]*\]\s*$", "", in_text(label))

@@ -253,6 +253,11 @@ class BranchData:
         known: dict[str, float] = self.meta.get("asymptotes", {})
         return known
 
+    @property
+    def unbounded_ends(self) -> list[tuple[int, float]]:
+        """Number of the last point, 0 or -1, and asymptote of each end at which the solutions grow without bound."""
+        return [(0 if end == "first" else -1, value) for end, value in self.asymptotes.items()]
+
     def require_problem(self) -> Any:
         """Return the problem. A branch from a file rebuilds it if the file describes the model.
 

@@ -152,8 +152,7 @@ def _guesses(
     Beyond an asymptote the guess is -X. Inside the uncovered intervals there is no guess.
     """
     for branch in branches:
-        for end in branch.asymptotes:
-            i = 0 if end == "first" else -1
+        for i, _ in branch.unbounded_ends:
             yield float(branch.values[i]), -branch.X[i]
     for low, high in missing:
         for eighth in SEARCHED_EIGHTHS:

@@ -16,7 +16,7 @@ from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of,
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean
-from hbgear.common.text.symbols import unit_of
+from hbgear.common.text.symbols import shown_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.design.studies.store import Result
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -179,8 +179,8 @@ class Cases:
         units, out = self.units, dict[str, Any]()
         for name, column in self.table.items():
             if name.removeprefix("critical_") in {*self.names, *self.work.critical}:
-                unit = unit_of(self.model.labels.get(name.removeprefix("critical_"), ""))
-                out[f"{name} [{unit}]" if unit not in ("", "-", "1") else name] = column
+                unit = shown_unit(self.model.labels.get(name.removeprefix("critical_"), ""))
+                out[f"{name} [{unit}]" if unit else name] = column
             elif units is not None and (name.endswith("_Omega") or name in JUMP_COLUMNS):
                 out[f"{name.removesuffix('_Omega')} at pinion [r/min]"] = units.speed * column
             elif units is not None and units.length is not None and name == "peak" and dimension_of(self.work.measure):

@@ -154,9 +154,9 @@ def _largest_stable(branch: Branch, work: Work) -> list[tuple[float, float]]:
     """Return the largest amplitude of the stable motions of an unbounded curve and its frequency; [] without any."""
     stable, A = branch.stable, branch.amplitude(work.measure, work.element)
     assert stable is not None
-    for end, Omega in branch.asymptotes.items():
-        if stable[0 if end == "first" else -1]:
-            return [(np.inf, Omega)]
+    unbounded = [(np.inf, Omega) for i, Omega in branch.unbounded_ends if stable[i]]
+    if unbounded:
+        return unbounded[:1]
     i = int(np.argmax(np.where(stable, A, -np.inf)))
     return [(float(A[i]), float(branch.values[i]))] if stable[i] else []
 

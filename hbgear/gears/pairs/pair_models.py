@@ -228,15 +228,17 @@ def _bearings(
 _SPATIAL_KEYS = ', axial = "3e8 N/m", tilt = "4e5 N m/rad"'
 
 
-_NO_SUPPORTS = """GearPair.model: the form {form!r} needs a support of the pinion and one of the wheel: \
-supports=(Support(...), Support(...)). In a file: support.pinion = {{ stiffness = "6e8 N/m"{more} }}, and the same for \
-support.wheel."""
+_IN_A_FILE = 'In a file: support.pinion = {{ stiffness = "6e8 N/m"{more} }}, and the same for support.wheel.'
+
+
+_NO_SUPPORTS = f"""GearPair.model: the form {{form!r}} needs a support of the pinion and one of the wheel: \
+supports=(Support(...), Support(...)). {_IN_A_FILE}"""
 """Message for a form without supports."""
 
 
-_NO_TILT = """GearPair.model: the form 'spatial' needs the key tilt in both supports, which is stiffness s^2/4 of two \
-bearings a distance s apart; axial is 0 by default, which suits spur gears only. In a file: \
-support.pinion = { stiffness = "6e8 N/m", axial = "3e8 N/m", tilt = "4e5 N m/rad" }, and the same for support.wheel."""
+_NO_TILT = f"""GearPair.model: the form 'spatial' needs the key tilt in both supports, which is stiffness s^2/4 of two \
+bearings a distance s apart; axial is 0 by default, which suits spur gears only. \
+{_IN_A_FILE.format(more=_SPATIAL_KEYS)}"""
 """Message for supports without tilt stiffness."""
 
 
