@@ -82,7 +82,7 @@ def response_curve(
 
 def folds_of(curve: Branch) -> list[Point]:
     """Return the located folds of a response curve and of the other curves of its range."""
-    return [point for one in (curve, *curve.others) for point in one.special if point.kind == "LP" and point.located]
+    return [point for one in curve.curves for point in one.special if point.kind == "LP" and point.located]
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

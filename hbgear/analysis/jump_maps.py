@@ -318,7 +318,7 @@ def jump_map(
             if value not in curves:
                 curves[value] = response_curve(problem, parameter, value, frequencies)
             curve = curves[value]
-            for one in (curve, *curve.others):
+            for one in curve.curves:
                 ending.merge(one, f"the response curve at {parameter} = {value:.5g}")
             for point in folds_of(curve):
                 if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
@@ -344,7 +344,7 @@ def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:
     """Return Omega, ascending, where curves grow without bound; -1 if they approach it from below, 1 from above."""
     return sorted(
         (Omega, -1 if one.values[i] < Omega else 1)
-        for one in (curve, *curve.others) for i, Omega in one.unbounded_ends
+        for one in curve.curves for i, Omega in one.unbounded_ends
     )  # fmt: skip
 
 

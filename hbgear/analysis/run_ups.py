@@ -184,7 +184,7 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ())
     """
     if direction not in DIRECTIONS:
         raise ValueError(f"direction = {quoted(direction)} must be 'up' or 'down'")
-    branches = (branch, *branch.others, *others)
+    branches = (*branch.curves, *others)
     if layout_of(branch) is None or any(one.stable is None for one in branches):
         raise ValueError("a run-up needs branches of motions with known stability; trace them with stability=True")
     sign, stable = DIRECTIONS[direction], np.flatnonzero(np.asarray(branch.stable))

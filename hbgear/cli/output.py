@@ -70,7 +70,7 @@ def bar(what: str) -> Iterator[ProgressCallback | None]:
 
 def exit_code(branch: hb.Branch) -> int:
     """Return 0 if this curve and all others of its span were traced to their ends, else 3."""
-    return 0 if all(one.status.complete for one in (branch, *branch.others)) else STOPPED_EARLY
+    return 0 if all(one.status.complete for one in branch.curves) else STOPPED_EARLY
 
 
 def finish(result: Any, *parts: Any) -> None:
@@ -155,7 +155,7 @@ def show_all_branches(
     dimensionless: bool = False,
 ) -> None:  # fmt: skip
     """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
-    curves = (branch, *branch.others)
+    curves = branch.curves
     for number, curve in enumerate(curves, 1):
         if number > 1:
             print_text(f"\nbranch {number}: {len(curve)} points; {message_of(curve, dimensionless)}")

@@ -47,7 +47,7 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="The page, .html.")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
     validate: Annotated[
-        int, typer.Option(min=0, help="Number of points of each curve to validate by time integration.")
+        int, typer.Option(min=0, help="Number of points of each file to validate by time integration.")
     ] = 0,
     model: OwnModel = None,
     measured: Measured = None,

@@ -259,7 +259,7 @@ def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, 
     ValueError
         If the file has no such curve, or no number is given and only another curve has a point with this label.
     """
-    curves = (branch, *branch.others)
+    curves = branch.curves
     before, after = re.fullmatch(r"(\d+):(.+)", text), re.fullmatch(r"(.+) \((\d+)\)", text)
     if before is None and after is None:
         owners = [n for n, one in enumerate(curves, 1) if any(point.label == text for point in one.special)]

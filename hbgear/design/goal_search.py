@@ -280,7 +280,7 @@ class Search:
         """Return the slack below the limit, relative to it."""
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
-        every = (curve, *curve.others)
+        every = curve.curves
         unbounded = [Omega for one in every for Omega in one.asymptotes.values()]
         if unbounded:
             raise ValueError(

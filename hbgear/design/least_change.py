@@ -276,7 +276,7 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
         warnings.simplefilter("ignore", ImplausibleInputWarning)
         curve = trace(search.balance(u, deviations), "Omega", search.span, stability=goal.kind == "no jumps")
         if goal.kind != "no jumps":
-            every = (curve, *curve.others)
+            every = curve.curves
             top = max(one.amplitude(goal.measure, goal.element).max() for one in every)
             top = math.inf if any(one.asymptotes for one in every) else float(top)
             return curve, max(0.0, top / goal.limit - 1.0)
@@ -292,4 +292,4 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
 
 def _jumps(curve: Branch) -> bool:
     """Return whether there are jumps, or folds that could cause jumps."""
-    return any(one.jumps() or any(point.kind == "LP" for point in one.special) for one in (curve, *curve.others))
+    return any(one.jumps() or any(point.kind == "LP" for point in one.special) for one in curve.curves)

@@ -31,7 +31,7 @@ def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
     """
     if not found.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
-    every = [one for curve in (*found.curves, *found.folds) for one in (curve, *curve.others)]
+    every = [one for curve in (*found.curves, *found.folds) for one in curve.curves]
     first, *rest = (dataclasses.replace(one, others=()) for one in every)
     meta = {**first.meta, "map": _settings(found.parameter, found.span, found.frequencies)}
     dataclasses.replace(first, meta=meta, others=tuple(rest)).save(path)

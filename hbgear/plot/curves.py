@@ -123,7 +123,7 @@ def response(
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
-        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof,
+        return responses(branch.curves, measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                          dimensionless=dimensionless)  # fmt: skip
     if kind_of(branch) != "periodic":
         return with_other_kinds(responses, [branch], measure, element, ax, names=[label] if label else None,

@@ -315,7 +315,7 @@ def validation(
     report : Report
         Result of `hbgear.validate`.
     branch : Branch
-        The validated curve.
+        The validated curve, with the other curves of its span.
     element : int or str, optional
         Element by number or name; default 0.
     dimensionless : bool, optional
@@ -339,12 +339,14 @@ def validation(
 
     with styled():
         figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
-        response(branch, "rms", element, top, special=False, jumps=False, legend=False,
-                 dimensionless=dimensionless)  # fmt: skip
+        for each in branch.curves:
+            response(each, "rms", element, top, special=False, jumps=False, legend=False,
+                     dimensionless=dimensionless)  # fmt: skip
         across = Abscissa([branch], dimensionless)
         factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
         x = across.scale * np.array([row.value for row in report.rows])
-        rms = factor * branch.amplitude("rms", element)[[row.index for row in report.rows]]
+        sizes = [each.amplitude("rms", element) for each in branch.curves]
+        rms = factor * np.array([sizes[row.curve - 1][row.index] for row in report.rows])
         for kind, name, colour, marker in (
             ((True, False), "agrees with integration", "#1b7f5a", "o"),
             ((True, True), REFINED, "#b36b00", "D"),
@@ -392,7 +394,9 @@ def _differences(ax: Axes, report: Report) -> None:
                     fontsize=8, va="center", color="#555555")  # fmt: skip
     ax.set_yscale("log")
     ax.set_xlim(0.4, len(number) + 0.6)
-    ax.set_xticks(number, [f"{n}  {row.reason}" for n, row in zip(number, report.rows, strict=True)], rotation=60,
+    several = any(row.curve > 1 for row in report.rows)
+    texts = [f"{row.reason} ({row.curve})" if several else row.reason for row in report.rows]
+    ax.set_xticks(number, [f"{n}  {text}" for n, text in zip(number, texts, strict=True)], rotation=60,
                   ha="right", rotation_mode="anchor")  # fmt: skip
     for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
         tick.set_color("black" if row.ok else "#c01818")

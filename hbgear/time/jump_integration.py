@@ -147,7 +147,7 @@ def integrate_jumps(
     for i, jump in enumerate(branch.jumps()):
         if progress:
             progress(Progress(i / len(branch.jumps()), f"jump at {jump.parameter} = {jump.value:.5g}"))
-        ends = landed((branch, *branch.others, *others), jump, arrivals(branch, jump, settling))
+        ends = landed((*branch.curves, *others), jump, arrivals(branch, jump, settling))
         jumps.append(ends[0][0])
     return replace(branch, jump_records=tuple(jumps))
 

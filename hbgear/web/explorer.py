@@ -270,7 +270,7 @@ class Explorer:
             If the session has no curve yet.
         """
         branch = self._shown(session)
-        curves = (branch, *branch.others)
+        curves = branch.curves
         names = [f"branch {i + 1}" for i in range(len(curves))]
         found = [tables(curve, curves, names) for curve in curves]
         return {"tables": found, "model": shortened(title_of(branch), 160), "python": self.python(asked)}

@@ -66,7 +66,7 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
     """
     curves, called = [], []
     for branch, name in zip(branches, names, strict=True):
-        for number, curve in enumerate((branch, *branch.others), 1):
+        for number, curve in enumerate(branch.curves, 1):
             with suppress(ValueError):  # points of special points and jumps need it for the transmission error
                 curve = curve if curve.problem is not None else replace(curve, problem=problem_along(curve))
             curves.append(curve)

@@ -24,7 +24,7 @@ def response(
     speed : of Omega.
     length : of the unit of the gap.
     """
-    for one in (curve, *curve.others):
+    for one in curve.curves:
         x, y = speed(one.values), one.amplitude(measure, element) * length
         for stable, style in ((True, "-"), (False, "--")):
             rows = np.asarray(one.stable) == stable

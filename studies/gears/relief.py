@@ -73,7 +73,7 @@ def case(relief: float, torque: float, mesh: str = "teeth", addendum: float = 1.
     model = gears.model(torque, DAMPING, mesh=mesh)
     curve = hb.trace(hb.HarmonicBalance(model, HARMONICS), "Omega", SPAN)
     rpm = model.scales.pinion_speed
-    curves = (curve, *curve.others)
+    curves = curve.curves
     jumps = tuple(sorted((float(rpm(jump.value)), jump.direction) for one in curves for jump in one.jumps()))
     ripple = gears.mesh(torque).peak_to_peak * 1e6
     if any(one.status == hb.Status.UNBOUNDED and one.stable[-1] for one in curves):

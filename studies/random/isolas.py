@@ -142,7 +142,7 @@ def result(number: int) -> Result | None:
     found = [(Omega, *one) for i, Omega in enumerate(frequencies) for one in attractors(system, Omega, i)]
     usual = {"accuracy": None, "stability": False}
     curve = hb.trace(hb.HarmonicBalance(system.model, 12), "Omega", system.span, **usual)  # type: ignore[arg-type]
-    main = (curve, *curve.others)
+    main = curve.curves
     isolated = [one for one in found if not on_a_branch(main, one[0], one[2:])]
     if not isolated:
         return None

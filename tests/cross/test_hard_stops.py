@@ -22,7 +22,7 @@ def test_a_curve_of_a_hard_stop_is_traced_through_its_grazing_points(k):
     model = hb.System([[1.0]], [[C]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
     curve = hb.trace(hb.HarmonicBalance(model, 32), "Omega", (0.6, 2.2))
     assert curve.status.complete and "contact instants" in curve.message
-    curves = (curve, *curve.others)
+    curves = curve.curves
     first, last = grazing(0.6, 0.7), grazing(1.1, 1.4)
     found = [point.parameters["Omega"] for each in curves for point in each.special if point.kind == "GR"]
     for Omega in (first, last):

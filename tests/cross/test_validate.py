@@ -254,6 +254,26 @@ def test_a_curve_of_folds_is_refused():
         validate(replace(folds, layout=None), 1)
 
 
+def test_all_curves_of_the_span_are_validated_in_the_units_of_the_drawing():
+    model = hb.SpurPair(zeta=0.01, eps=(0, 0.2), reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))
+    assert len(curve.curves) == 2
+    found = hb.validate(curve, 3, 1e-2)
+    assert [row.curve for row in found.rows] == [1, 1, 2]
+    for row in found.rows:
+        one = curve.curves[row.curve - 1]
+        assert row.value == one.values[row.index] and row.rms == pytest.approx(one.amplitude("rms")[row.index])
+    assert [(j.curve, j.label) for j in found.jumps] == [
+        (k, jump.label) for k, each in enumerate(curve.curves, 1) for jump in each.jumps()
+    ]
+    headers, rows = found.table()
+    assert headers[1:3] == ["pinion r/min", "rms [um]"] and rows[2][0].startswith("2:")
+    # n = 60 Omega omega_n / (2 pi z), with omega_n = 38000 rad/s and 25 teeth; lengths in 37.6 um
+    assert float(rows[2][1]) == pytest.approx(60 * 38000 * found.rows[2].value / (2 * np.pi * 25), rel=1e-5)
+    assert float(rows[2][2]) == pytest.approx(37.6 * found.rows[2].rms, rel=1e-5)
+    assert float(found.table(dimensionless=True)[1][2][1]) == pytest.approx(found.rows[2].value, rel=1e-5)
+
+
 def test_another_version_is_mentioned(pair):
     with pytest.warns(UserWarning, match=r"traced with hbgear 0\.0\.1"):
         problem_for(replace(pair, meta={**pair.meta, "hbgear": "0.0.1"}))

@@ -67,7 +67,7 @@ def test_misaligned_flanks():
 
 def jumps(curve: hb.Branch) -> list[hb.Jump]:
     """Jumps of a curve and of the other curves of its span: a curve may end at motions without bound."""
-    return sorted((jump for one in (curve, *curve.others) for jump in one.jumps()), key=lambda jump: jump.value)
+    return sorted((jump for one in curve.curves for jump in one.jumps()), key=lambda jump: jump.value)
 
 
 SWEEPS = {

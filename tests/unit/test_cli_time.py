@@ -74,7 +74,7 @@ def test_jumps_to_a_curve_that_is_given_name_it(run):
     code, out, err = run("jumps doubled.npz --landing integrate --with pair.npz")
     assert (code, err) == (0, "") and "pair.npz, " in out and "LP2: period 4, on a curve that was not given" in out
     code, out, _ = run("validate doubled.npz --points 1 --with pair.npz")
-    assert "agrees: on branch 2" in out
+    assert "2 of 2 jumps agree" in out
     code, out, err = run("jumps doubled.npz --landing farthest")
     assert code == 2 and "--landing farthest: need nearest or integrate" in err
 

@@ -739,3 +739,8 @@ def test_fits_a_phone_with_the_curve_above_the_sliders(driver, server):
     driver.execute_script("document.getElementById('p-b').scrollIntoView({block: 'center'})")
     top = driver.execute_script("return document.getElementById('response').getBoundingClientRect().top")
     assert abs(top) < 2  # it stays at the top while sliders are moved
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    try:
+        assert driver.execute_script("return document.getElementById('response').offsetHeight") >= 440
+    finally:
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})

@@ -83,7 +83,7 @@ def test_jumps_of_every_curve_of_the_range_are_on_the_map():
     model, at = SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), 0.0105
     found = jump_map(model, "zeta", (0.01, 0.011), frequencies=(1.5, 0.3), harmonics=8, seeds=2)
     curve = trace(HarmonicBalance(model.replace(zeta=at), 8), "Omega", (1.5, 0.3))
-    folds = [p.parameters["Omega"] for one in (curve, *curve.others) for p in one.special if p.kind == "LP"]
+    folds = [p.parameters["Omega"] for one in curve.curves for p in one.special if p.kind == "LP"]
     assert len(curve.others) == 1 and len(folds) == 2
     assert [direction for _, direction in found.jumps_at(at)] == [-1, 1]
     np.testing.assert_allclose([Omega for Omega, _ in found.jumps_at(at)], sorted(folds), rtol=1e-4)

@@ -200,7 +200,7 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
         assert text in out, text
     model = pair().model(200.0, 0.04)
     curve = hb.trace(hb.HarmonicBalance(model, 24), "Omega", model.default_span)
-    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
+    jumps = [jump for one in curve.curves for jump in one.jumps()]
     speeds = [float(model.scales.pinion_speed(jump.value)) for jump in jumps]
     assert [float(x) for x in re.findall(r"^ +(?:\d:)?LP\d +(\d+\.?\d*)", out, re.M)] == pytest.approx(speeds, rel=8e-5)
     lighter = next(x for x in out.splitlines() if "inertia 20 % less" in x)
@@ -282,7 +282,7 @@ def test_answers_of_a_saved_curve(run, file, tmp_path):
     code, out, err = run("results", "box.npz", "--dof", "q", "-o", "all.csv", "--plot", "all.png")
     assert (code, err) == (0, "")
     curve = hb.load(tmp_path / "box.npz")
-    each = [hb.analysis.machine_quantities(one, dof="q") for one in (curve, *curve.others)]
+    each = [hb.analysis.machine_quantities(one, dof="q") for one in curve.curves]
     assert len(each) == 2
     head, *rows = (tmp_path / "all.csv").read_text().splitlines()
     assert head.count("acceleration, level [dB]") == 1 and len(rows) == len(curve) + len(curve.others[0])

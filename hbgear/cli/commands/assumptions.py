@@ -159,14 +159,14 @@ _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant"
 
 def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     assert model.scales is not None
-    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
+    jumps = [jump for one in curve.curves for jump in one.jumps()]
     found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
     return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in found) or "none"
 
 
 def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    for one in (curve, *curve.others):
+    for one in curve.curves:
         if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
             return "unbounded"
     return rounded(max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)), 3)
@@ -178,7 +178,7 @@ def largest_motions(curve: hb.Branch) -> list[hb.Point]:
     A part that goes to infinity is left out, because its largest motion is where the curve ends.
     """
     points = []
-    for one in (curve, *curve.others):
+    for one in curve.curves:
         size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
         part = bounded_points(one)
         points += [one[part.start + int(i)] for i in np.argsort(size[part])[-FACTOR_CANDIDATES:]]

@@ -128,7 +128,7 @@ def scatter(
     with bar("scatter") as progress:
         jumps = [
             (label_on_curve(number, one), one)
-            for number, curve in enumerate((branch, *branch.others), 1) if curve.jumps()
+            for number, curve in enumerate(branch.curves, 1) if curve.jumps()
             for one in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
         ]  # fmt: skip
         band = hb.design.response_band(

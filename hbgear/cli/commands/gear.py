@@ -230,7 +230,7 @@ def results(
     branch, which, _ = loaded(file, "pp2", element)
     at = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, own) if own else problem_along(branch)
-    curves = [dataclasses.replace(one, problem=problem, others=()) for one in (branch, *branch.others)]
+    curves = [dataclasses.replace(one, problem=problem, others=()) for one in branch.curves]
     each = [hb.analysis.machine_quantities(one, which, at) for one in curves]
     found, title = _of_all(each), each[0].title(quantity)
     with outputs() as out:
@@ -438,7 +438,7 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
     speed = float(scales.pinion_speed(point.parameters["Omega"]))
     yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
            f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
-    limits = {float(scales.pinion_speed(x)) for one in (curve, *curve.others) for x in one.asymptotes.values()}
+    limits = {float(scales.pinion_speed(x)) for one in curve.curves for x in one.asymptotes.values()}
     if limits:
         speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
         yield ["not included", f"motions that grow without bound near {speeds} r/min"]

@@ -68,7 +68,7 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
     scales = model.scales
     assert scales is not None
     found = []
-    for branch in (curve, *curve.others):
+    for branch in curve.curves:
         size = Ordinate("dte").along(branch)
         stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
         jumps = [jump.value for jump in branch.jumps()]
@@ -112,7 +112,7 @@ def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
     scales = model.scales
     assert scales is not None
     parts = []
-    for branch in (curve, *curve.others):
+    for branch in curve.curves:
         layout = layout_of(branch)
         lost = np.asarray(branch.regime)[:, layout.index(0) if layout else 0] > 0
         speeds = np.asarray(scales.pinion_speed(branch.values))
@@ -196,7 +196,7 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
          "before a jump" if one.ends else ""]
         for one in resonances(model, curve)
     ]  # fmt: skip
-    for branch in (curve, *curve.others):
+    for branch in curve.curves:
         if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
             end = branch.asymptotes.get("last", float(branch.values[-1]))
             speeds = [float(of(end)) for of in (model.scales.pinion_speed, model.scales.mesh_frequency)]
@@ -218,7 +218,7 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
     scales, pair = model.scales, getattr(model, "pair", None)
     assert scales is not None
     rows = []
-    branches = (curve, *curve.others)
+    branches = curve.curves
     for number, found in enumerate(landings(branches), 1):
         for jump in (landing.jump for landing in found):
             digits = digits_of(jump.before, 6)
@@ -261,7 +261,7 @@ def mesh_torque(model: Any) -> float:
 def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) -> None:
     scales = model.scales
     assert scales is not None
-    values = np.concatenate([branch.values for branch in (curve, *curve.others)])
+    values = np.concatenate([branch.values for branch in curve.curves])
     low, high = (float(scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
     lost = merged([*contact_lost(model, curve), *others])
     if not lost:

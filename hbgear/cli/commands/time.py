@@ -11,10 +11,7 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import (
-    SPEED_LABEL,
-    Abscissa,
     OmegaAxis,
-    Ordinate,
     dimension_of,
     factor_of,
 )
@@ -39,7 +36,7 @@ from hbgear.cli.output import STOPPED_EARLY, bar, print_table
 from hbgear.cli.quantities import is_number, number_of
 from hbgear.cli.support import check_landing, chosen_model, element_of, path_of, problem_in
 from hbgear.common.units import to_si
-from hbgear.harmonic.models.frequency_units import PINION, Omega_of, length_scale, scales
+from hbgear.harmonic.models.frequency_units import Omega_of, length_scale, scales
 
 DISAGREES = 1
 """Exit code of a validation in which a point or jump disagrees."""
@@ -58,7 +55,7 @@ def register(app: typer.Typer) -> None:
 def validate(
     file: File,
     model: OwnModel = None,
-    points: Annotated[int, typer.Option(min=1, help="Number of points, chosen by importance.")] = 12,
+    points: Annotated[int, typer.Option(min=1, help="Number of points of all curves, chosen by importance.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
     landing: Landing = "integrate",
     other_branches: OtherCurves = None,
@@ -67,7 +64,7 @@ def validate(
     element: Element = "0",
     dimensionless: Dimensionless = False,
 ) -> None:
-    """Validate a saved curve by time integration, point by point.
+    """Validate the curves of a file by time integration, point by point.
 
     The table lists the differences of the curve as traced. A point whose difference exceeds the tolerance is solved
     again with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
@@ -75,7 +72,6 @@ def validate(
     Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (results so far are shown and
     saved).
     """
-    from hbgear.time.validation.report import Units
     from hbgear.time.validation.validate import validate as validate_by_integration
 
     check_writable(output, (".csv",))
@@ -89,11 +85,7 @@ def validate(
         report = validate_by_integration(
             branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress
         )
-    across, length = Abscissa([branch], dimensionless), Ordinate("rms", which, dimensionless=dimensionless)
-    known = across.label == SPEED_LABEL
-    size = length.header(branch).removeprefix("rms")
-    units = Units(PINION if known else branch.parameter, across.scale, size, length.factor(branch))
-    headers, rows = report.table(units)
+    headers, rows = report.table(dimensionless)
     with outputs() as out:
         out.write(output, report.export)
         out.figure(
@@ -102,7 +94,7 @@ def validate(
         )
         print_table(headers, rows, "harmonic balance against time integration")
         if report.jumps:
-            print_table(*report.jump_table(units), "landings of jumps by integration")
+            print_table(*report.jump_table(dimensionless), "landings of jumps by integration")
         print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 

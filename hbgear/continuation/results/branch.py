@@ -97,6 +97,14 @@ class Branch(BranchData, BranchFacade):
     others: tuple[Branch, ...] = ()
 
     @property
+    def curves(self) -> tuple[Branch, ...]:
+        """All curves of the span: this one, and `others`.
+
+        Figures and tables count them from 1.
+        """
+        return (self, *self.others)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons why the branch is not reliable everywhere. Empty if it is, or if its errors are unknown."""
         return branch_warnings(self)

@@ -120,7 +120,7 @@ class SweepMotions:
     @cached_property
     def curves(self) -> tuple[Branch, ...]:
         """The curve and the other curves that cover the span."""
-        return (self.curve, *self.curve.others)
+        return self.curve.curves
 
     @cached_property
     def points(self) -> SampledCurves:

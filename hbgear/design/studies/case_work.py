@@ -125,7 +125,7 @@ def _traced(problem: HarmonicBalance, work: Work) -> list[Branch]:
     """
     stability = set(work.compute) != {"peak"}
     branch = trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
-    if not stability and any(one.asymptotes for one in (branch, *branch.others)):
+    if not stability and any(one.asymptotes for one in branch.curves):
         branch = trace(problem, "Omega", work.span, accuracy=None)  # peaks are then those of stable motions
     curves = [raise_if_interrupted(branch), *branch.others]
     incomplete = next((one for one in curves if not one.status.complete), branch)

@@ -40,7 +40,7 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
     (True, True)
     """
     pd = needed("pandas", "data", "a data frame")
-    curves = (branch, *branch.others)
+    curves = branch.curves
     frames = []
     all_columns: dict[str, Column] = {}
     for number, curve in enumerate(curves, 1):

@@ -90,7 +90,7 @@ def _arrays_of(branch: Branch) -> dict[str, Any]:
         )
     arrays: dict[str, Any] = {}
     header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
-    motions = [_recorded(curve) for curve in (branch, *branch.others)]
+    motions = [_recorded(curve) for curve in branch.curves]
     if any(motions):
         header["motions"] = [_entry(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
     return {"header": np.array(json.dumps(header)), **arrays}
@@ -214,7 +214,7 @@ def _branch_in(archive: Archive) -> Branch:
         return branch
     curves = [
         dataclasses.replace(curve, full_motion=forms.read_motions(archive, known, curve))
-        for curve, known in zip((branch, *branch.others), forms.listed(motions, 1 + len(branch.others)), strict=True)
+        for curve, known in zip(branch.curves, forms.listed(motions, 1 + len(branch.others)), strict=True)
     ]
     return dataclasses.replace(curves[0], others=tuple(curves[1:]))
 

@@ -52,7 +52,7 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     ['curve.csv']
     """
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-        tables = [columns_of(one) for one in (branch, *branch.others)]
+        tables = [columns_of(one) for one in branch.curves]
         table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
             handle.write(head)

@@ -8,9 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Ordinate
 from hbgear.common.atomic_write import checked_suffix, csv_table
 from hbgear.common.deprecation import renamed_attributes
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
+from hbgear.harmonic.models.frequency_units import PINION
 
 AGREES = "agrees"
 """Status of a point or a jump that agrees with time integration."""
@@ -56,6 +59,8 @@ class Check:
         Harmonic truncation order H of the motion that agrees; the order of the curve if none agrees.
     refined_error : float
         Largest difference of rms and harmonics of the motion with more harmonics; nan without such a motion.
+    curve : int
+        Number of the curve in `Branch.curves`, from 1.
     """
 
     index: int
@@ -78,6 +83,7 @@ class Check:
     status: str
     harmonics: int
     refined_error: float
+    curve: int = 1
 
     @property
     def ok(self) -> bool:
@@ -91,7 +97,7 @@ class Check:
 
 
 class Units(NamedTuple):
-    """Units of a table of a `Report`.
+    """Units of the tables of a `Report`.
 
     Attributes
     ----------
@@ -109,6 +115,13 @@ class Units(NamedTuple):
     scale: float = 1.0
     size: str = ""
     length: float = 1.0
+
+    @classmethod
+    def of(cls, branch: Branch, element: int | str = 0) -> Units:
+        """Return r/min and um for a branch whose model has scales, else the units of the model."""
+        across, length = Abscissa([branch]), Ordinate("rms", element)
+        name = PINION if across.label == SPEED_LABEL else branch.parameter
+        return cls(name, across.scale, length.header(branch).removeprefix("rms"), length.factor(branch))
 
 
 @renamed_attributes(verdict="status")
@@ -138,6 +151,8 @@ class JumpCheck:
         Jump by integration. ``jump.after`` is a start for `trace` if ``jump.note`` states that it is on no given curve.
     status : str
         "agrees", or a description of the landing.
+    curve : int
+        Number of the curve of the jump in `Branch.curves`, from 1.
     """
 
     label: str
@@ -151,6 +166,7 @@ class JumpCheck:
     integrated_periods: int
     jump: Jump
     status: str
+    curve: int = 1
 
     @property
     def ok(self) -> bool:
@@ -176,6 +192,8 @@ class Report:
         True unless the comparison was interrupted.
     jumps : tuple of JumpCheck
         Compared jumps.
+    units : Units or None
+        Physical units of the tables; None if the model has no scales.
     """
 
     parameter: str
@@ -184,6 +202,7 @@ class Report:
     rows: tuple[Check, ...]
     complete: bool = True
     jumps: tuple[JumpCheck, ...] = ()
+    units: Units | None = None
 
     @property
     def ok(self) -> bool:
@@ -207,23 +226,48 @@ class Report:
             text += f"; {sum(jump.ok for jump in self.jumps)} of {len(self.jumps)} jumps agree"
         return text + ("" if self.complete else "; interrupted")
 
-    def table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the points, in units of the model or in other ones."""
-        name, scale, size, length = units or Units(self.parameter)
+    def table(self, dimensionless: bool = False) -> tuple[list[str], list[list[str]]]:
+        """Return the headers and rows of a table of the points.
+
+        Parameters
+        ----------
+        dimensionless : bool, optional
+            Whether the units are those of the model instead of `units`; default False.
+
+        Returns
+        -------
+        tuple
+            Headers, and rows of texts.
+        """
+        name, scale, size, length = self._units(dimensionless)
         headers = ["point", name, f"rms{size}", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
                    "growth", "status"]  # fmt: skip
         return headers, [_texts(row, scale, length) for row in self.rows]
 
-    def jump_table(self, units: Units | None = None) -> tuple[list[str], list[list[str]]]:
-        """Return the headers and rows of a table of the jumps, in units of the model or in other ones."""
-        name, scale, size, length = units or Units(self.parameter)
+    def jump_table(self, dimensionless: bool = False) -> tuple[list[str], list[list[str]]]:
+        """Return the headers and rows of a table of the jumps.
+
+        Parameters
+        ----------
+        dimensionless : bool, optional
+            Whether the units are those of the model instead of `units`; default False.
+
+        Returns
+        -------
+        tuple
+            Headers, and rows of texts.
+        """
+        name, scale, size, length = self._units(dimensionless)
         headers = ["jump", name, "while", f"rms{size} before", "rms after", "integrated", "period", "after periods",
                    "status"]  # fmt: skip
         return headers, [
-            [j.label, f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
+            [_on_curve(j, j.label), f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
              f"{length * j.before:.5g}", f"{length * j.after:.5g}" if np.isfinite(j.after) else "-",
              f"{length * j.rms:.5g}", str(j.period or "-"), str(j.integrated_periods), j.status] for j in self.jumps
         ]  # fmt: skip
+
+    def _units(self, dimensionless: bool) -> Units:
+        return Units(self.parameter) if dimensionless or self.units is None else self.units
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write all numbers (.csv) by an atomic replacement of the file.
@@ -245,6 +289,11 @@ class Report:
             writer.writerows([getattr(row, name) for name in names] for row in self.rows)
 
 
+def _on_curve(one: Check | JumpCheck, text: str) -> str:
+    """Return the text of a point or jump, after the number of its curve unless it is the first one."""
+    return text if one.curve == 1 else f"{one.curve}:{text}"
+
+
 def _texts(row: Check, scale: float, length: float) -> list[str]:
     """Return the cells of one row of the table; the parameter is multiplied by a scale, the amplitude by a length."""
 
@@ -253,6 +302,7 @@ def _texts(row: Check, scale: float, length: float) -> list[str]:
 
     sizes = [text(x, ".5f" if x < 1e4 else ".4g") for x in (abs(row.mu), row.growth)]
     numbers = [text(x) for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
-    return [f"{row.index} {row.reason}", f"{scale * row.value:.6g}", f"{length * row.rms:.6g}", *numbers, sizes[0],
+    name = _on_curve(row, f"{row.index} {row.reason}")
+    return [name, f"{scale * row.value:.6g}", f"{length * row.rms:.6g}", *numbers, sizes[0],
             text(row.multiplier_error), sizes[1],
             f"{row.status} to {row.refined_error:.1e}" if row.refined else row.status]  # fmt: skip

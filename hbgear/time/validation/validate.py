@@ -48,7 +48,7 @@ from hbgear.time.jump_integration import JumpOutcome, arrivals, landed
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
 from hbgear.time.validation.point_selection import choose, problem_for
-from hbgear.time.validation.report import AGREES, Check, JumpCheck, Report
+from hbgear.time.validation.report import AGREES, Check, JumpCheck, Report, Units
 
 LEAST = 1e-9
 """Smallest tolerance [-] that time integration can verify."""
@@ -87,7 +87,7 @@ def validate(
     others: Sequence[Branch] = (),
     progress: ProgressCallback | None = None,
 ) -> Report:
-    """Compare points of a branch with time integration.
+    """Compare points of a branch, and of the other curves of its span, with time integration.
 
     Parameters
     ----------
@@ -95,7 +95,8 @@ def validate(
         Branch of periodic motions. If it was loaded without its problem, the problem is rebuilt from its header.
     points : int or sequence of int or str, optional
         Number of points, which are selected near special points, at the peak, at the largest estimated error and
-        equidistantly; or indices of points and labels of special points. Default: 12.
+        equidistantly, in equal numbers on each of `Branch.curves`; or indices of points and labels of special points
+        of the branch itself. Default: 12.
     tolerance : float, optional
         Largest relative difference of rms and harmonics that agrees. Half peak-to-peak is compared with ten times this
         tolerance, because it depends on two single values. Default: 1e-4.
@@ -104,8 +105,8 @@ def validate(
     problem : HarmonicBalance, optional
         Problem of the branch, required if its model is not in the catalogue.
     landing : {"integrate", "nearest"}, optional
-        "integrate" compares jumps as well: all jumps, or with given points those whose labels are given. "nearest" does
-        not compare jumps. Default: "integrate". Jumps of models with friction are not compared.
+        "integrate" compares jumps as well: all jumps of all curves, or with given points those whose labels are given.
+        "nearest" does not compare jumps. Default: "integrate". Jumps of models with friction are not compared.
     others : sequence of Branch, optional
         Further branches in the same parameter on which jumps may land.
     progress : callable, optional
@@ -138,48 +139,62 @@ def validate(
             raise ValueError(f"{name} = {value:g} cannot be verified by time integration; give {LEAST:g} or more")
     if landing not in LANDINGS:
         raise ValueError(f"landing = {landing!r}: choose one of {', '.join(map(repr, LANDINGS))}")
-    problem = problem_for(branch, problem)
-    chosen = choose(branch, points)
+    curves = tuple(dataclasses.replace(each, problem=problem_for(each, problem)) for each in branch.curves)
+    chosen, left = _selected(curves, others, points, landing == "integrate")
     rows: list[Check] = []
-    integrable = landing == "integrate" and not problem.compiled({}).sliders
-    left = [jump for jump in branch.jumps() if integrable and (isinstance(points, int | np.integer) or
-            jump.label in points)]  # fmt: skip
     jumps: list[JumpCheck] = []
     complete = True
     try:
-        for done, (i, reason) in enumerate(chosen):
+        for done, (number, i, reason) in enumerate(chosen):
             if progress:
                 share = done / (len(chosen) + len(left))
-                progress(Progress(share, f"{branch.parameter} = {branch.values[i]:.5g} ({reason})"))
-            rows.append(_check(branch, problem, i, reason, tolerance, limit))
-        curves = (dataclasses.replace(branch, problem=problem), *branch.others, *others)
-        for done, jump in enumerate(left):
+                progress(Progress(share, f"{branch.parameter} = {curves[number].values[i]:.5g} ({reason})"))
+            rows.append(_check(curves, number, i, reason, tolerance, limit))
+        for done, (number, jump) in enumerate(left):
             if progress:
                 share = (len(chosen) + done) / (len(chosen) + len(left))
                 progress(Progress(share, f"{branch.parameter} = {jump.value:.5g} (jump at {jump.label})"))
-            jumps.append(_check_jump(curves, jump))
+            jumps.append(_check_jump((*curves, *others), number, jump))
     except KeyboardInterrupt:
         complete = False
-    return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps))
+    return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps), Units.of(branch))
 
 
-def _check_jump(curves: tuple[Branch, ...], jump: Jump) -> JumpCheck:
-    """Return the comparison of a jump of the first curve with time integration."""
+def _selected(
+    curves: tuple[Branch, ...], others: Sequence[Branch], points: int | Sequence[int | str], integrable: bool
+) -> tuple[list[tuple[int, int, str]], list[tuple[int, Jump]]]:
+    """Return number of the curve, index and reason of each point; number of the curve and jump of each jump."""
+    if not isinstance(points, int | np.integer):
+        chosen = [(0, *one) for one in choose(curves[0], points)]
+    else:
+        counts = [(points + k) // len(curves) for k in reversed(range(len(curves)))]
+        chosen = [(k, *one) for k, n in enumerate(counts) if n or not k for one in choose(curves[k], n)]
+    if not integrable or curves[0].problem.compiled({}).sliders:
+        return chosen, []
+    known = enumerate(landings((*curves, *others))[: len(curves)])
+    jumps = [(k, landing.jump) for k, each in known for landing in each]
+    wanted = None if isinstance(points, int | np.integer) else points
+    return chosen, [(k, jump) for k, jump in jumps if wanted is None or (k == 0 and jump.label in wanted)]
+
+
+def _check_jump(curves: tuple[Branch, ...], number: int, jump: Jump) -> JumpCheck:
+    """Return the comparison of a jump of one of the curves with time integration."""
+    own = curves[number]
     stated = jump.after
-    ends = landed(curves, jump, arrivals(curves[0], jump))
+    ends = landed((own, *(each for each in curves if each is not own)), jump, arrivals(own, jump))
     decided, (found, *_) = ends[0]
-    elements = curves[0].layout.elements if curves[0].layout else ()
+    elements = own.layout.elements if own.layout else ()
     before = np.array([jump.before.amplitude("rms", j) for j in range(len(elements))])
     which = int(np.argmax(np.abs(found.rms - before)))
     after = float("nan") if stated is None else stated.amplitude("rms", which)
     return JumpCheck(
         jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
-        found.period, found.integrated_periods, decided, _landing_status(curves, stated, ends),
+        found.period, found.integrated_periods, decided, _landing_status(curves, number, stated, ends), number + 1,
     )  # fmt: skip
 
 
 def _landing_status(
-    curves: tuple[Branch, ...], stated: Point | None, ends: list[tuple[Jump, list[JumpOutcome]]]
+    curves: tuple[Branch, ...], number: int, stated: Point | None, ends: list[tuple[Jump, list[JumpOutcome]]]
 ) -> str:
     """Return the status of a jump: agreement if one of its landings is the motion that the curve states."""
     tries = sum(len(group) for _, group in ends)
@@ -187,17 +202,18 @@ def _landing_status(
         if stated is not None and end.after is not None and same_motion(end.after, (stated,)) is not None:
             return AGREES if len(ends) == 1 else f"{AGREES} in {len(group)} of {tries} tries: indeterminate"
     decided = ends[0][0]
-    target = _landing_curve(curves, decided)
-    where = f"on branch {target + 1}" if target else "on another stable motion of the curve"
+    target = _landing_curve(curves, number, decided)
+    where = "on another stable motion of the curve" if target == number else f"on curve {(target or 0) + 1}"
     text = decided.note if target is None else where
     if decided.landing != "integrate":
         return text
-    return f"{AGREES}: {text}" if stated is None and target != 0 else f"lands {text}"
+    return f"{AGREES}: {text}" if stated is None and target != number else f"lands {text}"
 
 
-def _landing_curve(curves: tuple[Branch, ...], jump: Jump) -> int | None:
-    """Return the index of the curve on which a jump of the first curve lands; None if it is on none of them."""
-    ((found, *_), *_) = landings((dataclasses.replace(curves[0], jump_records=(jump,)), *curves[1:]))
+def _landing_curve(curves: tuple[Branch, ...], number: int, jump: Jump) -> int | None:
+    """Return the index of the curve on which a jump of a curve lands; None if it is on none of them."""
+    own = dataclasses.replace(curves[number], jump_records=(jump,))
+    (found,) = landings((*curves[:number], own, *curves[number + 1 :]))[number]
     return found.branch
 
 
@@ -219,7 +235,9 @@ class _Compared(NamedTuple):
         return np.array([_differences(*pair, orbit.nu) for pair in zip(self.rows, orbit.rows(self.H), strict=True)])
 
 
-def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, limit: float) -> Check:
+def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, tolerance: float, limit: float) -> Check:
+    branch = curves[number]
+    problem: Any = branch.problem
     here = branch.parameters_at(i)
     X, layout = branch.X[i], branch.layout
     assert layout is not None
@@ -267,6 +285,7 @@ def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, 
         status=status,
         harmonics=judge.H,
         refined_error=float(judge.errors(orbit)[:, [0, 2]].max()) if refined and orbit else nan,
+        curve=number + 1,
     )
 
 

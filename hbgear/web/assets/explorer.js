@@ -74,12 +74,13 @@ const explorer = (() => {
   function describe(found, details) {
     const jumps = found.curves.reduce((sum, curve) => sum + curve.jumps.length, 0);
     $("title").textContent = details.model; // in words, with the values of the sliders
-    const parts = [`${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
-                   `${jumps} jump${jumps === 1 ? "" : "s"}`, ...details.tables.flatMap((table) => table.reliability)];
+    const many = details.tables.length > 1, points = found.curves.reduce((sum, curve) => sum + curve.x.length, 0);
+    const reliability = details.tables.flatMap((table, n) => table.reliability.map((line) => many ? `Branch ${n + 1}: ${line.charAt(0).toLowerCase()}${line.slice(1)}` : line));
+    const parts = [`${points} points in ${found.seconds.toPrecision(2)} s; ${jumps} jump${jumps === 1 ? "" : "s"}`, ...reliability];
     if (found.ended) parts.push(found.ended);
-    say(parts.join("; "), parts.some((line) => line.startsWith("warning")) || Boolean(found.ended));
+    say(parts.join(". "), details.tables.some((table) => table.reliability.some((line) => line.startsWith("warning"))) || Boolean(found.ended));
     $("python").textContent = details.python;
-    const headers = details.tables[0].jumpTable[0], many = details.tables.length > 1, rows = details.tables.flatMap((table, n) => table.jumpTable[1].map(([label, ...others]) => [many ? `${label} (${n + 1})` : label, ...others])), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    const headers = details.tables[0].jumpTable[0], rows = details.tables.flatMap((table, n) => table.jumpTable[1].map(([label, ...others]) => [many ? `${label} (${n + 1})` : label, ...others])), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
     const line = (tag, texts) => { const row = document.createElement("tr"); row.append(...texts.map((t) => cell(tag, t))); return row; };
     $("jumps").replaceChildren(...(rows.length ? [line("th", headers), ...rows.map((row) => line("td", row))] : [line("td", ["none"])]));
   }
