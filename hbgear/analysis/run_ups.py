@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings, stable_motions
+from hbgear.analysis.quantities.engineering_quantities import with_known_problem
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
@@ -151,8 +152,8 @@ class RunUp:
 def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ()) -> RunUp:
     """Return the run-up or run-down along a branch and others.
 
-    The sweep starts at the stable motion of the branch with the lowest value of the parameter (the highest one for a
-    run-down). It ends at the end of the last branch, or at a jump that lands on none of the branches.
+    The sweep starts at the stable motion of `Branch.curves` with the lowest value of the parameter (the highest one for
+    a run-down). It ends at the end of the last branch, or at a jump that lands on none of the branches.
 
     Parameters
     ----------
@@ -184,13 +185,15 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ())
     """
     if direction not in DIRECTIONS:
         raise ValueError(f"direction = {quoted(direction)} must be 'up' or 'down'")
-    branches = (*branch.curves, *others)
+    branches = tuple(map(with_known_problem, (*branch.curves, *others)))
     if layout_of(branch) is None or any(one.stable is None for one in branches):
         raise ValueError("a run-up needs branches of motions with known stability; trace them with stability=True")
-    sign, stable = DIRECTIONS[direction], np.flatnonzero(np.asarray(branch.stable))
-    if not stable.size:
+    sign, landed = DIRECTIONS[direction], None
+    starts = [(sign * one.values[i], at, i) for at, one in enumerate(branches[: len(branch.curves)])
+              for i in np.flatnonzero(np.asarray(one.stable)).tolist()]  # fmt: skip
+    if not starts:
         raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
-    at, first, landed = 0, int(stable[np.argmin(sign * branch.values[stable])]), None
+    _, at, first = min(starts)
     found = landings(branches)
     sections: list[BranchSection] = []
     jumps: list[Jump] = []

@@ -315,12 +315,17 @@ def values_text(branch: Branch, values: Sequence[float], dimensionless: bool = F
 
 def message_of(branch: Branch, dimensionless: bool = False) -> str:
     """Return the message of a branch, with speeds instead of values of Omega if the model has scales."""
+    return in_speeds(branch, branch.message, dimensionless)
+
+
+def in_speeds(branch: Branch, text: str, dimensionless: bool = False) -> str:
+    """Return a text about a branch, with speeds instead of values of Omega if the model has scales."""
 
     def converted(found: re.Match[str]) -> str:
-        (text,) = values_text(branch, [float(found[1])], dimensionless)
-        return text if "Omega" in text else f"{float(text.split()[0]):.5g} r/min"  # messages have six digits
+        (shown,) = values_text(branch, [float(found[1])], dimensionless)
+        return shown if "Omega" in shown else f"{float(shown.split()[0]):.5g} r/min"  # messages have six digits
 
-    return _OMEGA.sub(converted, branch.message) if branch.parameter == "Omega" else branch.message
+    return _OMEGA.sub(converted, text) if branch.parameter == "Omega" else text
 
 
 _OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")

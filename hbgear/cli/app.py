@@ -23,7 +23,7 @@ from typer.core import TyperGroup
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
-from hbgear.analysis.summary import message_of, position_headers, position_texts, summary_facts
+from hbgear.analysis.summary import in_speeds, message_of, position_headers, position_texts, summary_facts
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import pages as cli_pages
 from hbgear.cli.commands import certify as cli_certify
@@ -468,7 +468,10 @@ def extend(
     span = longer_span(branch, within, first, last)
     with bar(branch.parameter) as progress:
         steps = hb.StepControl(max_points=max_points)
-        whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+        try:
+            whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+        except ValueError as error:
+            raise ValueError(in_speeds(branch, str(error), dimensionless)) from None
     with outputs() as out:
         out.branch(output, whole)
         out.figure(plot, lambda drawing: drawing.response(whole, measure, which, dimensionless=dimensionless))

@@ -93,8 +93,7 @@ def _check_end(branch: Branch, first: float, last: float) -> None:
     low, high = sorted((first, last))
     if not low <= end <= high or (end in (low, high) and not low <= 2 * end - before <= high):
         raise ValueError(
-            f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span ({first:g}, {last:g}); "
-            "give a longer span"
+            f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span; give a longer span"
         )
 
 

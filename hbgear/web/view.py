@@ -17,7 +17,7 @@ import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate, in_figure
-from hbgear.analysis.quantities.engineering_quantities import problem_along
+from hbgear.analysis.quantities.engineering_quantities import problem_along, with_known_problem
 from hbgear.analysis.summary import (
     certified_header,
     certified_text,
@@ -67,9 +67,7 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
     curves, called = [], []
     for branch, name in zip(branches, names, strict=True):
         for number, curve in enumerate(branch.curves, 1):
-            with suppress(ValueError):  # points of special points and jumps need it for the transmission error
-                curve = curve if curve.problem is not None else replace(curve, problem=problem_along(curve))
-            curves.append(curve)
+            curves.append(with_known_problem(curve))
             called.append(f"{name}, branch {number}" if branch.others else name)
     for curve, name in zip(curves, called, strict=True):
         if layout_of(curve) is None or not len(curve):

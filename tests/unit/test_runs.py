@@ -59,6 +59,20 @@ def test_runs_that_cannot_be_meant(curve):
         hb.plot.waterfall(hb.analysis.run_up(along))
 
 
+def test_a_run_begins_on_the_curve_that_reaches_farthest(tmp_path):
+    model = hb.SpurPair(zeta=0.01, eps=(0, 0.2), reference=(38000.0, 37.6e-6, 15000.0, 25))
+    wild = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))
+    wild.save(tmp_path / "wild.npz")
+    curve = hb.load(tmp_path / "wild.npz")  # without its problem: landings need it for forces
+    for direction, extreme in (("up", min), ("down", max)):
+        found = hb.analysis.run_up(curve, direction)
+        stable = [one.values[np.asarray(one.stable)] for one in curve.curves]
+        assert found.sections[0].values[0] == extreme(extreme(values) for values in stable)
+    assert len(found.sections) > 1
+    levels = hb.plot.orders(found, quantity="force").lines[0].get_ydata()
+    assert len(levels) and np.isfinite(levels).all()
+
+
 def test_figures_of_runs(curve):
     up = hb.analysis.run_up(curve, "up")
     axes = hb.plot.orders(up, (1, 3), derivative=2)

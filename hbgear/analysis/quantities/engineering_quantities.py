@@ -16,6 +16,7 @@ Quantities have SI units if the model has `Scales`, otherwise the dimensionless 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import math
 import os
@@ -239,6 +240,29 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
         raise ValueError(
             f"machine_quantities needs the model; load the branch with hbgear.load(path, problem=...) ({error})"
         ) from None
+
+
+def with_known_problem(branch: Branch) -> Branch:
+    """Return a branch with its problem, rebuilt from its file if necessary; unchanged if its model is unknown.
+
+    Special points and jumps of a branch without problem have no physical quantities.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch.
+
+    Returns
+    -------
+    Branch
+        Branch with its problem.
+    """
+    if branch.problem is not None:
+        return branch
+    try:
+        return dataclasses.replace(branch, problem=problem_along(branch))
+    except ValueError:
+        return branch
 
 
 def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple[list[str], list[list[Array]]]:
