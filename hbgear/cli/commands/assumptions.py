@@ -105,20 +105,26 @@ def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[s
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
             yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel))
+    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel) if not one.rack)
     if model.cycle is None and not pair.pitch_error:
         yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
     if model.cycle is None and not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
         yield NO_RELIEF, paired(**relieved)
-    lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
-               for name in ("pinion", "wheel")}  # fmt: skip
+    lighter = {name: _lighter(getattr(pair, name), 0.8) for name in ("pinion", "wheel")}
     solid = pair.pinion.inertia is None and pair.wheel.inertia is None
     yield f"{'solid gears without other inertia' if solid else 'inertia'}: inertia 20 % less", paired(**lighter)
     used = model.mesh or MESHES[0]
     for name in MESHES if model.cycle is None and not model.friction else ():  # the mean-mesh models have no friction
         if name != used:
             yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh=name)
+
+
+def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
+    """Return a gear with a factor of its inertia, or a rack with a factor of its mass."""
+    if gear.rack:
+        return dataclasses.replace(gear, mass=factor * gear.mass_used)
+    return dataclasses.replace(gear, inertia=factor * gear.inertia_used)
 
 
 def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span: tuple[float, float]) -> None:

@@ -130,6 +130,7 @@ def gear(
     friction: Annotated[
         str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
     ] = None,
+    rack: Annotated[bool, typer.Option("--rack", help="The wheel is a rack of Z2 teeth.")] = False,
     harmonics: Harmonics = "24",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
     plot: Annotated[
@@ -150,7 +151,7 @@ def gear(
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
-        torque_orders, friction, runout,
+        torque_orders, friction, runout, rack,
     )  # fmt: skip
     with in_terms_of_the_machine():
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, dimensionless)
@@ -346,7 +347,7 @@ def _trace_and_report(
 def _machine(
     teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
-    torque_orders: str | None, friction: str | None, runout: str,
+    torque_orders: str | None, friction: str | None, runout: str, rack: bool,
 ) -> Machine:  # fmt: skip
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
@@ -359,9 +360,9 @@ def _machine(
     ring = teeth[1] < 0
     errors = _pair_of("--runout", runout if "," in runout else f"{runout}, 0 um", str, "20um,0um")
     pinion, wheel = (
-        hb.gears.Gear(abs(number), module, width, pressure, angle, x, internal, tip_relief=relief, runout=error)
-        for number, angle, x, internal, error in zip(
-            teeth, (beta, beta if ring else -beta), shift, (False, ring), errors, strict=True
+        hb.gears.Gear(abs(number), module, width, pressure, angle, x, *kind, tip_relief=relief, runout=error)
+        for number, angle, x, kind, error in zip(
+            teeth, (beta, beta if ring else -beta), shift, ((False, False), (ring, rack)), errors, strict=True
         )
     )
     pair = hb.GearPair(pinion, wheel, backlash, measure)
@@ -390,16 +391,23 @@ def _orders_text(machine: Machine) -> str:
 
 def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
     both = (pair.pinion, pair.wheel)
-    yield ["teeth", *(f"{g.teeth}{' (ring)' if g.internal else ''}" for g in both)]
+    kinds = (" (ring)" if g.internal else " (rack)" if g.rack else "" for g in both)
+    yield ["teeth", *(f"{g.teeth}{kind}" for g, kind in zip(both, kinds, strict=True))]
     yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in both)]
     if pair.pinion.helix_angle:
         yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in both)]
     yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in both)]
     for name in ("reference", "base", "tip_diameter_used", "root"):
         values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in both)
-        yield [f"{name.partition('_')[0]} diameter [mm]", *(f"{value * 1e3:.4f}" for value in values)]
+        yield [f"{name.partition('_')[0]} diameter [mm]", *(
+            "-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(both, values, strict=True)
+        )]  # fmt: skip
+    if pair.wheel.rack:
+        w = pair.wheel
+        heights = ((d - w.reference_diameter) / 2 * 1e3 for d in (w.tip_diameter_used, w.root_diameter))
+        yield ["tip, root over the reference line [mm]", "-", "{:.4f}, {:.4f}".format(*heights)]
     yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in both)]
-    yield ["inertia [kg m^2] (solid)", *(f"{g.inertia_used:.4g}" for g in both)]
+    yield ["inertia [kg m^2] (solid)", *("-" if g.rack else f"{g.inertia_used:.4g}" for g in both)]
 
 
 def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iterator[list[str]]:
@@ -409,7 +417,8 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iter
     pair, scales = machine.pair, model.scales
     assert scales is not None
     iso = iso_stiffness(pair)
-    yield ["centre distance", f"{pair.working_center_distance * 1e3:.4f} mm, "
+    what = "distance of the rack from the axis" if pair.wheel.rack else "centre distance"
+    yield [what, f"{pair.mounting_distance * 1e3:.4f} mm, "
            f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
     overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
     yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]

@@ -282,8 +282,9 @@ def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
     found = hb.analysis.campbell(model, (0.5 * Omega, Omega), points=2)
     order = float(getattr(model, "mesh_order", 1))
     z1, z2 = pair.pinion.teeth, pair.wheel.teeth
-    orders = {"mesh order 1": order, "2": 2 * order, "3": 3 * order, "pinion order 1": order / z1,
-              "wheel order 1": order / z2}  # fmt: skip
+    orders = {"mesh order 1": order, "2": 2 * order, "3": 3 * order, "pinion order 1": order / z1}
+    if not pair.wheel.rack:
+        orders["wheel order 1"] = order / z2
     rows = []
     for frequency in found.frequencies[-1]:
         if np.isfinite(frequency) and frequency > 0:

@@ -1,4 +1,4 @@
-"""Involute gears: geometry, mass and manufacturing limits of a spur or helical, external or internal gear.
+"""Involute gears: geometry, mass and manufacturing limits of a spur or helical external gear, internal gear or rack.
 
     d = m_n z / cos(beta),   d_b = d cos(alpha_t),   tan(alpha_t) = tan(alpha_n) / cos(beta)
     d_a = d + 2 m_n (h_a + x + k),   d_f = d - 2 m_n (h_f - x)      (internal gears: - and + exchanged)
@@ -8,6 +8,9 @@ Lengths are in metres and angles in radians. Every field also accepts a text wit
 
 The profile shift x of an internal gear has the sign of ISO 21771: a positive value makes the teeth thicker and moves
 the tips inwards. Many catalogues count it outwards; their sign is the opposite.
+
+A rack is computed as an external gear with 1e7 teeth, whose flanks are straight. Its profile shift moves the reference
+line away from its tips.
 
 References
 ----------
@@ -40,6 +43,13 @@ FILLET_STEPS = 100
 """Points of the fillet at which the thickness of undercut teeth is checked; it has one minimum."""
 
 
+CURVATURE_OF_RACK = 1e7
+"""Number of teeth of the gear that replaces a rack. Its path of contact is exact within 1e-6 base pitches; rounding of
+the diameters has an effect of 1e-8 modules."""
+
+BACK_OF_RACK = 3.0
+"""Default thickness of a rack below its roots [module], for its mass."""
+
 MAX_TOOTH_ERROR = 1e-3
 """Largest error of the position of a tooth [m]; larger numbers were probably given in another unit."""
 
@@ -51,7 +61,7 @@ class Gear:  # numpydoc ignore=PR02
     Parameters
     ----------
     teeth : int
-        Number of teeth z, positive for internal gears too.
+        Number of teeth z, positive for internal gears too. That of a rack determines its length and its mass only.
     module : float or str
         Normal module m_n [m].
     face_width : float or str
@@ -65,6 +75,8 @@ class Gear:  # numpydoc ignore=PR02
         sign of ISO 21771).
     internal : bool, default False
         True for a ring gear with internal teeth.
+    rack : bool, default False
+        True for a rack. It moves along its reference line; its kinetic energy follows from the mass.
     addendum, dedendum : float or str, optional
         Addendum h_a (default 1) and dedendum h_f (default 1.25) of the basic rack [module].
     fillet_radius : float or str, default 0.38
@@ -95,7 +107,8 @@ class Gear:  # numpydoc ignore=PR02
         behind: the sums of the single pitch deviations f_pt of ISO 1328-1. Tooth 0 is in contact first. Default (): no
         errors.
     mass : float or str, optional
-        Mass [kg]. By default, the mass of a cylinder with the mean of root and tip diameter.
+        Mass [kg]. By default, the mass of a cylinder with the mean of root and tip diameter, and of a rack with 3
+        modules below its roots.
     inertia : float or str, optional
         Polar moment of inertia [kg m^2]. By default, the value of the same cylinder.
     E, poisson, density : float or str, optional
@@ -127,6 +140,7 @@ class Gear:  # numpydoc ignore=PR02
     helix_angle: QuantityField = QuantityField("rad", Range(), Range(-radians(60), radians(60)), 0.0)
     profile_shift: QuantityField = QuantityField("", Range(), Range(-2, 2), 0.0)
     internal: bool = False
+    rack: bool = False
     addendum: QuantityField = QuantityField("", POSITIVE, Range(0.2, 2), 1.0)
     dedendum: QuantityField = QuantityField("", POSITIVE, Range(0.3, 2.5), 1.25)
     fillet_radius: QuantityField = QuantityField("", NOT_NEGATIVE, Range(0, 0.6), 0.38)
@@ -151,8 +165,11 @@ class Gear:  # numpydoc ignore=PR02
 
     def __post_init__(self) -> None:
         counted("Gear: teeth", self.teeth, 10_000, least=5)
-        if not isinstance(self.internal, bool):
-            raise ValueError(f"Gear: internal = {self.internal!r} must be True or False")
+        for name in ("internal", "rack"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"Gear: {name} = {getattr(self, name)!r} must be True or False")
+        if self.rack:
+            _check_rack(self)
         if self.tip_diameter is not None and self.tip_alteration is not None:
             raise ValueError("Gear: tip_diameter and tip_alteration are both given; keep one")
         if (self.rim_thickness is None) != (self.web_thickness is None):
@@ -177,6 +194,11 @@ class Gear:  # numpydoc ignore=PR02
         return -1 if self.internal else 1
 
     @property
+    def curvature_teeth(self) -> float:
+        """Number of teeth that determines the curvature of the flanks: z, or that of the gear that replaces a rack."""
+        return CURVATURE_OF_RACK if self.rack else self.teeth
+
+    @property
     def transverse_pressure_angle(self) -> float:
         """Transverse pressure angle alpha_t [rad]."""
         return transverse_pressure_angle(self.pressure_angle, self.helix_angle)
@@ -189,7 +211,7 @@ class Gear:  # numpydoc ignore=PR02
     @property
     def reference_diameter(self) -> float:
         """Reference diameter d [m]."""
-        return self.module * self.teeth / cos(self.helix_angle)
+        return self.module * self.curvature_teeth / cos(self.helix_angle)
 
     @property
     def base_diameter(self) -> float:
@@ -225,19 +247,19 @@ class Gear:  # numpydoc ignore=PR02
     @property
     def virtual_teeth(self) -> float:
         """Number of teeth z_n = z / (cos^2(beta_b) cos(beta)) of the virtual spur gear in the normal section."""
-        return self.teeth / (cos(self.base_helix_angle) ** 2 * cos(self.helix_angle))
+        return self.curvature_teeth / (cos(self.base_helix_angle) ** 2 * cos(self.helix_angle))
 
     @property
     def base_pitch(self) -> float:
         """Transverse base pitch p_bt = pi d_b / z [m]."""
-        return pi * self.base_diameter / self.teeth
+        return pi * self.base_diameter / self.curvature_teeth
 
     def tooth_thickness(self, diameter: float) -> float:
         """Return the transverse thickness of a tooth along the arc at a diameter [m], without backlash.
 
         s = d_y ((pi/2 + 2 x tan(alpha_n)) / z + inv(alpha_t) - inv(alpha_y)),   cos(alpha_y) = d_b / d_y
         """
-        at_reference = (pi / 2 + 2 * self.profile_shift * tan(self.pressure_angle)) / self.teeth
+        at_reference = (pi / 2 + 2 * self.profile_shift * tan(self.pressure_angle)) / self.curvature_teeth
         alpha_y = acos(min(self.base_diameter / diameter, 1.0))
         rotation = involute(self.transverse_pressure_angle) - involute(alpha_y)
         return diameter * (at_reference + self.sign * rotation)
@@ -274,9 +296,9 @@ class Gear:  # numpydoc ignore=PR02
         """
         radius, helix = self.reference_diameter / 2, self.helix_angle
         at_base = self.tooth_thickness(self.base_diameter) / self.base_diameter
-        end = self.rack_tip.end(radius, helix, self.base_diameter / 2, pi / self.teeth - at_base)
+        end = self.rack_tip.end(radius, helix, self.base_diameter / 2, pi / self.curvature_teeth - at_base)
         fillet, space = self.rack_tip.trochoid(radius, helix, np.linspace(0.0, end, points))
-        return fillet, pi / self.teeth - space
+        return fillet, pi / self.curvature_teeth - space
 
     @property
     def undercut(self) -> bool:
@@ -292,7 +314,7 @@ class Gear:  # numpydoc ignore=PR02
     def _smallest_shift(self) -> float:
         """Smallest profile shift without undercut [module]."""
         alpha_t = self.transverse_pressure_angle
-        return self._straight_dedendum - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
+        return self._straight_dedendum - self.curvature_teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
 
     @property
     def rack_fillet(self) -> float:
@@ -310,14 +332,15 @@ class Gear:  # numpydoc ignore=PR02
 
     @property
     def mass_used(self) -> float:
-        """Mass [kg], given or of the cylinder."""
-        inner, outer = self._cylinder()
-        return self.mass or pi / 4 * (outer**2 - inner**2) * self.face_width * self.density
+        """Mass [kg], given or of the cylinder or bar."""
+        return self.mass or _section(self) * self.face_width * self.density
 
     @property
     def inertia_used(self) -> float:
-        """Polar moment of inertia [kg m^2], given or of the cylinder."""
-        inner, outer = self._cylinder()
+        """Polar moment of inertia [kg m^2], given or of the cylinder; of the gear that replaces a rack."""
+        if self.rack:
+            return self.mass_used * (self.reference_diameter / 2) ** 2  # m v^2 = J omega^2
+        inner, outer = _cylinder(self)
         return self.inertia or pi / 32 * (outer**4 - inner**4) * self.face_width * self.density
 
     @property
@@ -325,12 +348,22 @@ class Gear:  # numpydoc ignore=PR02
         """Moment of inertia J/2 + m b^2/12 about a diameter [kg m^2]."""
         return self.inertia_used / 2 + self.mass_used * self.face_width**2 / 12
 
-    def _cylinder(self) -> tuple[float, float]:
-        """Return the inner and outer diameter of the cylinder that replaces the gear."""
-        mean = (self.tip_diameter_used + self.root_diameter) / 2
-        if self.internal:
-            return mean, self.body_diameter or self.root_diameter + 6 * self.module
-        return self.body_diameter, mean
+
+def _cylinder(gear: Gear) -> tuple[float, float]:
+    """Return the inner and outer diameter of the cylinder that replaces a gear."""
+    mean = (gear.tip_diameter_used + gear.root_diameter) / 2
+    if gear.internal:
+        return mean, gear.body_diameter or gear.root_diameter + 6 * gear.module
+    return gear.body_diameter, mean
+
+
+def _section(gear: Gear) -> float:
+    """Return the area of the cylinder, or of the bar that replaces a rack [m^2]."""
+    if gear.rack:
+        height = (gear.tip_diameter_used - gear.root_diameter) / 4 + BACK_OF_RACK * gear.module
+        return gear.teeth * pi * gear.module / cos(gear.helix_angle) * height
+    inner, outer = _cylinder(gear)
+    return pi / 4 * (outer**2 - inner**2)
 
 
 def _checked_errors(given: Any, teeth: int) -> tuple[float, ...]:
@@ -347,6 +380,18 @@ def _checked_errors(given: Any, teeth: int) -> tuple[float, ...]:
                          f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
                          "'5 um'")  # fmt: skip
     return errors if any(errors) else ()
+
+
+def _check_rack(gear: Gear) -> None:
+    """Raise an error if a rack has properties of a body that turns."""
+    if gear.internal:
+        raise ValueError("Gear: internal and rack are both True; a rack has straight flanks: keep one")
+    wrong = [name for name in ("tip_diameter", "body_diameter", "inertia", "rim_thickness", "runout", "pitch_errors")
+             if getattr(gear, name)]  # fmt: skip
+    if wrong:
+        remedy = {"tip_diameter": "addendum or tip_alteration", "inertia": "mass", "body_diameter": "mass"}
+        raise ValueError(f"Gear: {wrong[0]} belongs to a gear that turns, and this is a rack; "
+                         f"{f'give its {remedy[wrong[0]]}' if wrong[0] in remedy else f'omit {wrong[0]}'}")  # fmt: skip
 
 
 def _check_diameters(gear: Gear) -> None:

@@ -159,10 +159,16 @@ class Engagement:
                 return
             where = f"{f'at {diameter * mm:.6g} mm' if at > 0 else 'below its base circle'}, outside its involute"
         cure = self.wheel_tip(sqrt(max(form**2 - g.base_diameter**2, 0.0)) / 2)
-        least = "least" if self.wheel.internal else "most"
+        least = "of at least" if self.wheel.internal else "of at most"
+        if g.rack:
+            raise ValueError(
+                "GearPair: interference: the tips of the pinion reach below the straight flanks of the rack, into its "
+                f"fillets: give the pinion {tip_text(self.wheel, least, cure)}, or the rack a larger dedendum"
+            )
+        tips = "of the rack" if self.wheel.rack else f"of the other gear (diameter {tip * mm:.6g} mm)"
         raise ValueError(
-            f"GearPair: interference: the tips of the other gear (diameter {tip * mm:.6g} mm) touch the {name} {where} "
-            f"(which ends at {form * mm:.6g} mm): give the other gear a tip_diameter of at {least} {cure * mm:.6g} mm, "
+            f"GearPair: interference: the tips {tips} touch the {name} {where} "
+            f"(which ends at {form * mm:.6g} mm): give the other gear {tip_text(self.wheel, least, cure)}, "
             f"or the {name} a larger profile_shift or more teeth"
         )
 
@@ -200,6 +206,14 @@ class Engagement:
         if not cures:
             return "no tip diameter of one of them avoids it; give "
         return f"give {' or '.join(cures)}, "
+
+
+def tip_text(gear: Gear, limit: str, diameter: float) -> str:
+    """Return a requirement on the tips for messages, such as "a tip_diameter below 81 mm"."""
+    if gear.rack:
+        height = (diameter - gear.reference_diameter) / 2 / gear.module - gear.profile_shift
+        return f"an addendum {limit} {height:.4f} modules"
+    return f"a tip_diameter {limit} {diameter * 1e3:.6g} mm"
 
 
 def tip_distance(gear: Gear) -> float:

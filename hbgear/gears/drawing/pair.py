@@ -8,8 +8,9 @@ Without a given tip diameter or tip alteration, the gears of a pair have the tip
 x_1 - x_2) of ISO 21771, which keeps the tip clearance of the basic rack. a_d is the reference centre distance. The tips
 of a ring are shortened until they meet the involute of the pinion.
 
-For a ring gear z_2, r_a2, r_b2, a and the second root are negative. Lengths r_b theta and forces T / r_b along the line
-of action are in the transverse plane. If a_w is given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w).
+For a ring gear z_2, r_a2, r_b2, a and the second root are negative. A rack is a wheel of very many teeth. Lengths r_b
+theta and forces T / r_b along the line of action are in the transverse plane. If a_w is given, cos(alpha_wt) = (d_b1 +
+d_b2) / (2 a_w).
 
 References
 ----------
@@ -20,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, cos, degrees, pi, sin, tan
+from math import acos, cos, degrees, inf, pi, sin, tan
 from typing import Any
 
 from hbgear.common.argument_checks import check
@@ -32,7 +33,7 @@ from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.backlash import MEASURES, convert_backlash
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import inverse_involute, involute
-from hbgear.gears.drawing.interference import Engagement, default_alterations, form_position, tip_distance
+from hbgear.gears.drawing.interference import Engagement, default_alterations, form_position, tip_distance, tip_text
 
 
 @dataclass(frozen=True)
@@ -42,14 +43,16 @@ class GearPair:  # numpydoc ignore=PR02
     Parameters
     ----------
     pinion, wheel : Gear
-        Pinion and wheel. The wheel may be a ring gear (``internal=True``). Their tips are altered as described above.
+        Pinion and wheel. The wheel may be a ring gear (``internal=True``) or a rack (``rack=True``). Their tips are
+        altered as described above.
     backlash : float or str, optional
         Backlash [m] in the measure ``backlash_measure``. By default it follows from the centre distance.
     backlash_measure : {"circumferential", "normal", "action"}, optional
         Measure of the backlash: along the working pitch circle (default), normal to the flanks, or along the line of
         action in the transverse plane.
     center_distance : float or str, optional
-        Centre distance a_w [m]. By default, the distance without backlash for these profile shifts.
+        Centre distance a_w [m], or of a rack the distance of its reference line from the axis of the pinion. By
+        default, the distance without backlash for these profile shifts.
     pitch_error : float or str, default 0.0
         Base pitch of the wheel minus base pitch of the pinion [m], equal for all teeth. Errors of single teeth, which
         repeat with the turns of the shafts, are `Gear.pitch_errors` and `Gear.runout`.
@@ -100,12 +103,12 @@ class GearPair:  # numpydoc ignore=PR02
 
     @property
     def ratio(self) -> float:
-        """Gear ratio z_2 / z_1."""
-        return self.wheel.teeth / self.pinion.teeth
+        """Gear ratio z_2 / z_1; inf for a rack."""
+        return inf if self.wheel.rack else self.wheel.teeth / self.pinion.teeth
 
     @property
     def _signed_teeth(self) -> float:
-        return self.pinion.teeth + self.wheel.sign * self.wheel.teeth
+        return self.pinion.teeth + self.wheel.sign * self.wheel.curvature_teeth
 
     @property
     def _signed_base_radius(self) -> float:
@@ -116,7 +119,7 @@ class GearPair:  # numpydoc ignore=PR02
     def working_pressure_angle(self) -> float:
         """Transverse working pressure angle alpha_wt [rad]."""
         if self.center_distance is not None:
-            return acos(min(abs(self._signed_base_radius) / self.center_distance, 1.0))
+            return acos(min(abs(self._signed_base_radius) / self.working_center_distance, 1.0))
         shifts = self.pinion.profile_shift + self.wheel.profile_shift
         value = involute(self.pinion.transverse_pressure_angle) + (
             2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
@@ -125,8 +128,18 @@ class GearPair:  # numpydoc ignore=PR02
 
     @property
     def working_center_distance(self) -> float:
-        """Centre distance a_w [m], given or from the profile shifts; also positive for a ring gear."""
-        return self.center_distance or abs(self._signed_base_radius) / cos(self.working_pressure_angle)
+        """Centre distance a_w [m], given or from the profile shifts; also positive for a ring gear.
+
+        For a rack it belongs to the gear that replaces it, see `mounting_distance`.
+        """
+        if self.center_distance is None:
+            return abs(self._signed_base_radius) / cos(self.working_pressure_angle)
+        return self.center_distance + (self.wheel.reference_diameter / 2 if self.wheel.rack else 0.0)
+
+    @property
+    def mounting_distance(self) -> float:
+        """Centre distance [m], or the distance of the reference line of a rack from the axis of the pinion."""
+        return self.working_center_distance - (self.wheel.reference_diameter / 2 if self.wheel.rack else 0.0)
 
     @property
     def base_radii(self) -> tuple[float, float]:
@@ -280,8 +293,9 @@ class GearPair:  # numpydoc ignore=PR02
 
 def _check_fit(pair: GearPair) -> None:
     p, w = pair.pinion, pair.wheel
-    if p.internal:
-        raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
+    for name, kind in (("internal", "ring"), ("rack", "rack")):
+        if getattr(p, name):
+            raise ValueError(f"GearPair: {name} = True for the pinion; give the {kind} as the wheel")
     if abs(p.module - w.module) > 1e-6 * p.module:
         raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
                          "give both gears the same normal module")  # fmt: skip
@@ -302,7 +316,7 @@ def _check_fit(pair: GearPair) -> None:
 
 def _check_distance(pair: GearPair) -> None:
     least = abs(pair._signed_base_radius)
-    if pair.center_distance is not None and pair.center_distance <= least:
+    if pair.center_distance is not None and pair.working_center_distance <= least and not pair.wheel.rack:
         raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
                          f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
     if pair.center_distance is None:
@@ -332,7 +346,7 @@ def _check_backlash(pair: GearPair) -> None:
         )
     if pair.backlash is None and pair.theoretical_backlash < -1e-3 * pair.pinion.module:
         raise ValueError(
-            f"GearPair: at center_distance = {pair.working_center_distance * 1e3:.6g} mm the teeth overlap by "
+            f"GearPair: at center_distance = {pair.mounting_distance * 1e3:.6g} mm the teeth overlap by "
             f"{-pair.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
             "the teeth are thinned for it"
         )
@@ -348,9 +362,8 @@ def _check_contact(pair: GearPair) -> None:
                 cause = f" with tip_alteration = {gear.tip_alteration:g}" if gear.tip_alteration else ""
                 raise ValueError(
                     f"GearPair: the tips of the {gear.teeth} teeth{cause} reach {-clearance * mm:.3f} mm into the "
-                    "roots of the other gear; give a tip_diameter below "
-                    f"{(gear.tip_diameter_used + 2 * clearance) * mm:.6g} mm, or "
-                    f"a larger centre distance than {pair.working_center_distance * mm:.6g} mm"
+                    f"roots of the other gear; give {tip_text(gear, 'below', gear.tip_diameter_used + 2 * clearance)}, "
+                    f"or a larger centre distance than {pair.mounting_distance * mm:.6g} mm"
                 )
     if pair.contact_ratio + pair.overlap_ratio < 1 or pair.contact_ratio <= 0:
         cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]

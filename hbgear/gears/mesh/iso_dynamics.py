@@ -109,9 +109,8 @@ def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int
     if not np.isfinite(n).all():
         raise ValueError("iso_dynamic_factor: speed must be finite")
     load = torque / (pair.pinion.reference_diameter / 2) / pair.face_width
-    pitch, profile = (
-        max(both) for both in zip(*(deviations(g, grade) for g in (pair.pinion, pair.wheel)), strict=True)
-    )
+    gears = (pair.pinion,) if pair.wheel.rack else (pair.pinion, pair.wheel)  # tolerances of a rack: of its pinion
+    pitch, profile = (max(both) for both in zip(*(deviations(g, grade) for g in gears), strict=True))
     stiffness_over_load = iso_stiffness(pair, torque).single / load
     relief = (pair.pinion.tip_relief + pair.wheel.tip_relief) / 2
     k = 1.0 if grade >= 6 else abs(1 - stiffness_over_load * relief)

@@ -188,9 +188,9 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     @property
     def title(self) -> str:
         pinion = self.pair.pinion
-        ring = " (ring)" if self.pair.wheel.internal else ""
+        kind = " (ring)" if self.pair.wheel.internal else " (rack)" if self.pair.wheel.rack else ""
         torque = f"{self.torque:g} N m" if self.torque or not self.torque_orders else "torque without mean"
-        return f"Gear pair {pinion.teeth}/{self.pair.wheel.teeth}{ring}, m = {pinion.module * 1e3:g} mm, {torque}"
+        return f"Gear pair {pinion.teeth}/{self.pair.wheel.teeth}{kind}, m = {pinion.module * 1e3:g} mm, {torque}"
 
     @property
     def labels(self) -> Mapping[str, str]:  # type: ignore[override]

@@ -121,6 +121,9 @@ def build_model(
     """
     if not isinstance(form, str) or form not in FORMS:
         raise ValueError(f"GearPair.model: form = {quoted(form)} must be one of {', '.join(FORMS)}")
+    if pair.wheel.rack and form != "torsion":
+        raise ValueError(f"GearPair.model: the form {form!r} has a wheel that turns, and this wheel is a rack, which "
+                         "moves along its length only; give form='torsion'")  # fmt: skip
     torque = to_si("GearPair.model", "torque", torque, "N m")
     zeta = DAMPING.read("GearPair.model", damping)
     check("GearPair.model", "cycle", cycle, MeshCycle | None)

@@ -435,6 +435,8 @@ class Mesh:  # numpydoc ignore=PR02
         """
         check("Mesh.of", "pair", pair, GearPair)
         check("Mesh.of", "cycle", cycle, MeshCycle | None)
+        if pair.wheel.rack:
+            raise ValueError("Mesh.of: the wheel is a rack, and all wheels of a train turn; use GearPair.model")
         torque = to_si("Mesh.of", "torque", torque, "N m")
         found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction)
         begin = pair.path[0]

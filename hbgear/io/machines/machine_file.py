@@ -177,7 +177,7 @@ def _schema() -> Any:
 
 
 _KINDS: dict[str, Any] = {
-    "teeth": int, "internal": bool, "pitch_errors": list[str | float],
+    "teeth": int, "internal": bool, "rack": bool, "pitch_errors": list[str | float],
     "backlash_measure": Literal["circumferential", "normal", "action"],
     "form": Literal["torsion", "bearings", "spatial"], "mesh_model": Literal["teeth", "secant", "tangent"],
 }  # fmt: skip

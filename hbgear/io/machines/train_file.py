@@ -59,7 +59,7 @@ from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 
 _KINDS: dict[str, Any] = {
-    "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "held": bool,
+    "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "rack": bool, "held": bool,
     "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
     "e_lag": list[float], "elements": int, "torque_orders": dict[str, str | float | list[str | float]],
     "backlash_measure": Literal["circumferential", "normal", "action"], "pitch_errors": list[str | float],
