@@ -1,5 +1,6 @@
 """Trains as files, on the command line and as figures."""
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -151,6 +152,9 @@ def test_a_file_with_a_carrier_is_an_epicyclic_set(file):
     found = read_train(file)
     assert found.carrier_inertia == pytest.approx(0.004, rel=1e-15)
     assert found.replace(carrier_inertia=0.004) == made and made.ratio == 1 + Fraction(30 * 96, 24 * 18)
+    file.write_text(EPICYCLIC.replace("planets = 3\n", 'planets = 3\ntorque_orders = { 2 = ["5 N m", "90 deg"] }\n'))
+    assert read_train(file).torque_orders == ((2.0, 5.0, pytest.approx(math.pi / 2)),)
+    file.write_text(EPICYCLIC)
     arguments = ["trace", str(file), "--from", "1.2", "--to", "1.1", "--harmonics", "4"]
     assert CliRunner().invoke(app, arguments).exit_code == 0
 

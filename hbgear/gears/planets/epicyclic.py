@@ -23,14 +23,18 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot, pi
+from math import cos, hypot, pi, sin
 
 import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.gears.mesh.mesh_excitation import contacts_in_order, in_order
 from hbgear.gears.planets.epicyclic_layout import CARRIER, EpicyclicLayout
-from hbgear.mechanics.models import Load, System
+from hbgear.gears.torque_orders import exact_order
+from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.models import Element, Load, System
 
 ZERO_SQUARE = 1e-9
 """Square of a frequency, over the largest one, that is attributed to rounding."""
@@ -60,6 +64,12 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         Torque on the driver [N m], positive in the direction of its rotation.
     torque_scale, backlash_scale, eps_scale, e_scale : float, default 1.0
         Factors of the torque, all backlashes, stiffness amplitudes and errors, for use as continuation parameters.
+    torque_orders : mapping, optional
+        Harmonics of the torque on the driver by order of its rotation, such as ``{2: "60 N m"}``, or ``{2: ("60 N m",
+        "30 deg")}`` with a phase at tau = 0; see `hbgear.gears.torque_orders`. Omega is then the common frequency of
+        meshes and orders, and `common_order` the frequency of the meshes over it.
+    fluctuation_scale : float, default 1.0
+        Factor of the amplitudes of the torque orders.
 
     Raises
     ------
@@ -127,11 +137,35 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         J, W = self.structure()
         S = np.array([1 / radius for _, radius in self._coordinates.values()])
         gaps = [
-            dataclasses.replace(element, direction=S * w)
+            dataclasses.replace(in_common_period(element, self.common_order), direction=S * w)
             for element, w in zip(train.system().elements, W.T, strict=True)
         ]
-        load = S * np.array([torques.get(name, 0.0) for name in self._coordinates]) / (train.k_mean * train.b_c)
+        S_F = S / (train.k_mean * train.b_c)
+        mean = Load(constant=S_F * np.array([torques.get(name, 0.0) for name in self._coordinates]))
         return System(
             M=np.diag(J * S**2 / train.m_c), C=None, K=np.zeros((len(J), len(J))), elements=gaps,
-            load=Load(constant=load), dof_names=[f"u_{name}" for name in self._coordinates],
+            load=[mean, *self._fluctuations(S_F)],
+            dof_names=[f"u_{name}" for name in self._coordinates],
         )  # fmt: skip
+
+    def _fluctuations(self, scale: Array) -> list[Load]:
+        """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""
+        unit = scale * np.array([float(name == self.driver) for name in self._coordinates]) * self.fluctuation_scale
+        found = []
+        for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
+            multiple = int(exact_order("EpicyclicSet", order) / self._mesh_speed * self.common_order)
+            vectors = amplitude * cos(phase) * unit, -amplitude * sin(phase) * unit
+            found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+        return found
+
+
+def in_common_period(element: Element, times: int) -> Element:
+    """Return the element of a mesh whose functions of tau have a whole multiple of its frequency."""
+    if times == 1:
+        return element
+    law: Law = element.law
+    if isinstance(law, MeshContacts):
+        law = contacts_in_order(law, times * law.meshes)
+    elif isinstance(law, PiecewiseLinear):
+        law = dataclasses.replace(law, stiffness=in_order(law.stiffness, times))
+    return dataclasses.replace(element, law=law, displacement=in_order(element.displacement, times))

@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from math import cos, pi, sin
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,9 +18,16 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, Range, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.mesh.mesh_excitation import parameters_of_meshes
+from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel, tooth_counts
-from hbgear.gears.trains.train_kinematics import RADIUS_TOLERANCE, inner_first, kinematics, phase_mismatch
+from hbgear.gears.trains.train_kinematics import (
+    MAX_ORDER,
+    RADIUS_TOLERANCE,
+    inner_first,
+    kinematics,
+    phase_mismatch,
+)
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
@@ -49,6 +56,8 @@ class EpicyclicLayout(Model):
     backlash_scale: float = 1.0
     eps_scale: float = 1.0
     e_scale: float = 1.0
+    torque_orders: Any = ()
+    fluctuation_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega$, common frequency of the meshes $/ \omega_n$ [-]",
@@ -59,6 +68,7 @@ class EpicyclicLayout(Model):
         "backlash_scale": "factor of the backlashes [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the errors",
+        "fluctuation_scale": "factor of the torque orders",
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {
@@ -79,11 +89,13 @@ class EpicyclicLayout(Model):
             object.__setattr__(self, name, tuple(given))
         check("EpicyclicSet", "bodies", self.bodies, tuple | list)
         object.__setattr__(self, "bodies", tuple(tuple(body) for body in self.bodies))
+        object.__setattr__(self, "torque_orders", torque_orders("EpicyclicSet", self.torque_orders))
         super().__post_init__()
         counted("EpicyclicSet: planets", self.planets, 40)
         self._check_parts()
         self._check_members()
         self._check_assembly()
+        self._check_period()
 
     # ---- checks
 
@@ -134,6 +146,16 @@ class EpicyclicLayout(Model):
                     f"{self.planets} equal planets cannot be assembled at equal distances; change the numbers of teeth "
                     "or of planets (for simple planets (z_s + z_r) / N must be whole)"
                 )
+
+    def _check_period(self) -> None:
+        """Raise an error if meshes and torque orders have a common period that is too long."""
+        largest = max(self.train._kinematics.orders) * self.common_order
+        if largest > MAX_ORDER:
+            raise ValueError(
+                f"EpicyclicSet: over the common frequency with the torque_orders of the {self.driver} the meshes have "
+                f"orders up to {largest}; at most {MAX_ORDER:,} can be computed: give orders with a simpler ratio to "
+                "the tooth frequencies, or other numbers of teeth"
+            )
 
     # ---- members
 
@@ -278,19 +300,27 @@ class EpicyclicLayout(Model):
         return [mesh.name for mesh in self.train.meshes]
 
     @property
-    def _base_speed(self) -> float:
-        """Frequency of Omega over the speed of the driver."""
+    def _mesh_speed(self) -> Fraction:
+        """Common frequency of the meshes over the speed of the driver."""
         found = self.train._kinematics
         first = self.train.meshes[0].first
-        return abs(float(found.ratio * self._turning(first) / found.speeds[first]))
+        return abs(found.ratio * self._turning(first) / found.speeds[first])
+
+    @cached_property
+    def common_order(self) -> int:
+        """Common frequency of the meshes over Omega: above 1 if the torque has orders of the driver."""
+        common = Fraction(1)
+        for order, _, _ in self.torque_orders:
+            common = common_divisor(common, exact_order("EpicyclicSet", order) / self._mesh_speed)
+        return int(1 / common)
 
     @property
     def orders(self) -> dict[str, float]:
         """Frequencies over Omega of every mesh of the first group, and of the carrier and the central gears."""
-        found = self.train._kinematics
+        found, p = self.train._kinematics, self.common_order
         names = (mesh.name for mesh in self.meshes)
-        meshes = {name: float(order) for name, order in zip(names, found.orders, strict=False)}
-        turning = {name: abs(float(self.speeds[name])) / self._base_speed for name in (*self._central, CARRIER)}
+        meshes = {name: float(order * p) for name, order in zip(names, found.orders, strict=False)}
+        turning = {name: abs(float(self.speeds[name] * p / self._mesh_speed)) for name in (*self._central, CARRIER)}
         return meshes | {name: order for name, order in turning.items() if order}
 
     @property
@@ -302,7 +332,8 @@ class EpicyclicLayout(Model):
     def scales(self) -> Scales:
         """Scales whose pinion is the driver."""
         train = self.train
-        return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, self._base_speed)
+        p = self.common_order
+        return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, float(self._mesh_speed), p)
 
 
 def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:

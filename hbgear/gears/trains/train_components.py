@@ -150,6 +150,8 @@ class Wheel:  # numpydoc ignore=PR02
     def of(cls, name: str, gear: Gear, **others: Any) -> Wheel:
         """Return the wheel of a `Gear`: its teeth, base radius, inertias and mass; ``others`` are further fields."""
         check("Wheel.of", "gear", gear, Gear)
+        if gear.rack:
+            raise ValueError("Wheel.of: the gear is a rack, and all wheels of a train turn; use GearPair.model")
         own = {
             "inertia": gear.inertia_used, "mass": gear.mass_used, "tilt_inertia": gear.transverse_inertia,
             "teeth": gear.teeth, "base_radius": gear.base_diameter / 2, "internal": gear.internal,

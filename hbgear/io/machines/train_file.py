@@ -119,6 +119,7 @@ def _schema() -> Any:
         "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
     )
     matrix: Any = str | list[list[float]]
+    orders: Any = _KINDS["torque_orders"]
     housing = create_model(
         "housing", __config__=exactly(), M=(matrix, ...), K=(matrix, ...), C=(matrix, None), names=(list[str], ()),
         seats=(dict[str, dict[str, str]], {}),
@@ -126,7 +127,7 @@ def _schema() -> Any:
     epicyclic = create_model(
         "epicyclic", __config__=exactly(), planets=(int, ...), torque=(str | float, ...),
         carrier_inertia=(str | float, 0.01), bodies=(list[list[str]], ()), driver=(str, ""), output=(str, ""),
-        fixed=(str, ""),
+        fixed=(str, ""), torque_orders=(orders, ()),
     )  # fmt: skip
     lists: dict[str, Any] = {
         "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
