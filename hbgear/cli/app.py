@@ -20,6 +20,7 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.models import CommandInfo
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
@@ -115,6 +116,16 @@ OPTION_ALIASES = {
 """Options of version 0.2 that still work, without an entry in the help, by command."""
 
 
+COMMAND_GROUPS = {
+    "Gears and models": ("gear", "speed", "models"),
+    "Response curves": ("trace", "plot", "jumps", "info", "results", "extend", "report", "explore"),
+    "Further motions": ("switch", "survey", "follow", "backbone", "cycles", "torus", "campbell"),
+    "Jumps and design": ("map", "critical", "sensitivity", "scatter", "redesign", "study", "fit"),
+    "Validation": ("validate", "sweep", "basins", "certify"),
+}
+"""Commands by the heading under which the help lists them, in its order."""
+
+
 CTRL_C_CODE = 130
 """Exit code that typer returns for a Ctrl-C that no command handles."""
 
@@ -143,6 +154,7 @@ app = typer.Typer(
     name="hbgear",
     rich_markup_mode=None if _columns < MIN_FRAME_WIDTH else "rich",
     help="Nonlinear frequency response of gear drives with backlash.",
+    epilog="Example: hbgear trace double-helical -o curve.npz, then hbgear plot curve.npz",
     pretty_exceptions_enable=False,
     context_settings={
         "help_option_names": ["-h", "--help"],
@@ -238,25 +250,10 @@ def _run(args: list[str]) -> int:
         return BAD_INPUT
 
 
-cli_design.register(app)
-
-
-cli_fit.register(app)
-
-
-cli_study.register(app)
-
-
-cli_time.register(app)
-cli_certify.register(app)
-
-
-cli_gear.register(app)
-
-
-cli_pages.register(app)
-cli_rotors.register(app)
-cli_motions.register(app)
+for commands in (
+    cli_design, cli_fit, cli_study, cli_time, cli_certify, cli_gear, cli_pages, cli_rotors, cli_motions,
+):  # fmt: skip
+    commands.register(app)
 
 
 # ---- commands
@@ -560,3 +557,19 @@ def plot_command(
             out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)), style)
             names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
             print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))
+
+
+def _group_commands() -> None:
+    """Sort the commands by their headings in the help."""
+    order = [(name, heading) for heading, names in COMMAND_GROUPS.items() for name in names]
+    place = {name: i for i, (name, _) in enumerate(order)}
+
+    def name_of(info: CommandInfo) -> str:
+        return info.name or info.callback.__name__  # type: ignore[union-attr]
+
+    app.registered_commands.sort(key=lambda info: place[name_of(info)])
+    for info in app.registered_commands:
+        info.rich_help_panel = order[place[name_of(info)]][1]
+
+
+_group_commands()
