@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mt
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.modal_damping import modal_damping
 from hbgear.mechanics.structures.receptances import vector_along
 from hbgear.mechanics.structures.speed_terms import OverSpeed, SpeedTerms
 
@@ -110,6 +111,23 @@ class Matrices:
     def along(self, coordinates: Mapping[str | int, float]) -> Array:
         """Return a vector (n,) with the given entries, by name or number from 0, and zeros; see `vector_along`."""
         return vector_along(tuple(self.dof_names), coordinates)
+
+    def with_modal_damping(self, ratios: float | Sequence[float]) -> Matrices:
+        """Return the structure with the damping matrix of `hbgear.mechanics.modal_damping`.
+
+        Parameters
+        ----------
+        ratios : float or sequence of float
+            Damping ratio of all modes, or of the lowest ones; the last one applies to all higher modes.
+
+        Raises
+        ------
+        ValueError
+            If the structure has a damping matrix, or for the reasons of `modal_damping`.
+        """
+        if self.C is not None:
+            raise ValueError("with_modal_damping: the structure has a damping matrix C; give either of them")
+        return replace(self, C=modal_damping(self.M, self.K, ratios))
 
     def system(self, elements: Sequence[Element], load: Load | Sequence[Load] = (), ratio: float = 1.0) -> System:
         """Return the `System` with these elements and loads.

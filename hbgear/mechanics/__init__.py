@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.reduction import Reduction, reduce
     from hbgear.mechanics.series.fourier import Series
     from hbgear.mechanics.series.periodic import Periodic
+    from hbgear.mechanics.structures.modal_damping import modal_damping
     from hbgear.mechanics.structures.receptances import Receptances
     from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
 
@@ -60,6 +61,7 @@ __all__ = [
     "Unilateral",
     "VectorElement",
     "VectorLaw",
+    "modal_damping",
     "model",
     "reduce",
     "register_law",

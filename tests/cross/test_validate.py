@@ -274,6 +274,19 @@ def test_all_curves_of_the_span_are_validated_in_the_units_of_the_drawing():
     assert float(found.table(dimensionless=True)[1][2][1]) == pytest.approx(found.rows[2].value, rel=1e-5)
 
 
+def test_points_near_a_fold_lie_beyond_its_error():
+    """Within the error of LP2, which is next to a grazing point, the exact motion does not exist."""
+    M, K = np.diag([1.0, 0.5]), [[3.0, -1.0], [-1.0, 1.0]]
+    stop = hb.Element([1.0, -1.0], hb.Unilateral(k=20.0, gap=0.3))
+    C = hb.mechanics.modal_damping(M, K, 0.03)
+    model = hb.System(M, C, K, [stop], hb.Load(cosine={1: [0.2, 0.0]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 16), "Omega", (1.05, 1.3))
+    fold = next(point for point in curve.special if point.kind == "LP" and point.parameters["Omega"] < 1.2)
+    near = [curve.values[i] for i, reason in choose(curve, 12) if reason == f"near {fold.label}"]
+    assert len(near) == 2 and np.abs(np.subtract(near, fold.parameters["Omega"])).min() > 5 * fold.error > 1e-6
+    assert hb.validate(curve, 6, landing="nearest").ok
+
+
 def test_another_version_is_mentioned(pair):
     with pytest.warns(UserWarning, match=r"traced with hbgear 0\.0\.1"):
         problem_for(replace(pair, meta={**pair.meta, "hbgear": "0.0.1"}))

@@ -160,3 +160,24 @@ def test_parameters_by_the_keys_of_the_file(tmp_path):
     assert both.replace(**{"high.gap": 0.4}).elements[1].law.breakpoints == (0.4,)
     with pytest.raises(KeyError, match="no parameter 'gap'"):
         both.replace(gap=0.2)
+
+
+def test_matrices_in_the_file_with_a_damping_ratio(tmp_path):
+    file = tmp_path / "small.toml"
+    head = f"[matrices]\nM = {M.tolist()}\nK = {K.tolist()}\ndamping_ratio = [0.02, 0.05]\n"
+    file.write_text(head + 'names = ["shaft", "case"]\n' + ELEMENTS)
+    system = read_structure(file)
+    np.testing.assert_array_equal(system.K, K)
+    np.testing.assert_allclose(system.C, hb.mechanics.modal_damping(M, K, [0.02, 0.05]), rtol=1e-14)
+    np.savez(tmp_path / "all.npz", K=K)
+    file.write_text(head.replace("[matrices]", '[matrices]\nfile = "all.npz"') + ELEMENTS)
+    with pytest.raises(StructureFileError, match="M is a matrix and file names a file with all matrices"):
+        read_structure(file)
+
+
+def test_matrices_without_their_table_are_a_structure(tmp_path):
+    file = tmp_path / "flat.toml"
+    file.write_text(f"M = {M.tolist()}\nK = {K.tolist()}\n" + ELEMENTS)
+    assert is_structure(file)
+    with pytest.raises(StructureFileError, match=r"unknown key 'M'; it has: matrices, receptances, element, load"):
+        read_structure(file)

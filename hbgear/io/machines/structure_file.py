@@ -1,9 +1,10 @@
 """Files of structures from matrices or measured receptances (TOML), checked before any computation.
 
-    [matrices]                        # Matrix Market or NumPy, each in its own file; C and G too
+    [matrices]                        # Matrix Market or NumPy, each in its own file, or [[2, -1], [-1, 2]]; C and G too
     M = "mass.mtx"
     K = "stiffness.mtx"
     names = ["shaft", "case"]
+    damping_ratio = 0.02              # of all modes, or a list for the lowest ones; instead of C
 
     [[element]]
     name = "stop"
@@ -48,12 +49,15 @@ class StructureFileError(TomlFileError):
 
 
 def is_structure(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file describes a structure: it has matrices or receptances. False if it cannot be read."""
+    """Return whether a file describes a structure: it has matrices, receptances or elements.
+
+    False if it cannot be read.
+    """
     try:
         data = parsed(path, "a structure", StructureFileError)[1]
     except StructureFileError:
         return False
-    return any(isinstance(data.get(name), dict) for name in ("matrices", "receptances"))
+    return any(name in data for name in ("matrices", "receptances", "element", *NAMES))
 
 
 def read_structure(path: str | os.PathLike[str]) -> System:
@@ -107,10 +111,12 @@ def _schema() -> Any:
     vector: Any = dict[str, float]
     quantity: Any = Literal["receptance", "mobility", "accelerance"]
     law: Any = Literal[tuple(LAWS)]
-    own: dict[str, Any] = dict.fromkeys(NAMES, (str, None))
+    own: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
+    ratios: Any = float | list[float]
     matrices = create_model(
-        "matrices", __config__=strict, **own, file=(str, None), names=(list[str], ()), ratio=(float, 1.0)
-    )
+        "matrices", __config__=strict, **own, file=(str, None), names=(list[str], ()), ratio=(float, 1.0),
+        damping_ratio=(ratios, None),
+    )  # fmt: skip
     one: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
     receptances = create_model(
         "receptances", __config__=strict, file=(str, None), tables=(list[one], None),
@@ -176,9 +182,16 @@ def _tried(problems: Problems, place: Place, make: Callable[[], Any]) -> Any:
 def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
     own = {name: table[name] for name in NAMES if table.get(name) is not None}
     names = tuple(table.get("names", ()))
-    if table.get("file") is not None:
-        return from_matrices(folder / table["file"], own, names)
-    return from_matrices({name: folder / file for name, file in own.items()}, None, names)
+    if table.get("file") is None:
+        found = from_matrices({name: folder / one if isinstance(one, str) else one for name, one in own.items()},
+                              None, names)  # fmt: skip
+    else:
+        inline = next((name for name, one in own.items() if not isinstance(one, str)), None)
+        if inline is not None:
+            raise ValueError(f"{inline} is a matrix and file names a file with all matrices: give either of them")
+        found = from_matrices(folder / table["file"], own, names)
+    ratio = table.get("damping_ratio")
+    return found if ratio is None else found.with_modal_damping(ratio)
 
 
 def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:

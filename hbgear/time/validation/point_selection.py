@@ -11,6 +11,7 @@ import numpy as np
 from hbgear._version import __version__
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
 from hbgear.mechanics.models import describe, differing_fields
@@ -21,6 +22,12 @@ _MAX_POINTS = 1_000_000
 _MIN_DISTANCE_FROM_FOLD = 0.02
 """Smallest |mu - 1| [-] of the points selected near a fold; below it the motion at a given frequency is
 ill-conditioned."""
+
+_FOLD_ERRORS = 5.0
+"""Smallest distance of the points selected near a fold, over its estimated error [-]."""
+
+_MAX_NEIGHBOUR_DISTANCE = 20
+"""Largest number of points [-] from a fold to the points selected near it."""
 
 _BRANCH_POINT_TOLERANCE = 1e-3
 """|mu - 1| [-] of a located branch point, see `trace`; motions at its frequency are not isolated."""
@@ -147,7 +154,7 @@ def _selected_points(branch: Branch, count: int) -> list[tuple[int, str]]:
     wanted: list[tuple[int, str]] = []
     for point in branch.special:
         if point.kind == "LP":
-            wanted += [(_regular_neighbour(branch, point.index, side), f"near {point.label}") for side in (-1, 1)]
+            wanted += [(_regular_neighbour(branch, point, side), f"near {point.label}") for side in (-1, 1)]
     wanted.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
     if not np.isnan(branch.error).all():
         wanted.append((int(np.nanargmax(branch.error)), "worst error"))
@@ -184,13 +191,20 @@ def _clipped_index(branch: Branch, i: int) -> int:
     return min(max(i, 0), len(branch) - 1)
 
 
-def _regular_neighbour(branch: Branch, fold: int, side: int) -> int:
-    """Return the index of the first point on one side of a fold that is not nearly singular."""
-    for distance in range(1, 6):
-        i = _clipped_index(branch, fold + side * distance)
+def _regular_neighbour(branch: Branch, fold: SpecialPoint, side: int) -> int:
+    """Return the index of the first point on one side of a fold that is not nearly singular.
+
+    Within the error of the fold the exact motion may not exist at the value of the point.
+    """
+    uncertain = _FOLD_ERRORS * fold.error if np.isfinite(fold.error) else 0.0
+    at = fold.parameters[branch.parameter]
+    for distance in range(1, _MAX_NEIGHBOUR_DISTANCE + 1):
+        i = _clipped_index(branch, fold.index + side * distance)
+        if abs(branch.values[i] - at) < uncertain:
+            continue
         if branch.multipliers is None or np.abs(branch.multipliers[i] - 1).min() > _MIN_DISTANCE_FROM_FOLD:
             return i
-    return _clipped_index(branch, fold + 2 * side)
+    return _clipped_index(branch, fold.index + 2 * side)
 
 
 def _farthest_point(branch: Branch, free: list[int], selected: dict[int, str]) -> int:

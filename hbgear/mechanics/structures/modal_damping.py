@@ -1,0 +1,94 @@
+"""Damping matrix of a structure from the damping ratios of its modes.
+
+    C = M Phi diag(2 zeta_i omega_i) Phi^T M,   K Phi = M Phi diag(omega_i^2),   Phi^T M Phi = 1
+
+The modes are those of the linear structure M, K without elements. Modes at rest have no damping.
+
+References
+----------
+Wilson & Penzien (1972), Int. J. Numer. Methods Eng. 4(1), 5-10, https://doi.org/10.1002/nme.1620040103.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, checked
+from hbgear.mechanics.structures.matrices import square
+
+MAX_COORDINATES = 4000
+"""Largest number of coordinates [-]; all modes of more take minutes and gigabytes."""
+
+ASYMMETRY = 1e-9
+"""Difference of a matrix from its transpose, relative to its largest entry, that is attributed to rounding."""
+
+
+@checked_arguments(ratios="a number, or a list of numbers for the lowest modes")
+def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
+    """Return the damping matrix of a structure whose modes have given damping ratios.
+
+    Parameters
+    ----------
+    M, K : array_like or sparse matrix, shape (n, n)
+        Mass and stiffness, symmetric; M positive definite.
+    ratios : float or sequence of float
+        Damping ratio of all modes [-], or damping ratios of the lowest modes by ascending frequency. The last one
+        applies to all higher modes.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Damping matrix C.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not symmetric, M is not positive definite, K has a negative eigenvalue, a ratio is negative, or
+        there are more than `MAX_COORDINATES` coordinates.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> M, K = [[1.0, 0.0], [0.0, 1.0]], [[2.0, -1.0], [-1.0, 2.0]]
+    >>> hb.mechanics.modal_damping(M, K, 0.05).round(4).tolist()
+    [[0.1366, -0.0366], [-0.0366, 0.1366]]
+    """
+    M, K = (_symmetric(name, square(name, A)) for name, A in (("M", M), ("K", K)))
+    given = np.atleast_1d(np.asarray(ratios, dtype=float))
+    if given.ndim != 1 or not given.size:
+        raise ValueError("modal_damping: ratios must be a number, or a list of numbers for the lowest modes")
+    for value in given.tolist():
+        checked("modal_damping", "ratios", value, NOT_NEGATIVE)
+    try:
+        squares, modes = scipy.linalg.eigh(K, M)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "modal_damping: M is not positive definite; remove coordinates without mass, or give C"
+        ) from None
+    rounding = ASYMMETRY * np.abs(squares).max()
+    if squares[0] < -rounding:
+        raise ValueError(f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
+                         "not stable without its elements; give C")  # fmt: skip
+    frequencies = np.sqrt(np.where(squares > rounding, squares, 0.0))
+    zeta = np.concatenate([given, np.full(max(len(squares) - given.size, 0), given[-1])])[: len(squares)]
+    half = M @ modes
+    C: Array = (half * (2 * zeta * frequencies)) @ half.T
+    return C
+
+
+def _symmetric(name: str, A: Any) -> Array:
+    """Return a matrix as a symmetric array."""
+    if A.shape[0] > MAX_COORDINATES:
+        raise ValueError(f"modal_damping: {A.shape[0]} coordinates, at most {MAX_COORDINATES}; reduce the structure "
+                         "first (hb.mechanics.reduce), or give C")  # fmt: skip
+    full = A if isinstance(A, np.ndarray) else A.toarray()
+    if np.abs(full - full.T).max() > ASYMMETRY * np.abs(full).max():
+        raise ValueError(f"modal_damping: {name} is not symmetric, so it has no real modes; give C")
+    out: Array = 0.5 * (full + full.T)
+    return out
