@@ -231,9 +231,10 @@ def _special_point_error(branch: Branch) -> Iterator[str]:
     """Yield the largest relative error of the special points, with the number of errors that are unknown."""
     sizes = np.array([abs(point.parameters[branch.parameter]) or 1.0 for point in branch.special])
     errors = np.array([point.error for point in branch.special]) / sizes
-    unknown = int(np.isnan(errors).sum())
+    known = np.isfinite(errors)  # a point in an interval only has the error inf
+    unknown = int((~known).sum())
     if unknown < len(errors):
-        yield f"{np.nanmax(errors):.0e}{f' ({unknown} of {len(errors)} unknown)' if unknown else ''}"
+        yield f"{errors[known].max():.0e}{f' ({unknown} of {len(errors)} unknown)' if unknown else ''}"
     elif unknown:
         yield "unknown"
 

@@ -148,7 +148,7 @@ def response(
         frame = _enlarge(ax, branch, across, amplitude, element, color) if own else None
         if legend:
             add_legend(ax)
-        if legend and frame is not None:
+        if legend and own:
             _move_legend_off(ax, frame)
     return ax
 
@@ -458,13 +458,25 @@ def _enlarge(
 
 
 def _move_legend_off(ax: Axes, frame: Any) -> None:
-    """Move the legend to the right of the axes if it overlaps the frame of inset axes."""
+    """Move the legend to the right of the axes if it covers the curve or the frame of inset axes, else fix its place.
+
+    Labels are placed later, and the best place of a legend that is not fixed might change.
+    """
     figure: Any = ax.figure
     figure.draw_without_rendering()
     legend: Any = ax.get_legend()
-    if legend is not None and legend.get_window_extent().overlaps(frame.get_window_extent()):
+    if legend is None:
+        return
+    extent = legend.get_window_extent()
+    covered = frame is not None and extent.overlaps(frame.get_window_extent())
+    for line in ax.lines if not covered else ():
+        if str(line.get_gid()).startswith("branch"):
+            covered = covered or line.get_transform().transform_path(line.get_path()).intersects_bbox(extent, False)
+    if covered:
         legend.set_loc("upper left")
         legend.set_bbox_to_anchor((1.01, 1.0))
+    else:
+        legend.set_loc(tuple(ax.transAxes.inverted().transform(extent.p0)))
 
 
 _INSET_SIZE = (0.27, 0.29)

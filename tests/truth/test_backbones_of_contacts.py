@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy
 
 import hbgear as hb
 
@@ -109,3 +110,30 @@ def test_two_masses_with_cubic_springs_agree_with_shooting(coupling, mode):
     for x, omega in TWO_MASSES[coupling, mode]:
         point = at_displacement(model, 15, x, (0.3 * x, 3.0 * x), mode)
         assert abs(point.parameters["Omega"] - omega) < 1e-8
+
+
+def stop_between(K, C) -> hb.System:
+    """Return two masses with a stop between them, which is open at rest."""
+    stop = hb.Element([1.0, -1.0], hb.Unilateral(k=20.0, gap=0.3), name="stop")
+    return hb.System(np.diag([1.0, 0.5]), C, K, [stop])
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+@pytest.mark.parametrize("ratios", [0.03, [0.01, 0.04]])
+def test_a_damped_backbone_begins_below_the_contact(mode, ratios):
+    """All forces of the elements are zero there: frequency and damping ratio are those of the linear mode."""
+    K = np.array([[3.1, -1.0], [-1.0, 1.0]])
+    C = hb.mechanics.modal_damping(np.diag([1.0, 0.5]), K, ratios)
+    curve = hb.analysis.backbone(stop_between(K, C), mode=mode, span=(1e-4, 1.0), harmonics=8)
+    omega = np.sqrt(scipy.linalg.eigh(K, np.diag([1.0, 0.5]), eigvals_only=True))[mode - 1]
+    below = curve.amplitude("max") < 0.3
+    np.testing.assert_allclose(curve.tracked["Omega"][below], omega, rtol=1e-9)
+    np.testing.assert_allclose(curve.tracked["modal_damping"][below], np.resize(ratios, 2)[mode - 1], rtol=1e-8)
+    assert (~below).sum() > 20 and np.ptp(curve.tracked["Omega"][~below]) > 0.01
+
+
+def test_a_backbone_at_an_internal_resonance_ends_with_a_reason():
+    """omega_2 = 1.9999 omega_1: contact makes the curve turn sharply."""
+    K = np.array([[3.001, -1.0], [-1.0, 1.0]])
+    curve = hb.analysis.backbone(stop_between(K, None))
+    assert "error" not in curve.message and [point.kind for point in curve.special][:1] == ["GR"]

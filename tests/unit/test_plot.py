@@ -746,3 +746,20 @@ def test_styles_for_print_and_for_slides(tmp_path):
     assert sizes[0] > sizes[1]
     with pytest.raises(ValueError, match="no style 'poster'; choose one of 'journal', 'screen'"):
         hb.plot.in_style("poster").__enter__()
+
+
+def test_a_tall_legend_covers_no_curve():
+    stop = hb.Element([1.0, -1.0], hb.Unilateral(k=20.0, gap=0.3))
+    C = hb.mechanics.modal_damping(np.diag([1.0, 0.5]), [[3.0, -1.0], [-1.0, 1.0]], 0.03)
+    load = hb.Load(cosine={1: [0.2, 0.0]})
+    model = hb.System(np.diag([1.0, 0.5]), C, [[3.0, -1.0], [-1.0, 1.0]], [stop], load)
+    ax = hb.plot.response(hb.trace(hb.HarmonicBalance(model, 6), "Omega", (0.3, 3.0), accuracy=None))
+    ax.figure.draw_without_rendering()
+    extent = ax.get_legend().get_window_extent()
+    assert len(ax.get_legend().get_texts()) > 5
+    lines = [line for line in ax.lines if str(line.get_gid()).startswith("branch")]
+    assert lines
+    for line in lines:
+        assert not line.get_transform().transform_path(line.get_path()).intersects_bbox(extent, filled=False)
+    for inset in ax.child_axes:
+        assert not extent.overlaps(inset.get_window_extent())

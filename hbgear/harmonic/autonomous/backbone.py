@@ -227,6 +227,8 @@ class BackboneProblem(ContinuationProblem):
         evaluator, n = self.balance.compiled(_of_model(parameters)), self.balance.size
         linear, rate = _linear_part(evaluator, own["Omega"], own["modal_damping"])
         R, J, dR_dOmega, size = evaluator.linearise_with(d, own["Omega"], linear)
+        springs = np.repeat(_springs(evaluator), n // evaluator.m)
+        size = max(size, norm(springs * d))  # in a linear mode without forces of the elements all terms are rounding
         amplitude = parameters[AMPLITUDE]
         moving = d * self._alternating
         rms = norm(moving) / np.sqrt(2.0)

@@ -212,7 +212,7 @@ class GrazingEvent(Event):
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
         clearances = monitored_values((segment.a, segment.b), "clearance")
-        if clearances is None:
+        if clearances is None or not self.by_newton:
             return None
         before, after = clearances
         with np.errstate(divide="ignore", invalid="ignore"):
