@@ -88,6 +88,55 @@ def test_a_file_is_the_train(file):
     assert train == made and is_train(file)
 
 
+SHARED = """balance = "ring"
+
+[[wheel]]
+name = "sun"
+torque = "300 N m"
+gear = { teeth = 24, module = "3 mm", face_width = "20 mm" }
+
+[[wheel]]
+name = "ring"
+gear = { teeth = 72, module = "3 mm", face_width = "20 mm", internal = true, tip_diameter = "212.5 mm" }
+""" + "".join(
+    f"""
+[[wheel]]
+name = "p{n}"
+x = {x}
+gear = {{ teeth = 24, module = "3 mm", face_width = "20 mm" }}
+
+[[mesh]]
+first = "sun"
+second = "p{n}"
+torque = "150 N m"
+pair = {{ backlash = "40 um" }}
+
+[[mesh]]
+first = "p{n}"
+second = "ring"
+torque = "150 N m"
+pair = {{ backlash = "40 um" }}
+"""
+    for n, x in ((1, 0.072), (2, -0.072))
+)
+"""Two planets that share the load."""
+
+
+def test_a_mesh_of_a_pair_has_the_static_torque_of_the_train(file):
+    train = read_train(file)
+    file.write_text(TEXT.replace('torque = "100 N m"\ndamping', "damping"))
+    found = read_train(file)
+    assert found.meshes[0].k_mean == pytest.approx(train.meshes[0].k_mean, rel=1e-12)
+    assert found.meshes[0].torque == pytest.approx(100.0) and found.mesh_torques == {
+        "in-middle": pytest.approx(100.0), "middle-out": pytest.approx(120.0)
+    }  # fmt: skip
+    file.write_text(SHARED)
+    assert set(read_train(file).mesh_torques.values()) == {None}
+    file.write_text(SHARED.replace('torque = "150 N m"\n', "", 1))
+    with pytest.raises(TrainFileError, match="a mesh of a pair needs the torque on the first wheel"):
+        read_train(file)
+
+
 EPICYCLIC = """[epicyclic]
 planets = 3
 torque = "100 N m"
@@ -369,7 +418,6 @@ def test_bad_rotors(rotor, old, new, said):
         ('inertia = "0.01 kg m^2"', "", "line 13: wheel 'flange' needs its inertia"),
         ('k_mean = "4e8 N/m"', "", "a mesh needs its k_mean"),
         ('k_mean = "4e8 N/m"', 'k_mean = "4e8 N/m"\nmesh_model = "tangent"', "computed from pair and torque"),
-        ('torque = "100 N m"\ndamping', "damping", "needs the torque on the first wheel"),
         ('[[shaft]]\nfirst = "middle"', '[[shaft]]\nfirst = "flange"', "name two wheels"),
         ("eps = [0.2]", "eps = [2.0]", "eps|stiffness"),
         ("[[mesh]]", "[[mesh", "cannot be read as a train"),

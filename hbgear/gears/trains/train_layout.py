@@ -89,12 +89,21 @@ class TrainLayout(Model):
         check_contact_scale("Train", self.eps_scale, [mesh.contacts for mesh in self.meshes])
         self._check_mesh_torques()
 
+    @property
+    def mesh_torques(self) -> dict[str, float | None]:
+        """Static torque of each mesh on its first wheel [N m]; None where several meshes share the load."""
+        return {
+            mesh.name: None if force is None else force * self._by_name[mesh.first].base_radius
+            for mesh, force in zip(self.meshes, self._kinematics.forces, strict=True)
+        }
+
     def _check_mesh_torques(self) -> None:
         """Raise an error if a mesh was computed for another torque than the static one; also if nothing can turn."""
-        for mesh, force in zip(self.meshes, self._kinematics.forces, strict=True):
-            if mesh.torque is None or not force:
+        torques = self.mesh_torques
+        for mesh in self.meshes:
+            static = torques[mesh.name]
+            if mesh.torque is None or not static:
                 continue
-            static = force * self._by_name[mesh.first].base_radius
             orders = any(wheel.torque_orders for wheel in self.wheels)
             if not orders and abs(mesh.torque - static) > MESH_TORQUE_TOLERANCE * static:
                 raise ValueError(

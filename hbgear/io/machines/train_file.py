@@ -20,7 +20,8 @@
 
 Keys are the fields of `Train`, `Wheel`, `Shaft`, `Beam`, `Bearing`, `Mesh` and `Housing`; quantities are text with a
 unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`; a mesh by its fields, or by those of
-its `GearPair` and a torque on the first wheel, which determine stiffness, error, angles and backlash.
+its `GearPair` and a torque on the first wheel, which determine stiffness, error, angles and backlash. This torque is
+the static torque of the train by default, unless several meshes share the load.
 
     [[bearing]]             # a table over the wheel speed
     at = "pinion"
@@ -156,13 +157,16 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     """Return the train or epicyclic set; None if a value was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
-    meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
-    if "epicyclic" in data:
-        return _epicyclic(data, wheels, meshes, problems)
     shafts, beams = (
         [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("beam", Beam))
     )
+    tables = data["mesh"]
+    if not problems and "epicyclic" not in data:
+        tables = _with_torques(tables, tuple(wheels), tuple(shafts), tuple(beams), data.get("balance", ""))
+    meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(tables)]
+    if "epicyclic" in data:
+        return _epicyclic(data, wheels, meshes, problems)
     bearings = [_bearing(("bearing", i), table, problems) for i, table in enumerate(data.get("bearing", []))]
     housing = _housing(data["housing"], folder, problems) if "housing" in data else None
     if problems:
@@ -171,6 +175,23 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
               "housing": housing, **rest}  # fmt: skip
     return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
+
+
+def _with_torques(
+    tables: list[dict[str, Any]], wheels: Any, shafts: Any, beams: Any, balance: str
+) -> list[dict[str, Any]]:
+    """Return the tables of the meshes, with the static torque of meshes of a pair that state none, if it is known."""
+    if all("torque" in table or "pair" not in table for table in tables):
+        return tables
+    try:
+        meshes = tuple(Mesh(table["first"], table["second"], "1e8 N/m", "0 um") for table in tables)
+        torques = Train(wheels, meshes, shafts, beams=beams, balance=balance).mesh_torques
+    except (ValueError, KeyError):
+        return tables  # the train itself is refused with the reason
+    return [
+        {"torque": float(f"{torque:.12g}"), **table} if torque is not None and "pair" in table else table
+        for table, torque in zip(tables, torques.values(), strict=True)
+    ]
 
 
 _QUANTITIES = {"torque": "N m", "carrier_inertia": "kg m^2"}
