@@ -204,6 +204,42 @@ def jump_table(
     return ["", *position_headers(branch, dimensionless), "while", *sizes, "landing"], rows, notes
 
 
+_LEAVING = {"PD": ("motions of twice the period", "switch"), "NS": ("quasi-periodic motions", "torus")}
+"""Motions that leave at special points of a kind, and the command that traces them."""
+
+
+def leaving_lines(branch: Branch) -> list[str]:
+    """Return a line for each kind of special points at which a stable section ends without a jump.
+
+    Motions of twice the period or quasi-periodic motions leave there. A sweep continues on them if they are stable.
+
+    Parameters
+    ----------
+    branch : Branch
+        Traced branch.
+
+    Returns
+    -------
+    list of str
+        Lines such as "stability also ends at PD1, where motions of twice the period leave: hbgear switch FILE LABEL".
+    """
+    if branch.stable is None:
+        return []
+    jumps, stable, last = {jump.label for jump in branch.jumps()}, np.asarray(branch.stable, bool), len(branch) - 1
+    lines = []
+    for kind, (motions, command) in _LEAVING.items():
+        labels = [
+            point.label for point in branch.special
+            if point.kind == kind and point.label not in jumps and 0 < point.index < last
+            and stable[point.index - 1] != stable[point.index + 1]
+        ]  # fmt: skip
+        if labels:
+            lines.append(
+                f"stability also ends at {', '.join(labels)}, where {motions} leave: hbgear {command} FILE LABEL"
+            )
+    return lines
+
+
 def reliability_lines(branch: Branch) -> list[str]:
     """Return the estimated relative errors of a branch in one line, followed by its warnings.
 

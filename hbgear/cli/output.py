@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import hbgear as hb
-from hbgear.analysis.summary import jump_table, message_of, reliability_lines, special_table, text_of
+from hbgear.analysis.summary import jump_table, leaving_lines, message_of, reliability_lines, special_table, text_of
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
 from hbgear.mechanics.fields import defaults_of, kinds_of
@@ -201,12 +201,12 @@ def show_jumps(
     dimensionless: bool = False,
 ) -> None:
     """Print the jumps of a branch as a table, or that it has none; see `jump_table`."""
-    if not branch.jumps():
-        print_text("no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability")
-        return
-    headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
-    print_table(headers, rows, "jumps of a slow sweep")
-    for note in notes:
+    if branch.jumps():
+        headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
+        print_table(headers, rows, "jumps of a slow sweep")
+    else:
+        notes = ["no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability"]
+    for note in (*notes, *leaving_lines(branch)):
         print_text(note)
 
 

@@ -277,11 +277,12 @@ class HarmonicBalance(PeriodicMotions):
         return tuple((self.with_order(self.nu, H), 1 / (r**-2 - 1)) for H, r in fewer if self.nu <= H < self.H)
 
     def at_resolution_of(self, point: Point) -> HarmonicBalance:
-        """Return the balance with the harmonics of a point if these are more."""
+        """Return the balance with the harmonics of a point if these are more, or if its period is another one."""
         layout = point.layout
-        if not isinstance(layout, Layout) or layout.nu != self.nu or layout.harmonics <= self.H:
+        if not isinstance(layout, Layout) or (layout.nu == self.nu and layout.harmonics <= self.H):
             return self
-        return self._once("resized", layout.harmonics, lambda: self.with_order(self.nu, layout.harmonics))
+        own = layout.nu, layout.harmonics
+        return self._once("resized", own, lambda: self.with_order(*own))
 
     # ---- other samples, springs and loads
 

@@ -180,3 +180,35 @@ def test_validate_looks_at_the_jumps(fixed):
     assert not hb.validate(fixed, 1, landing="nearest").jumps
     headers, rows = report.jump_table()
     assert len(headers) == len(rows[0]) and rows[3][-1] == "lands on another stable motion of the curve"
+
+
+# ---- a period doubling in front of a fold
+
+
+def test_a_sweep_continues_on_the_doubled_motion_in_front_of_a_fold():
+    """The sweep leaves at a supercritical period doubling; the nearest motion of the mesh period is not reached."""
+    gears = [hb.gears.Gear(z, "2 mm", "20 mm") for z in (20, 35, 50)]
+    wheels = [
+        hb.gears.Wheel.of(name, gear, x=x, torque=torque)
+        for name, gear, x, torque in zip(
+            ("in", "idler", "out"), gears, (0.0, 0.055, 0.14), (50.0, 0.0, -125.0), strict=True
+        )
+    ]
+    pairs = hb.GearPair(gears[0], gears[1], "60 um"), hb.GearPair(gears[1], gears[2], "60 um")
+    meshes = [
+        hb.gears.Mesh.of("in", "idler", pairs[0], 50.0, 0.05), hb.gears.Mesh.of("idler", "out", pairs[1], 87.5, 0.05)
+    ]  # fmt: skip
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.Train(wheels, meshes), 16), "Omega", (1.0, 0.8))
+    fold = next(p for p in curve.special if p.kind == "LP" and p.parameters["Omega"] < 0.87)
+    doubling = max((p for p in curve.special if p.kind == "PD" and p.index < fold.index), key=lambda p: p.index)
+    assert curve[doubling.index - 1].stable and not curve[doubling.index + 1].stable
+    assert not {jump.label for jump in curve.jumps()} & {fold.label, doubling.label}
+    jump = hb.Jump(doubling.label, "Omega", doubling.parameters["Omega"], -1, doubling, None)
+    (found, *_), *_ = [group for _, group in landed((curve,), jump, arrivals(curve, jump))]
+    assert found.period == 2
+    doubled = hb.switch(curve, doubling.label)
+    (at,) = [i for i in range(len(doubled) - 1) if (doubled.values[i] - found.value) * (doubled.values[i + 1] -
+             found.value) <= 0][:1]  # fmt: skip
+    assert doubled[at].stable and found.motion is not None
+    assert found.motion.amplitude("rms") == pytest.approx(doubled[at].amplitude("rms"), rel=0.02)
+    assert found.motion.amplitude("rms") > 1.01 * doubling.amplitude("rms")

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli.app import app
+from hbgear.cli.commands.machine_report import contact_lost, without_stable_motion
 from hbgear.io.machines.train_file import TrainFileError, is_train, read_train
 from hbgear.mechanics.models import describe
 
@@ -135,6 +136,60 @@ def test_a_mesh_of_a_pair_has_the_static_torque_of_the_train(file):
     file.write_text(SHARED.replace('torque = "150 N m"\n', "", 1))
     with pytest.raises(TrainFileError, match="a mesh of a pair needs the torque on the first wheel"):
         read_train(file)
+
+
+IDLER = """[[wheel]]
+name = "in"
+torque = "50 N m"
+gear = { teeth = 20, module = "2 mm", face_width = "20 mm" }
+
+[[wheel]]
+name = "idler"
+x = "55 mm"
+gear = { teeth = 35, module = "2 mm", face_width = "20 mm" }
+
+[[wheel]]
+name = "out"
+x = "140 mm"
+torque = "-125 N m"
+gear = { teeth = 50, module = "2 mm", face_width = "20 mm" }
+
+[[mesh]]
+first = "in"
+second = "idler"
+pair = { backlash = "60 um" }
+
+[[mesh]]
+first = "idler"
+second = "out"
+pair = { backlash = "60 um" }
+"""
+
+
+def test_speeds_are_safe_only_with_stable_motions_and_contact_in_all_meshes(file):
+    file.write_text(IDLER)
+    train = read_train(file)
+    curve = hb.trace(hb.HarmonicBalance(train, 12), "Omega", (1.15, 0.85))
+    lost, unknown = contact_lost(train, curve), without_stable_motion(train, curve)
+    speeds, stable = np.asarray(train.scales.pinion_speed(curve.values)), np.asarray(curve.stable)
+    contact = np.asarray(curve.regime) == 0
+
+    def within(ranges, speed):
+        return any(low <= speed <= high for low, high in ranges)
+
+    assert all(within(lost, speeds[i]) for i in np.flatnonzero(~contact.all(axis=1))[1:-1])
+    for speed in np.linspace(speeds.min(), speeds.max(), 400):
+        near = [i for i in range(len(speeds) - 1) if min(speeds[i : i + 2]) <= speed <= max(speeds[i : i + 2])]
+        assert within(unknown, speed) or any(stable[i] or stable[i + 1] for i in near)
+    assert sum(high - low for low, high in unknown) > 1000
+    slower = hb.trace(hb.HarmonicBalance(train, 12), "Omega", (0.65, 0.55))
+    contact, speeds = np.asarray(slower.regime) == 0, np.asarray(train.scales.pinion_speed(slower.values))
+    second = np.flatnonzero(contact[:, 0] & ~contact[:, 1])  # contact of the second mesh alone is lost
+    assert len(second) > 2 and all(within(contact_lost(train, slower), speeds[i]) for i in second[1:-1])
+    result = CliRunner().invoke(app, ["speed", str(file), "--from", "35000r/min", "--to", "26000r/min"])
+    text = " ".join(result.output.split())
+    assert result.exit_code == 0 and "no stable motion of the mesh period: " in text, text
+    assert "where motions of twice the period leave: hbgear switch FILE LABEL" in text
 
 
 EPICYCLIC = """[epicyclic]

@@ -16,7 +16,7 @@ import numpy as np
 import hbgear as hb
 from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate
-from hbgear.analysis.summary import digits_of, text_at
+from hbgear.analysis.summary import digits_of, leaving_lines, text_at
 from hbgear.cli.output import print_table, print_text
 from hbgear.cli.support import label_on_curve
 from hbgear.common.arrays import Array
@@ -25,6 +25,10 @@ from hbgear.harmonic.equations.layout import layout_of
 
 MIN_PROMINENCE = 1.15
 """Peak over the larger of the minima on both sides, above which it is a resonance."""
+
+SHORTEST_RANGE = 1e-3
+"""Width of a range of speeds without a stable motion, over the highest speed, that is reported; next to special points
+the points of a curve leave shorter ones."""
 
 SAME_PEAK = 0.01
 """Relative difference of the speeds of a peak and of a jump that ends its branch."""
@@ -108,17 +112,36 @@ def _peaks(size: Array, stable: Array) -> list[int]:
 
 
 def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] in which a known motion loses the contact of the teeth."""
-    scales = model.scales
-    assert scales is not None
-    parts = []
+    """Return the ranges of the pinion speed [r/min] in which a known motion loses the contact of teeth of a mesh."""
+    names = getattr(model, "sharing", None) or [0]
+
+    def lost(branch: hb.Branch) -> Array:
+        layout, regime = layout_of(branch), np.asarray(branch.regime)
+        columns = [layout.index(name) if layout else 0 for name in names]
+        return np.asarray((regime[:, columns] > 0).any(axis=1))
+
+    return merged(part for branch in curve.curves for part in _speed_ranges(model, branch, lost(branch)))
+
+
+def without_stable_motion(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
+    """Return the ranges of the pinion speed [r/min] in which no stable motion of the period of the curve is known."""
+    stable: Ranges = []
     for branch in curve.curves:
-        layout = layout_of(branch)
-        lost = np.asarray(branch.regime)[:, layout.index(0) if layout else 0] > 0
-        speeds = np.asarray(scales.pinion_speed(branch.values))
-        for i in np.flatnonzero(lost[:-1] & lost[1:]):
-            parts.append((float(min(speeds[i : i + 2])), float(max(speeds[i : i + 2]))))
-    return merged(parts)
+        if branch.stable is None:
+            return []
+        stable += _speed_ranges(model, branch, np.asarray(branch.stable, bool))
+    values = np.concatenate([branch.values for branch in curve.curves])
+    assert model.scales is not None
+    low, high = (float(model.scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
+    return outside(merged(stable), low, high)
+
+
+def _speed_ranges(model: hb.mechanics.Model, branch: hb.Branch, holds: Array) -> Ranges:
+    """Return the ranges of the pinion speed [r/min] between neighbouring points at which a condition holds."""
+    assert model.scales is not None
+    speeds = np.asarray(model.scales.pinion_speed(branch.values))
+    pairs = (speeds[i : i + 2] for i in np.flatnonzero(holds[:-1] & holds[1:]))
+    return [(float(min(pair)), float(max(pair))) for pair in pairs]
 
 
 def merged(ranges: Iterable[tuple[float, float]]) -> Ranges:
@@ -184,6 +207,9 @@ def show_speeds(
         raise ValueError("the model has no scales, so its speeds in r/min are unknown")
     _show_resonances(model, curve)
     _show_jumps(model, curve, dimensionless)
+    for number, branch in enumerate(curve.curves, 1):
+        for line in leaving_lines(branch):
+            print_text(line if number == 1 else f"curve {number}: {line}")
     _show_ranges(model, curve, others or [])
     _show_critical(model, curve)
 
@@ -264,13 +290,18 @@ def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) ->
     values = np.concatenate([branch.values for branch in curve.curves])
     low, high = (float(scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
     lost = merged([*contact_lost(model, curve), *others])
-    if not lost:
+    unknown = [part for part in without_stable_motion(model, curve) if part[1] - part[0] > SHORTEST_RANGE * high]
+    if not lost and not unknown:
         print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
         return
-    safe = outside(lost, low, high)
+    safe = outside(merged([*lost, *unknown]), low, high)
     print_text(f"safe speeds, at which the teeth stay in contact and nothing jumps: "
                f"{speeds_text(safe) if safe else f'none from {low:.0f} to {high:.0f} r/min'}")  # fmt: skip
-    print_text(f"loss of contact is possible: {speeds_text(lost)}")
+    if lost:
+        print_text(f"loss of contact is possible: {speeds_text(lost)}")
+    if unknown:
+        others_text = "" if others else "; motions of other periods are not computed"
+        print_text(f"no stable motion of the mesh period: {speeds_text(unknown)}{others_text}")
 
 
 def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
@@ -330,7 +361,9 @@ def recommendation(
     str
         The sentence.
     """
-    lost = merged([*contact_lost(model, curve), *(others or [])])
+    lost = merged([*contact_lost(model, curve), *(others or []), *(
+        part for part in without_stable_motion(model, curve) if part[1] - part[0] > SHORTEST_RANGE * part[1]
+    )])  # fmt: skip
     found = [one for one in resonances(model, curve) if np.isfinite(one.factor)]
     if lost:
         text = f"avoid {speeds_text(lost)}"

@@ -19,6 +19,9 @@ from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_s
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
 
+_BRANCHING = ("BP", "PD")
+"""Kinds of special points at which another branch of periodic motions leaves."""
+
 UNCERTAIN_POINTS_AT_FOLD = 3
 """Number of points next to a fold whose stability may be wrong.
 
@@ -32,7 +35,8 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     If the section loses its stability just before the fold (PD, NS), the sweep leaves the branch there, and the jump
     has the label of that point. The sweep lands on the stable section of the same curve at the same parameter value. If
     there are several, it lands on the one with the nearest motion; see `nearest`. If the section loses its stability at
-    a branch point from which a stable branch leads on, the sweep continues on that branch and does not jump.
+    a branch point from which a stable branch leads on, the sweep continues on that branch and does not jump, and if a
+    stable motion of twice the period leads on from a period doubling, there is no jump in the list.
 
     Parameters
     ----------
@@ -62,7 +66,9 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     jumps = []
     for (point, direction, _), found in zip(left, monitored_points(branch, [found for *_, found in left]), strict=True):
         value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
-        onward = continuing(branch, point, direction, settings) if point.kind == "BP" else None
+        onward = continuing(branch, point, direction, settings) if point.kind in _BRANCHING else None
+        if onward is not None and point.kind == "PD":
+            continue
         if onward is not None:
             note = f"no jump: a stable branch leaves there, hb.switch(curve, '{point.label}')"
             jumps.append(
@@ -228,18 +234,19 @@ def distance(one: Point, other: Point) -> float:
 # ---- branches that continue a sweep
 
 DISTANCES_FROM_BRANCH_POINT = (0.02, 0.005)
-"""Distances from a branch point, relative to the solution norm, at which the new branch is evaluated."""
+"""Distances from a branch point or period doubling, relative to the solution norm, at which the new branch is
+evaluated."""
 
 
 def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: NewtonSettings) -> Point | None:
-    """Return a stable solution close to a branch point, on a branch that leads on in the direction of a sweep.
+    """Return a stable solution close to a special point, on a branch that leads on in the direction of a sweep.
 
     Parameters
     ----------
     branch : Branch
         Branch with its problem.
     point : SpecialPoint
-        A branch point of it.
+        A branch point or period doubling of it.
     direction : {1, -1}
         Sign of the parameter change along the sweep.
     settings : NewtonSettings
