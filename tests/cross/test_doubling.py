@@ -96,6 +96,7 @@ def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
     assert np.linalg.norm(integrate(PAIR.system(), Omega, y, 1).end - y) > 0.1
 
 
+@pytest.mark.slow
 def test_four_periods(doubled):
     """The doubled branch doubles again; its child carries its own stability and is a motion of four periods."""
     child = switch(doubled, "PD1")

@@ -35,6 +35,7 @@ def test_a_curve_of_a_hard_stop_is_traced_through_its_grazing_points(k):
         np.testing.assert_allclose(size, np.exp(-C * np.pi / each.values[free]), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_contacts_that_few_harmonics_do_not_resolve():
     """A stop without gap: H = 16 leaves an error of 5 % and loses points; the curve is traced in contact instants.
 

@@ -73,6 +73,7 @@ def is_where(curve, Omega, samples, point):
     return np.sqrt(np.mean((samples - np.tile(d, 2)) ** 2)) <= MAX_MOTION_DIFFERENCE * samples.std()
 
 
+@pytest.mark.slow
 def test_several_stable_motions_and_the_right_one(fixed):
     """Nearest in coefficients is the lower one at LP1; integration lands on the upper, rms 0.0933."""
     jump = next(j for j in fixed.jumps() if j.label == "LP1")
@@ -170,6 +171,7 @@ def test_along_a_load():
     assert [a.after for a in near] == [b.after for b in decided] and all(jump.after.stable for jump in decided)
 
 
+@pytest.mark.slow
 def test_validate_looks_at_the_jumps(fixed):
     report = hb.validate(fixed, 1)
     assert [jump.label for jump in report.jumps if not jump.ok] == ["LP4"] and not report.ok

@@ -32,6 +32,7 @@ def test_the_equations_are_differentiated_exactly(curve):
     assert (up - down) / 2e-6 == pytest.approx(now.dR_dp[-1], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
     """Also where the point has moved with the damping; the angle is that of the exponent."""
     equations = hb.harmonic.NeimarkSackerProblem(curve.problem.with_order(1, 32), "Omega")
@@ -93,6 +94,7 @@ def neimark_sacker_of(curve):
     return [p.parameters["Omega"] for p in curve.special if p.kind == "NS"]
 
 
+@pytest.mark.slow
 def test_two_pairs_next_to_the_circle_are_two_points():
     """Each is judged by its own exponent with more harmonics, not by that of the other pair."""
     problem, span = hb.HarmonicBalance(PAIR, 16), (0.43, 0.416)
@@ -148,6 +150,7 @@ def test_an_error_is_estimated_where_the_first_step_with_more_harmonics_ends_whe
     assert point.error < 1e-6
 
 
+@pytest.mark.slow
 def test_a_curve_that_the_harmonics_do_not_resolve_has_each_point_once():
     """H = 16 leaves an error of the Neimark-Sacker point; the curve is traced in contact instants."""
     stopped = hb.trace(hb.HarmonicBalance(between_stops(), 16), "Omega", (0.5, 0.6))

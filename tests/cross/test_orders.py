@@ -193,6 +193,7 @@ def test_a_file_knows_its_orders(tmp_path):
                                       curve.problem.residual(curve.X[3], Omega=curve.values[3]))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_motions_integrated_in_time(lost):
     report = hb.validate(lost, points=2, landing="nearest")
     assert report.ok, report.summary

@@ -189,6 +189,7 @@ def test_saved_tori_have_the_same_numbers_measures_and_figures(tori, tmp_path):
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_saved_tori_are_continued(curve, tori, tmp_path):
     """The continued branch is the branch that is traced at once; a file holds the problem."""
     part = hb.analysis.torus(curve, "NS1", (1.1, 1.14), harmonics=(8, 12))

@@ -82,6 +82,7 @@ def test_harmonic_balance_finds_the_same_points_and_no_others(curve):
     assert all(p.located for p in curve.special)
 
 
+@pytest.mark.slow
 def test_six_digits_by_both_methods(curve, shot):
     problem, truth = HarmonicBalance(two_masses(), 320), labelled(shot.special)
     found = {label: refined(problem, curve[label]) for label in POINTS}

@@ -127,6 +127,7 @@ def test_irregular_impacts_agree_with_pieces_in_closed_form(loads, half, harmoni
     assert abs(layout.measure_rows("rms", velocities) - rms_v) < 3e-6
 
 
+@pytest.mark.slow
 def test_a_doubled_basis_contains_the_motions_of_single_periods(tmp_path):
     """Halves of both phases, a band of frequencies, and files of them."""
     system, load = duffing(0.05, 0.1, 0.1), hb.Load(cosine={1: [0.1]}, power=1)
@@ -170,6 +171,7 @@ def test_figures_of_tori_accept_the_curve():
     assert hb.plot.torus_spectrum(curve, -1)
 
 
+@pytest.mark.slow
 def test_a_saved_curve_is_continued(tmp_path):
     load = hb.Load(cosine={1: [0.1]}, power=1)
     part = hb.analysis.two_tones(duffing(0.05, 0.1, 0.1), RATIO, (0.5, 0.6), load=load, harmonics=(4, 4))

@@ -23,6 +23,7 @@ def report(pair):
     return validate(pair, 10, 1e-5)
 
 
+@pytest.mark.slow
 def test_duffing_agrees_within_the_accuracy_of_integration():
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 15), "Omega", (0.5, 1.6))
     found = validate(curve, 6, 1e-9, multiplier_tolerance=1e-6)
@@ -79,6 +80,7 @@ def test_period_doubling_of_the_double_helical_pair():
     assert row.growth == pytest.approx(abs(row.mu_true), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_motions_of_two_periods():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 30), "Omega", (2.2, 1.85))
     doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=12))
@@ -139,6 +141,7 @@ def test_a_wrong_verdict_on_stability_is_found(pair):
         assert words != row.status and ("disturbances grow" if i == middle else "disturbances decay") in row.status
 
 
+@pytest.mark.slow
 def test_few_harmonics_are_confirmed_with_more_and_their_error_is_stated():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.9))
     found = validate(curve, 3, 1e-6)
@@ -162,6 +165,7 @@ def test_a_curve_whose_harmonics_vary_is_refined_too():
     assert row.refined and row.refined_error < 1e-5
 
 
+@pytest.mark.slow
 def test_the_default_harmonics_near_the_fold_of_the_double_helical_pair():
     """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
@@ -254,6 +258,7 @@ def test_a_curve_of_folds_is_refused():
         validate(replace(folds, layout=None), 1)
 
 
+@pytest.mark.slow
 def test_all_curves_of_the_span_are_validated_in_the_units_of_the_drawing():
     model = hb.SpurPair(zeta=0.01, eps=(0, 0.2), reference=(38000.0, 37.6e-6, 15000.0, 25))
     curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))

@@ -34,6 +34,7 @@ def test_points_between_two_folds_of_a_stop_are_unstable():
     assert max(one.off - 3 * one.error for one in decided if np.isfinite(one.error)) <= 1e-7
 
 
+@pytest.mark.slow
 def test_errors_of_multipliers_hold_on_a_curve_that_is_steep_in_omega():
     """The motion changes by a quarter of its size within 2e-5, and refined motions were compared 2e-5 away from Omega.
 
@@ -47,6 +48,7 @@ def test_errors_of_multipliers_hold_on_a_curve_that_is_steep_in_omega():
     assert max(one.off - 3 * one.error for one in held) <= 1e-7
 
 
+@pytest.mark.slow
 def test_a_hard_stop_is_decided_right_or_not_at_all():
     """k = 1e5, where multipliers of the balance are wrong by 3.5 though its motion seems accurate to 1e-4.
 
@@ -170,6 +172,7 @@ def test_small_multipliers_that_are_rounding_are_no_period_doublings():
     assert np.isfinite(slow.multipliers).all() and set(slow.stability) == {"unstable"} and not slow.special
 
 
+@pytest.mark.slow
 def test_two_multipliers_that_pass_together_have_a_doubling_each():
     """A planetary set: multipliers 1e-5 apart pass -1 within 4e-7 of Omega, and a slow sweep leaves there."""
     planets = hb.gears.PlanetarySet(
@@ -216,6 +219,7 @@ def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_it
     assert warned(0.5 * (curve.values[row + 1] + curve.values[row + 2]))
 
 
+@pytest.mark.slow
 def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():
     """A cubic spring and a stop in one element: no exact motion; every row is contradicted, and so refined."""
     law = hb.mechanics.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))

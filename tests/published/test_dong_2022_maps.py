@@ -109,6 +109,7 @@ def folds(**changes):
     return sum(point.kind == "LP" for point in curve.special)
 
 
+@pytest.mark.slow
 def test_jump_maps():
     """Response curves on either side of the critical load; load and error scale together."""
     module = study("maps")
@@ -136,6 +137,7 @@ def floquet(pair, Omega, steps=200):
     return np.linalg.eigvals(flow)
 
 
+@pytest.mark.slow
 def test_period_doubling_is_a_parametric_resonance():
     module = study("doublings")
     results = module.run(quick=True)

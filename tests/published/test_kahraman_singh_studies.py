@@ -134,6 +134,7 @@ def at(branch, heights, value):
     return ((1 - s) * heights[i] + s * heights[i + 1]).ravel()
 
 
+@pytest.mark.slow
 def test_rotor_bearing():
     """The points agree with integration; clearance moves the folds; where bearings stay loaded nothing changes."""
     module = study("kahraman_singh_1991.rotor_bearing")

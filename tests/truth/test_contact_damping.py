@@ -105,6 +105,7 @@ def test_refusals():
         hb.HarmonicBalance(hb.System([[1.0]], None, [[1.0]], [moved], hb.Load(cosine={1: [0.1]})), 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("Omega", "load", "state", "rms", "multiplier"),
     [

@@ -160,6 +160,7 @@ def test_stated_errors_contain_the_independent_values(curve: hb.Branch) -> None:
         assert abs(point.parameters["Omega"] - Omega) <= 3 * point.error
 
 
+@pytest.mark.slow
 def test_jumps_of_a_hard_stop_land_by_integration() -> None:
     """The motion after a jump by integration is the nearest solution, in its regime; it may have another period."""
     found = hb.trace(hb.HarmonicBalance(stop(1e4), 32), "Omega", (1.2, 2.0))
@@ -172,6 +173,7 @@ def test_jumps_of_a_hard_stop_land_by_integration() -> None:
         )
 
 
+@pytest.mark.slow
 def test_hard_stop_without_a_gap_starts_from_more_harmonics() -> None:
     """A contact of a seventieth of the period, which 16 harmonics do not show: the motion closes by Runge-Kutta."""
     k, c, F, Omega = 23357.0, 0.2, 0.1, 2.1

@@ -158,6 +158,7 @@ def pair_with_helix(angle):
     return hb.GearPair(*gears, backlash="80 um")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0, 15])
 def test_a_train_of_one_mesh_is_the_pair(angle):
     drawn = pair_with_helix(angle)

@@ -137,6 +137,7 @@ def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
     return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eps, omega, amplitude, rms, multiplier, harmonics", [
     (0.2, 0.9975088563587282, 2.000413678992092, 1.415095799728286, 0.282826994188057, 12),
     (1.0, 0.94295584744161, 2.0086198608748598, 1.4350529588979852, 0.0008596950636079459, 20),
@@ -173,6 +174,7 @@ def subcritical(damping: float = 0.1) -> hb.System:
     return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], Quartic())])
 
 
+@pytest.mark.slow
 def test_a_subcritical_hopf_point_leads_to_a_fold_of_cycles():
     """x'' + eps (c - 2 x^2 + x^4) x' + x = 0: averaging gives c = A^2 / 2 - A^4 / 8, a fold at A^2 = 2, c = 1/2."""
     (hopf,) = hb.analysis.hopf_points(subcritical(), "damping", (0.1, -0.1))

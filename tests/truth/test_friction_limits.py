@@ -176,6 +176,7 @@ def integrated(gap, Omega, periods):
     return np.array(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "Omega", "periods"), [(-0.1, 0.7, 60), (0.2, 1.3, 80), (-0.5, 0.8, 60)])
 def test_contact_friction_against_integration(gap, Omega, periods):
     system = foot(gap)
@@ -191,6 +192,7 @@ def test_contact_friction_against_integration(gap, Omega, periods):
     assert len(mu) == 5 and np.abs(np.sort(np.abs(mu)) - np.sort(np.abs(orbit.multipliers))).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_a_curve_with_contact_friction():
     """Every motion of the curve is one of the shooting method, with its multipliers where it is stable."""
     curve = hb.trace(hb.HarmonicBalance(foot(gap=-0.5), 9), "Omega", (0.5, 0.8))

@@ -66,6 +66,7 @@ def test_oil_whip_begins_at_the_eigenvalues(B, span, speed, whirl):
     assert abs(hopf.Omega - whirl) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "omega", "rms", "mu"), [
     (3.953677786941634, 1.2523348358019553, (0.029581847656695304, 0.030640596609450926), 0.9798199257799872),
     (4.263770162388036, 1.2745253128459275, (0.06853671613693213, 0.06568557633136167), 0.9050951813514796),

@@ -159,6 +159,7 @@ def test_the_linear_part_is_that_of_the_frozen_structure():
     assert not np.allclose(X, HarmonicBalance(system.at_speed(1.3), 5).start(Omega=1.1), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_nonlinear_motions_agree_with_integration_in_time():
     system = mesh()
     problem = HarmonicBalance(system, 24)

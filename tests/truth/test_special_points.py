@@ -82,6 +82,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
     np.testing.assert_allclose(U, truth, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_a_multiplier_is_one_at_a_fold(curve, label):
     """The fold is that of H harmonics, the multiplier that of the motion: they meet with H^-3, below 1e-8 at 800."""

@@ -99,6 +99,7 @@ def test_motion(name, motion):
 SPANS = {"T1": (1.7, 0.45), "S9": (0.12, 0.07)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, c in CASES.items() if c["special"]])
 def test_folds_and_period_doublings(name):
     meshes = CASES[name]["inputs"].get("period_meshes", 1)

@@ -100,6 +100,7 @@ def test_gaps_of_an_eccentric_gear():
         np.testing.assert_allclose(found, exact, atol=1e-12)  # the ring moves off the pinion, then along its rotation
 
 
+@pytest.mark.slow
 def test_motion_of_a_drawing_closes_under_integration():
     """Teeth with run-out, pitch errors and loss of contact, integrated pair by pair from the state of the balance."""
     f = 1e-6 * np.random.default_rng(3).normal(0.0, 3.0, 18)

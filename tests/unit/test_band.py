@@ -57,6 +57,7 @@ def test_each_parameter_against_two_curves(curve, name, unit, length):
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_monte_carlo_of_whole_curves(curve):
     """Each of many traced curves is where the first order puts it, and so is their standard deviation.
 

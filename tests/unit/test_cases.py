@@ -327,12 +327,14 @@ def goes_on(folder, before):
     return found
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
     code, _, files = stopped(tmp_path, "os.kill(os.getpid(), signal.SIGKILL)")
     assert code == -signal.SIGKILL and len(files) == 3
     goes_on(tmp_path, files)
 
 
+@pytest.mark.slow
 def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
     """The signal goes to all processes, as from a terminal."""
     code, out, files = stopped(tmp_path, "os.killpg(0, signal.SIGINT)")
@@ -361,6 +363,7 @@ def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
     assert len(groups) == 300 and max(groups) > 1
 
 
+@pytest.mark.slow
 def test_ctrl_c_twice_waits_for_nothing(tmp_path):
     """No case in work would end by itself."""
     (tmp_path / "study.py").write_text(ENDLESS)
@@ -389,6 +392,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_the_processes_start(tmp_path):
     """Nobody prints a traceback, not the processes either."""
     (tmp_path / "a.toml").write_text(STUDY.format(count=300))
@@ -594,6 +598,7 @@ def test_a_script_without_guard_gets_the_missing_line(tmp_path, end, line):
     assert f'write the line if __name__ == "__main__": before line {line}, and indent' in last and "study.py" in last
 
 
+@pytest.mark.slow
 def test_interactive_code_needs_no_guard(tmp_path):
     code = SCRIPT + "work()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)

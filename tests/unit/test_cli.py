@@ -186,6 +186,7 @@ def test_a_span_that_takes_several_curves(run):
     assert "unbounded" in out and run("plot", "w.npz", "-o", "w.svg")[0] == 0
 
 
+@pytest.mark.slow
 def test_points_of_the_second_curve_of_a_file(run):
     """Commands take 2:LP1; results, jumps and scatter are those of both curves."""
     wild = ["--set", "zeta=0.01", "--set", "eps=0,0.2", "--set", "e=0.05", "--harmonics", 8]
@@ -303,6 +304,7 @@ def test_warnings_are_one_line(run):
     assert re.fullmatch(r"hbgear: warning: the excitation has 3 harmonics but H = 2 .*\n", err)
 
 
+@pytest.mark.slow
 def test_linear_algebra_of_the_command_has_one_thread_by_default():
     as_command = "from hbgear.__main__ import main\ntry: main()\nexcept SystemExit: pass"
 
@@ -337,11 +339,13 @@ def test_module_and_version(run):
     assert run("--version") == (0, f"{hb.__version__}\n", "")
 
 
+@pytest.mark.slow
 def test_no_progress_bar_where_there_is_no_terminal(tmp_path):
     out = shell("-m", "hbgear", *QUICK, cwd=tmp_path, env={**ENVIRONMENT, "FORCE_COLOR": "1"})
     assert out.returncode == 0 and out.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_progress_bar_on_a_terminal(tmp_path):
     import pty

@@ -57,6 +57,7 @@ def test_critical_is_that_of_the_library(run):
     assert f"zeta = {place['zeta']}: a jump exists below" in out and f"Omega = {place['Omega']}\n" in out
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_critical_value(run):
     line = "critical spur-pair zeta --set zeta=0.1 --harmonics 6 --from 1.0 --to 0.6"
     code, out, err = run(f"{line} --sensitivity --max-rows 2 -o moved.csv --plot moved.png")

@@ -33,6 +33,7 @@ def saved(run):
     return "duffing.npz"
 
 
+@pytest.mark.slow
 def test_validate_agrees_and_writes_both_files(run, saved):
     code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
@@ -47,6 +48,7 @@ def test_validate_agrees_and_writes_both_files(run, saved):
 PAIR = "spur-pair --set zeta=0.0254 --set F_m=0.0469 --set eps=0.2286,0.1741,0.0462 --set e=0.00868 --set phase=sin"
 
 
+@pytest.mark.slow
 def test_jumps_that_are_integrated_say_so(run):
     """At LP4 the nearest of two motions is not the one that integration ends in; LP3 goes to either."""
     assert run(f"trace {PAIR} --from 2.5 --to 0.3 -o pair.npz")[0] == 0
@@ -68,6 +70,7 @@ def test_jumps_that_are_integrated_say_so(run):
     assert text.count("integrated") == 6 and "LP3: indeterminate: " in text
 
 
+@pytest.mark.slow
 def test_jumps_to_a_curve_that_is_given_name_it(run):
     assert run("trace spur-pair --set e=0.1 --from 2.6 --to 0.4 -o pair.npz")[0] == 0
     assert run("switch pair.npz PD1 -o doubled.npz")[0] == 0
@@ -89,6 +92,7 @@ def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
     assert [jump.landing_description for jump in hb.load("duffing.npz").jumps()] == ["nearest", "nearest"]
 
 
+@pytest.mark.slow
 def test_validate_confirms_with_more_harmonics_and_states_the_error_of_the_curve(run):
     assert run("trace duffing --harmonics 1 --from 1.0 --to 1.08 -o coarse.npz")[0] == 0
     code, out, err = run("validate coarse.npz --points 3 -o report.csv --plot report.png")

@@ -162,6 +162,7 @@ def look(path):
         assert peak < 40 * MB
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edit", EDITS)
 @pytest.mark.filterwarnings("ignore:Reading `.npy`")
 def test_edited_files_are_read_or_refused(whole, edit, tmp_path, capsys):

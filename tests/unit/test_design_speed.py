@@ -5,6 +5,7 @@ import importlib
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("on_path")
 def test_designs_and_maps():
     study = importlib.import_module("studies.speed.designs")

@@ -27,6 +27,7 @@ def module_of(path: Path):
     return module
 
 
+@pytest.mark.slow
 def test_picture_of_the_packages_agrees_with_the_code():
     packages = module_of(ROOT / "docs" / "packages.py")
     assert packages.upward() == []

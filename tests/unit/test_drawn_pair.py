@@ -77,6 +77,7 @@ def test_axes_in_physical_units():
     assert Ordinate("pp2").at(curve[0]) == pytest.approx(Ordinate("pp2").along(curve)[0])
 
 
+@pytest.mark.slow
 def test_a_curve_in_the_backlash_is_at_one_speed():
     """Beyond all contact with the back flanks and without loss of contact the backlash has no effect."""
     model = drawn().replace(damping=0.2, tip_relief=20.0)

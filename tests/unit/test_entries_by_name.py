@@ -51,6 +51,7 @@ def test_critical_value_of_an_entry_is_where_a_jump_vanishes(run):
     assert code == 2 and "SpurPair has no parameter 'e[7]'; did you mean 'e[0]'?" in err
 
 
+@pytest.mark.slow
 def test_maps_curves_and_fits_take_entries(run):
     for line in ("map spur-pair --in e[0]=0.1:0.12 --harmonics 2 --seeds 2",
                  "trace spur-pair --in e[0]=0.1:0.12 --at Omega=0.9 --harmonics 2",
@@ -59,6 +60,7 @@ def test_maps_curves_and_fits_take_entries(run):
         assert code == 0, err
 
 
+@pytest.mark.slow
 def test_studies_vary_entries(tmp_path):
     path = tmp_path / "a.toml"
     head = 'model = "spur-pair"\n[base]\ne = [0.1, 0.02]\n"e[1]" = 0.03\n'

@@ -126,6 +126,7 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
 # ---- what is computed
 
 
+@pytest.mark.slow
 def test_jump_maps_of_a_machine_are_over_its_model():
     found = Explorer(EditableMachine(machine()), SPAN, 4)
     names = [parameter["name"] for parameter in found.start()["map"]]
@@ -174,6 +175,7 @@ def test_jump_map_is_that_of_the_library():
         np.testing.assert_allclose(line["y"], arm.values, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_jump_map_of_two_parameters_holds_omega():
     axes = {"x": ["F_m", 0.05, 0.3], "y": ["zeta", 0.045, 0.055], "Omega": 0.75}
     told = explorer().jump_map("s", Request({}, SPAN, 4), axes)
@@ -548,6 +550,7 @@ def slow(monkeypatch):
     return values
 
 
+@pytest.mark.slow
 def test_an_overtaken_or_cancelled_curve_is_no_error(shown, slow):
     from selenium.webdriver.common.keys import Keys
 
@@ -573,6 +576,7 @@ def test_an_overtaken_or_cancelled_curve_is_no_error(shown, slow):
     assert complaints(shown) == []
 
 
+@pytest.mark.slow
 def test_undo_link_and_reset(shown):
     from selenium.webdriver.common.keys import Keys
 
@@ -613,6 +617,7 @@ def test_the_heading_states_the_model_in_words(shown):
     waited_for(shown, f"document.getElementById('title').textContent === 'Spur pair, zeta = {zeta:g}, eps = 0.1'")
 
 
+@pytest.mark.slow
 def test_the_vertical_axis_fits_each_curve_after_an_unbounded_one(driver):
     """The axis ends at a multiple of the bounded part of an unbounded curve, and at the top of the next curve."""
     from selenium.webdriver.common.keys import Keys
@@ -715,6 +720,7 @@ class Slow(Explorer):
         return super()._traced(asked, job)
 
 
+@pytest.mark.slow
 def test_a_long_computation_shows_progress_and_can_be_cancelled(driver):
     resized(driver, 1400, 1100)
     with served(Slow(EditableInstance(MODEL, "spur-pair"), SPAN, 4)) as server:

@@ -202,6 +202,7 @@ def test_a_figure_that_fails_costs_nothing_else(folder, capsys, monkeypatch):
     assert os.listdir() == ["a.npz"] and len(hb.load("a.npz"))
 
 
+@pytest.mark.slow
 @posix
 def test_output_that_cannot_be_printed(folder):
     with open("/dev/full", "w") as full:

@@ -91,6 +91,7 @@ def test_derivatives_of_predictions(largest):
         np.testing.assert_allclose(far[-2:, i], both, rtol=1e-4, atol=1e-6 / value)
 
 
+@pytest.mark.slow
 def test_coverage_in_small(largest):
     """Of a few noise draws of 1 %, all estimates within 4 standard errors and most within 2; see the study."""
     Omega, direction, amplitude, _ = largest

@@ -128,6 +128,7 @@ def test_curves_folds_and_critical_values_of_a_function_are_those_of_the_class()
     np.testing.assert_array_equal(maps[0].arms[0].Omega, maps[1].arms[0].Omega)
 
 
+@pytest.mark.slow
 def test_cases_of_a_function_in_processes_are_those_of_the_class():
     vary = hb.design.grid(zeta=[0.05, 0.06])
     own, known = (
@@ -252,6 +253,7 @@ def test_a_saved_curve_runs_no_code_until_its_model_is_named_again(run):
     assert run("trace", "mine.py:two", "--set", "F=0.18", *args)[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mine.py:two", "mine:two"])
 def test_a_study_of_a_function_in_a_file(run, tmp_path, name):
     study = f'model = "{name}"\n[base]\nF = 0.18\n[grid]\nzeta = [0.05, 0.06]\n'

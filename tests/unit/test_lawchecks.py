@@ -116,6 +116,7 @@ def test_damping_that_is_negative_everywhere():
 # ---- samples of steep laws
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("H", [15, 31])
 def test_the_error_of_steep_friction_is_stated(H):
     """x'' + x + tanh(x' / 1e-3) / 2 = cos(.8 t): 2.331953 by integration (LSODA); Den Hartog for sign(x'): 2.332235."""

@@ -189,6 +189,7 @@ def test_speed_over_a_span_in_its_own_unit(run, file):
     )
 
 
+@pytest.mark.slow
 def test_gear_reports_the_requested_quantities(run, tmp_path):
     code, out, err = run("gear", *DRAWING, "--damping", 0.04, "-o", "box.toml")
     assert (code, err) == (0, "")
@@ -218,6 +219,7 @@ def test_gear_with_pairs_of_teeth(run, tmp_path):
     assert "must be one of teeth, secant, tangent" in run("gear", *DRAWING, "--mesh", "mean")[2]
 
 
+@pytest.mark.slow
 def test_gear_states_its_assumptions(run):
     """Also with the torque in the other direction, which loads the back flanks."""
     code, out, err = run("gear", *DRAWING, "--torque", "-200Nm", "--harmonics", 8, "--plot", "x.pdf")
@@ -258,6 +260,7 @@ def test_speed_needs_a_machine(run):
     assert "has no scales, so its speeds" in run("speed", "duffing")[2]
 
 
+@pytest.mark.slow
 def test_a_helical_ring_on_the_command_line(run, tmp_path):
     code, out, err = run("gear", "--z", "21,-72", "--module", "2 mm", "--width", "25 mm", "--torque", "80 N m",
                          "--backlash", "60 um", "--helix", "12 deg", "--shift", "0.4,-0.4", "-o",

@@ -306,6 +306,7 @@ def bomb_mat(path, size):
     path.write_bytes(text + struct.pack("<II", 15, len(data)) + data)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("make", [bomb_npz, bomb_mat], ids=["npz", "mat"])
 def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is_read(tmp_path, make):

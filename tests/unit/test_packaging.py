@@ -58,6 +58,7 @@ def unportable(path, text):
     return found
 
 
+@pytest.mark.slow
 def test_no_names_of_one_system_and_every_text_has_an_encoding():
     sources = {path.as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "hbgear").rglob("*.py")}
     assert [line for path, text in sources.items() for line in unportable(path, text)] == []
@@ -83,6 +84,7 @@ with _delayed_ctrl_c():
 """
 
 
+@pytest.mark.slow
 def test_a_curve_is_traced_and_saved_without_posix_functions(tmp_path):
     program = MISSING_ON_WINDOWS.format(
         os_names=("sched_getaffinity", "getuid", "getloadavg", "sysconf"),

@@ -206,6 +206,7 @@ def test_directions_that_depend_on_each_other(sampled):
     np.testing.assert_allclose(across, (ends[0] - ends[1]) / (2 * e), rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_dependent_directions_agree_with_integration():
     curve = trace(HarmonicBalance(between_three(), 24), "Omega", (0.9, 1.6))
     assert curve.status.complete and curve.residual.max() < 1e-10

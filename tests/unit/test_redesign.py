@@ -25,6 +25,7 @@ def plain():
     return hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"]).values["zeta"]
 
 
+@pytest.mark.slow
 def test_a_jump_is_removed_by_the_least_change():
     """Against the cusp in the damping at each of many factors of the error: the nearest of them to the design."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta", "e_scale"])
@@ -57,6 +58,7 @@ def test_a_peak_is_lowered_to_its_limit():
         assert curve.amplitude("pp2").max() > 0.9 * own
 
 
+@pytest.mark.slow
 def test_a_reserve_for_scatter(plain):
     """With a standard deviation of the damping, the damping at the cusp and two deviations more."""
     safe = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
@@ -84,6 +86,7 @@ def test_peaks_of_motions_without_bound():
     assert math.isinf(_traced_shortfall(search, np.zeros(1), {})[1])
 
 
+@pytest.mark.slow
 def test_a_parameter_that_removes_no_jump():
     """eps_scale is a factor of amplitudes, and this pair has none."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["eps_scale"])
@@ -91,6 +94,7 @@ def test_a_parameter_that_removes_no_jump():
     assert found.message.startswith("jumps remain, and no value of eps_scale was found at which one vanishes")
 
 
+@pytest.mark.slow
 def test_a_cusp_farther_away(cusp):
     """A margin moves the damping that far beyond its cusp; the distance may be in a parameter that does not change."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2), ["zeta"])
@@ -128,6 +132,7 @@ def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
         assert missed == pytest.approx(expected, rel=1e-12) and not curve.jumps()
 
 
+@pytest.mark.slow
 def test_a_goal_for_every_machine_of_a_sample(plain):
     """Deviations of the damping alone: the worst of them, or that of the share, is at the cusp."""
     drawn = hb.design.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
@@ -214,6 +219,7 @@ def run(*words):
     return end.value.code
 
 
+@pytest.mark.slow
 def test_command(tmp_path, capsys):
     said = ["redesign", "duffing", "--harmonics", "1"]
     path = tmp_path / "new.npz"

@@ -57,6 +57,7 @@ def test_static_response_is_exact():
     assert reduce(full, 3).error(0.0)[0] < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [hb.Cubic(k1=0.0, k3=0.5), hb.Unilateral(k=0.3, gap=0.5)])
 def test_curve_and_multipliers_of_the_full_chain(law):
     n = 40

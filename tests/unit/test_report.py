@@ -118,6 +118,7 @@ def test_warnings_are_highlighted(pair, monkeypatch):
     assert '<p class="warning">warning: the errors are large; use more harmonics</p>' in text
 
 
+@pytest.mark.slow
 def test_several_curves_with_measured_points_and_a_study(pair, tmp_path):
     (tmp_path / "run.csv").write_text("speed [r/min], x\n9000, 0.1\n10000; 0.2\n".replace(";", ","))
     study = hb.design.cases(
@@ -366,6 +367,7 @@ def test_figure_is_saved_from_the_toolbar(shown):
     assert str(found).startswith("data:image/svg+xml") and complaints(shown) == []
 
 
+@pytest.mark.slow
 def test_page_in_a_frame_of_a_published_notebook(driver, pair, tmp_path):
     """Sphinx strips lines, expands tabs and splits at other ends of lines; the scripts of the page stay as they are."""
     frame = hb.report(pair, title="pair")._repr_html_()

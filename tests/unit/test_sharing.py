@@ -99,6 +99,7 @@ def hasty():
     sys.setswitchinterval(before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [hb.SpurPair(eps=(0.2,)), Pair()], ids=["exact", "sampled"])
 def test_threads_that_share_a_problem_find_the_same_results(model, hasty):
     together = Barrier(len(TASKS))

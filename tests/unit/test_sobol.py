@@ -86,6 +86,7 @@ def test_quantities_without_indices(found):
         hb.design.saltelli(12, **SCATTER)
 
 
+@pytest.mark.slow
 def test_study_file(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (

@@ -68,6 +68,7 @@ MACHINES = {
 # ---- truths
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_agrees_with_dop853(name):
     model, Omega, y = MACHINES[name]

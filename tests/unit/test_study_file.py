@@ -285,6 +285,7 @@ def test_naming_a_file_runs_no_code(own_model, capsys):
     assert not (own_model / "ran").exists()
 
 
+@pytest.mark.slow
 def test_code_of_a_file_runs_if_that_is_allowed(own_model, capsys):
     assert read_study("a.toml", allow_code=True).model.zeta == 0.05
     assert (own_model / "ran").exists()
