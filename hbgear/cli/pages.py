@@ -28,7 +28,7 @@ Measured = Annotated[
     typer.Option(
         "--measured",
         metavar="FILE",
-        help="A table of measured points whose header states units, such as 'n [r/min], dte [um], direction'; "
+        help="A table of measured points whose header states units in square brackets, such as n in r/min, dte in um; "
         "repeatable.",
     ),
 ]

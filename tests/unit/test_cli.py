@@ -659,3 +659,11 @@ def test_former_names_are_not_in_the_help(run):
         assert name not in text
     for name in ("results", "--frequencies", "--max-periods", "--curve"):
         assert name in text
+
+
+def test_help_has_no_brackets_that_the_terminal_takes_as_styles():
+    from typer.main import get_command
+
+    for name, command in get_command(cli.app).commands.items():
+        texts = [command.help or "", *(getattr(one, "help", None) or "" for one in command.params)]
+        assert not [text for text in texts if re.search(r"\[[a-z/]", text)], name

@@ -163,8 +163,8 @@ def fit(
         Path,
         typer.Argument(
             metavar="DATA.csv",
-            help="Columns frequency, amplitude, direction (up or down) and deviation, with units such as [r/min]; "
-            "see --column.",
+            help="Columns frequency, amplitude, direction (up or down) and deviation, with units in square "
+            "brackets, such as r/min; see --column.",
         ),
     ],
     model: Model,

@@ -22,7 +22,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.mechanics.structures.matrices import square
 
-MAX_COORDINATES = 4000
+MAX_MODAL_COORDINATES = 4000
 """Largest number of coordinates [-]; all modes of more take minutes and gigabytes."""
 
 ASYMMETRY = 1e-9
@@ -50,7 +50,7 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
     ------
     ValueError
         If a matrix is not symmetric, M is not positive definite, K has a negative eigenvalue, a ratio is negative, or
-        there are more than `MAX_COORDINATES` coordinates.
+        there are more than `MAX_MODAL_COORDINATES` coordinates.
 
     Examples
     --------
@@ -84,9 +84,9 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
 
 def _symmetric(name: str, A: Any) -> Array:
     """Return a matrix as a symmetric array."""
-    if A.shape[0] > MAX_COORDINATES:
-        raise ValueError(f"modal_damping: {A.shape[0]} coordinates, at most {MAX_COORDINATES}; reduce the structure "
-                         "first (hb.mechanics.reduce), or give C")  # fmt: skip
+    if A.shape[0] > MAX_MODAL_COORDINATES:
+        raise ValueError(f"modal_damping: {A.shape[0]} coordinates, at most {MAX_MODAL_COORDINATES}; reduce the "
+                         "structure first (hb.mechanics.reduce), or give C")  # fmt: skip
     full = A if isinstance(A, np.ndarray) else A.toarray()
     if np.abs(full - full.T).max() > ASYMMETRY * np.abs(full).max():
         raise ValueError(f"modal_damping: {name} is not symmetric, so it has no real modes; give C")
