@@ -337,6 +337,7 @@ def test_command(tmp_path, largest, capsys):
     assert run(*said, "--harmonics", "8", "--plot", str(figure)) == 0
     out = capsys.readouterr().out
     assert "zeta" in out and "correlation" in out and "root mean square of the residuals" in out and figure.exists()
+    assert "1% of each amplitude is assumed, and the uncertainties follow" in " ".join(out.split())
     assert run(*said, "--unit", "knots") == 2
     assert "unit = 'knots'" in capsys.readouterr().err
     said[6] = "zeta=0.01"

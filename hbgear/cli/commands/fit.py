@@ -26,7 +26,7 @@ from hbgear.cli.options import (
     Model,
     OwnModel,
 )
-from hbgear.cli.output import bar, finish, print_table
+from hbgear.cli.output import bar, finish, print_table, print_text
 from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
 from hbgear.cli.support import (
     assignments,
@@ -227,6 +227,11 @@ def fit(
             print_table(["", "correlation"], pairs)
         if not math.isnan(found.mean_square):
             print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        if measured.assumed:
+            from hbgear.design.fitting.measurements import DEFAULT_DEVIATION
+
+            print_text(f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
+                       "uncertainties follow from the residuals.")  # fmt: skip
         for warning in found.warnings:
             print(f"warning: {warning}")
     finish(found)
