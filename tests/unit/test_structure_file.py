@@ -112,7 +112,7 @@ def test_on_the_command_line(name, folder):
         (SEPARATE, "gap = 0.1", "", "line 7: law = 'unilateral' needs gap"),
         (SEPARATE, "gap = 0.1", "gap = 0.1\nb = 2.0", "law = 'unilateral' has no b; it has k, gap, eps"),
         (SEPARATE, "case = -1.0", "cage = -1.0", "no coordinate 'cage'; did you mean 'case'"),
-        (SEPARATE, 'law = "unilateral"', 'law = "stop"', "law = 'stop'"),
+        (SEPARATE, 'law = "unilateral"', 'law = "stop"', "there is no law 'stop'"),
         (SEPARATE, "2 = { case = 0.5 }", "two = { case = 0.5 }", "'two' is not a harmonic"),
         (SEPARATE, "k = 200.0", "k = -200.0", "k"),
         (SEPARATE, '["shaft", "case"]', '["shaft"]', "1 dof_names for 2 coordinates"),
@@ -180,4 +180,18 @@ def test_matrices_without_their_table_are_a_structure(tmp_path):
     file.write_text(f"M = {M.tolist()}\nK = {K.tolist()}\n" + ELEMENTS)
     assert is_structure(file)
     with pytest.raises(StructureFileError, match=r"unknown key 'M'; it has: matrices, receptances, element, load"):
+        read_structure(file)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [("unilaterall", "there is no law 'unilaterall'; did you mean 'unilateral'"),
+     ("rubber", "there is no law 'rubber'; give one of cubic, .*backlash"),
+     ("parallel", "law = 'parallel' cannot be given in TOML")],
+)  # fmt: skip
+def test_unknown_laws_are_named(tmp_path, law, words):
+    file = tmp_path / "law.toml"
+    text = ELEMENTS.replace('"unilateral"', f'"{law}"')
+    file.write_text(f"[matrices]\nM = {M.tolist()}\nK = {K.tolist()}\n" + 'names = ["shaft", "case"]\n' + text)
+    with pytest.raises(StructureFileError, match=words):
         read_structure(file)

@@ -23,6 +23,7 @@ then their names in it. ``[receptances]`` has ``file = "test.uff"``, or ``tables
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -31,6 +32,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hbgear.common.process.signals import defer_signals
+from hbgear.common.text.messages import quoted
 from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
@@ -110,7 +112,6 @@ def _schema() -> Any:
     strict: Any = exactly()
     vector: Any = dict[str, float]
     quantity: Any = Literal["receptance", "mobility", "accelerance"]
-    law: Any = Literal[tuple(LAWS)]
     own: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
     ratios: Any = float | list[float]
     matrices = create_model(
@@ -129,7 +130,7 @@ def _schema() -> Any:
             keys[key] = kind if key not in keys else keys[key] | kind
     keys = {key: (kind, None) for key, kind in keys.items()}
     element: Any = create_model(
-        "element", __config__=strict, name=(str, ""), direction=(vector | list[vector], ...), law=(law, ...),
+        "element", __config__=strict, name=(str, ""), direction=(vector | list[vector], ...), law=(str, ...),
         damping=(float, 0.0), error=(list[float], None), **keys,
     )  # fmt: skip
     load: Any = create_model(
@@ -205,7 +206,7 @@ def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
 
 def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[Element, ...]:
     """Return the element of a table, or the elements of a law of several displacements with a list of directions."""
-    law = LAWS[table["law"]].from_toml(_law_keys(table))
+    law = _law_entry(table["law"]).from_toml(_law_keys(table))
     error = Series(0.0, tuple(table.get("error") or ()))
     damping, name = table.get("damping", 0.0), table.get("name", "")
     if isinstance(law, VectorLaw):
@@ -218,6 +219,22 @@ def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[El
     if isinstance(table["direction"], list):
         raise ValueError(f"law = '{table['law']}' has one displacement: give one direction, such as {{ x = 1.0 }}")
     return (Element(part.along(table["direction"]), law, error, damping, name),)
+
+
+def _law_entry(name: str) -> Any:
+    """Return the registered law of a name.
+
+    Raises
+    ------
+    ValueError
+        If no law has the name.
+    """
+    if name in LAWS:
+        return LAWS[name]
+    known = [law for law, entry in LAWS.items() if not entry.no_toml]
+    close = difflib.get_close_matches(name, known, n=1)
+    remedy = f"did you mean '{close[0]}'?" if close else f"give one of {', '.join(known)}"
+    raise ValueError(f"there is no law {quoted(name)}; {remedy}")
 
 
 def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
