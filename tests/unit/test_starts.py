@@ -192,6 +192,8 @@ def test_a_supercritical_pitchfork_is_no_jump():
     assert abs(jump.after.amplitude("H1", 0) - jump.after.amplitude("H1", 1)) > 1e-3 * before
     branch = hb.switch(curve, jump.label, steps=hb.StepControl(max_points=8))
     assert branch.stable.all() and branch.values[-1] > branch.values[0]
+    (found,) = hb.validate(curve, [jump.label]).jumps
+    assert found.ok and found.status == "agrees" and found.rms == pytest.approx(found.before, rel=0.1)
 
 
 def test_a_subcritical_pitchfork_is_a_jump():

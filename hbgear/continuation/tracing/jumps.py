@@ -259,16 +259,30 @@ def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: Ne
     """
     name = branch.parameter
     for away in DISTANCES_FROM_BRANCH_POINT:
-        for one in (_point_on_new_branch(branch, point, side, away, settings) for side in (1, -1)):
+        for one in (point_on_new_branch(branch, point, side, away, settings) for side in (1, -1)):
             if one is not None and one.stable and (one.parameters[name] - point.parameters[name]) * direction > 0:
                 return one
     return None
 
 
-def _point_on_new_branch(
+def point_on_new_branch(
     branch: Branch, point: SpecialPoint, side: int, away: float, settings: NewtonSettings
 ) -> Point | None:
-    """Return the monitored solution at a distance from a branch point on the new branch; None if it does not exist."""
+    """Return the monitored solution at a distance from a special point on the new branch; None if it does not exist.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch with its problem.
+    point : SpecialPoint
+        A branch point or period doubling of it.
+    side : {1, -1}
+        Direction in which the new branch leaves.
+    away : float
+        Distance relative to the solution norm.
+    settings : NewtonSettings
+        Settings of the corrector.
+    """
     event = event_of(branch, point)
     left = event.branch_direction(branch, point, side) if event else None
     if left is None:

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,9 +38,11 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import LANDINGS, Jump, Point
+from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
+from hbgear.continuation.tracing.jumps import DISTANCES_FROM_BRANCH_POINT, point_on_new_branch
+from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.series.fourier import to_complex
@@ -189,8 +192,29 @@ def _check_jump(curves: tuple[Branch, ...], number: int, jump: Jump) -> JumpChec
     after = float("nan") if stated is None else stated.amplitude("rms", which)
     return JumpCheck(
         jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
-        found.period, found.integrated_periods, decided, _landing_status(curves, number, stated, ends), number + 1,
+        found.period, found.integrated_periods, decided,
+        AGREES if _continues(own, jump, found) else _landing_status(curves, number, stated, ends), number + 1,
     )  # fmt: skip
+
+
+def _continues(branch: Branch, jump: Jump, found: JumpOutcome) -> bool:
+    """Return whether a sweep that continues on a bifurcating branch by the curve does so by integration.
+
+    The motion must lie on the branch that leaves in one of both directions, at the value of the integration.
+    """
+    if jump.landing != BIFURCATING or found.motion is None:
+        return False
+    point = next(one for one in branch.special if one.label == jump.label)
+    for side in (1, -1):
+        start = point_on_new_branch(branch, point, side, DISTANCES_FROM_BRANCH_POINT[0], NewtonSettings())
+        if start is None:
+            continue
+        span = (start.parameters[jump.parameter], found.value)
+        with suppress(NoConvergence, ValueError):
+            part = trace(start.problem, jump.parameter, span, start, cover=False, special=False, accuracy=None)
+            if part.status.complete and same_motion(found.motion, (part[-1],)) is not None:
+                return True
+    return False
 
 
 def _landing_status(
