@@ -242,7 +242,9 @@ def _follow_section(
         turned, lost = (values[after] - values[last]) * sign <= 0, not stable[after]
         if (turned or lost) and not any(abs(i - last) <= _MAX_FOLD_OFFSET for i in leaving):
             where = labels.get(last, f"{branch.parameter} = {values[last]:.6g}")
-            return np.array(points), None, f"the motion loses its stability at {where}, and no branch continues there"
+            more = f"; hb.switch(curve, '{where}') traces one of twice the period" if where.startswith("PD") else ""
+            text = f"the motion loses its stability at {where}, and none of the branches continues there{more}"
+            return np.array(points), None, text
         last = after
         points.append(last)
     return np.array(points), leaving[last], ""
