@@ -358,7 +358,8 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
     value, in_Omega, in_D = _dynamic_stiffness(evaluator, Omega, D)
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
-    Q, Lt = np.linalg.solve(value, W), np.linalg.solve(value.transpose(0, 2, 1), W).transpose(0, 2, 1)
+    Q, turned = np.linalg.solve(value, W), value.transpose(0, 2, 1)
+    Lt = (Q if np.array_equal(value, turned) else np.linalg.solve(turned, W)).transpose(0, 2, 1)
     G = W.transpose(0, 2, 1) @ Q
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
     out.matrices[0, 0], out.constants[0, 0] = rest.Z[0], rest.g[0]
