@@ -22,6 +22,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import Jump, Point
+from hbgear.continuation.switch import switch
 from hbgear.continuation.tracing.jumps import nearest
 from hbgear.harmonic.equations.layout import layout_of
 
@@ -149,7 +150,7 @@ class RunUp:
 
 
 @checked_arguments()
-def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ()) -> RunUp:
+def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (), doublings: int = 0) -> RunUp:
     """Return the run-up or run-down along a branch and others.
 
     The sweep starts at the stable motion of `Branch.curves` with the lowest value of the parameter (the highest one for
@@ -163,6 +164,9 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ())
         Direction of the sweep. The default is "up".
     others : sequence of Branch, optional
         Further branches on which jumps may land, in addition to `Branch.others`.
+    doublings : int, optional
+        Number of period doublings at which the motions of twice the period are traced and followed, if the sweep loses
+        its stability there. The default is 0.
 
     Returns
     -------
@@ -203,7 +207,15 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = ())
         if landing is None:
             value = float(_value_beyond(branches[at].values, points, sign))
             known = stable_motions(branches, at, value)
-            landed = nearest(branches[at][int(points[-1])], [point for point, _ in known])
+            here = branches[at][int(points[-1])]
+            landed = nearest(here, [point for point, _ in known])
+            doubled = _doubled(branches[at], int(points[-1])) if landed is None and doublings > 0 else None
+            if doubled is not None:
+                doublings -= 1
+                branches = (*branches, doubled)
+                found = landings(branches)
+                known = stable_motions(branches, at, value)
+                landed = nearest(here, [point for point, _ in known])
             if landed is None:
                 return RunUp(direction, tuple(sections), tuple(jumps), message)
             at = next(i for point, i in known if point is landed)
@@ -248,6 +260,12 @@ def _follow_section(
         last = after
         points.append(last)
     return np.array(points), leaving[last], ""
+
+
+def _doubled(branch: Branch, last: int) -> Branch | None:
+    """Return the branch of twice the period that leaves next to a point; None without a period doubling there."""
+    label = next((one.label for one in branch.special if one.kind == "PD" and abs(one.index - last) <= 1), None)
+    return None if label is None else switch(branch, label)
 
 
 def _value_beyond(values: Array, points: np.ndarray, sign: int) -> float:

@@ -44,6 +44,9 @@ def test_a_run_goes_on_along_doubled_motions():
     doubled = hb.switch(curve, "PD1")
     down = hb.analysis.run_up(curve, "down", [doubled])
     assert down.message == "Omega = 0.2 reached" and down.sections[-2].branch is doubled
+    followed = hb.analysis.run_up(curve, "down", doublings=1)
+    assert followed.message == down.message and len(followed.sections) == len(down.sections)
+    np.testing.assert_allclose(followed.sections[-2].values, down.sections[-2].values)
     axes = hb.plot.runs(curve, others=[doubled])
     assert sum(line.get_gid() == "on another curve" for line in axes.lines) >= 1
 
