@@ -227,7 +227,8 @@ def test_jumps_do_not_depend_on_the_points_of_a_curve(on_path):
     problem = hb.HarmonicBalance(machine("bearings", 2).model, 16)
     up, down = (hb.trace(problem, "Omega", span, cover=False) for span in ((0.3, 0.45), (0.45, 0.3)))
     jumps = [sorted((jump.value, jump.direction) for jump in curve.jumps()) for curve in (up, down)]
-    assert len(jumps[0]) == 6 and np.allclose(*jumps, rtol=0, atol=1e-8)
+    # at the period doubling in front of LP5 integration continues with twice the period: no jump
+    assert len(jumps[0]) == 5 and np.allclose(*jumps, rtol=0, atol=1e-8)
     for curve in (up, down):
         ends = [p.index for p in curve.special if p.located and p.kind in ("LP", "PD", "NS", "BP")]
         assert len(ends) > 8 and min(np.diff(ends)) > 1
