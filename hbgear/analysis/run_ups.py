@@ -32,6 +32,9 @@ DIRECTIONS = {"up": 1, "down": -1}
 _MAX_JUMPS = 1000
 """Number of jumps after which a run-up is stopped; prevents an endless loop between sections."""
 
+_MAX_DOUBLING_OFFSET = 3
+"""Largest number of points between the last stable point and the period doubling at which stability is lost."""
+
 _MAX_FOLD_OFFSET = 4
 """Number of points next to a fold whose stability may be that of the other side of the fold."""
 
@@ -198,6 +201,7 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
     if not starts:
         raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
     _, at, first = min(starts)
+    span = float(branch.values.min()), float(branch.values.max())
     found = landings(branches)
     sections: list[BranchSection] = []
     jumps: list[Jump] = []
@@ -209,12 +213,15 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
             known = stable_motions(branches, at, value)
             here = branches[at][int(points[-1])]
             landed = nearest(here, [point for point, _ in known])
-            doubled = _doubled(branches[at], int(points[-1])) if landed is None and doublings > 0 else None
+            doubled = _doubled(branches[at], int(points[-1]), span) if landed is None and doublings > 0 else None
             if doubled is not None:
-                doublings -= 1
-                branches = (*branches, doubled)
+                start = _first_stable(doubled, branches[at].values[points[-1]], sign)
+                doublings, branches = doublings - 1, (*branches, doubled)
                 found = landings(branches)
-                known = stable_motions(branches, at, value)
+                if start is not None:
+                    at, first, landed = len(branches) - 1, start, doubled[start]
+                    continue
+                known = stable_motions(branches, at, value)  # a subcritical doubling: the sweep jumps
                 landed = nearest(here, [point for point, _ in known])
             if landed is None:
                 return RunUp(direction, tuple(sections), tuple(jumps), message)
@@ -262,10 +269,18 @@ def _follow_section(
     return np.array(points), leaving[last], ""
 
 
-def _doubled(branch: Branch, last: int) -> Branch | None:
+def _doubled(branch: Branch, last: int, span: tuple[float, float]) -> Branch | None:
     """Return the branch of twice the period that leaves next to a point; None without a period doubling there."""
-    label = next((one.label for one in branch.special if one.kind == "PD" and abs(one.index - last) <= 1), None)
-    return None if label is None else switch(branch, label)
+    near = [one for one in branch.special if one.kind == "PD" and abs(one.index - last) <= _MAX_DOUBLING_OFFSET]
+    point = min(near, key=lambda one: abs(one.index - last), default=None)
+    return None if point is None else switch(branch, point.label, span)
+
+
+def _first_stable(branch: Branch, value: float, sign: int) -> int | None:
+    """Return the number of the first stable point of a new branch if it lies beyond a value; None if it does not."""
+    stable = np.flatnonzero(np.asarray(branch.stable, bool))
+    first = int(stable[0]) if stable.size else None
+    return first if first is not None and (branch.values[first] - value) * sign > 0 else None
 
 
 def _value_beyond(values: Array, points: np.ndarray, sign: int) -> float:

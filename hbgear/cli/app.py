@@ -67,6 +67,7 @@ from hbgear.cli.output import (
     ranges_of,
     show_all_branches,
     show_jumps,
+    show_path,
     summary_of,
 )
 from hbgear.cli.startup import STDOUT_CLOSED
@@ -494,6 +495,12 @@ def jumps(
     model: OwnModel = None,
     landing: Landing = "nearest",
     other_branches: OtherCurves = None,
+    doublings: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Print the paths of slow sweeps instead, through at most this number of period doublings."
+        ),
+    ] = None,
     measure: ShownMeasure = None,
     element: Element = "0",
     dimensionless: Dimensionless = False,
@@ -501,13 +508,19 @@ def jumps(
     """List the jumps of a slow sweep, with the amplitudes before and after, and how the landing was determined.
 
     By default a jump lands on the nearest stable motion; with --landing integrate, on the motion that integration in
-    time reaches, with any period. Exit codes: 0 done, 2 bad input, 3 interrupted.
+    time reaches, with any period. With --doublings the sweeps in both directions are followed from jump to jump, also
+    on motions of twice the period. Exit codes: 0 done, 2 bad input, 3 interrupted.
     """
     check_landing(landing)
     branch, which, measure = loaded(file, measure, element, dimensionless)
     others = [hb.load(path) for path in other_branches or ()]
     problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
     branch, done = with_landings(landing, branch, problem, others)
+    if doublings is not None:
+        branch = dataclasses.replace(branch, problem=problem_in(branch, model))
+        for direction in ("up", "down"):
+            show_path(hb.analysis.run_up(branch, direction, others, doublings), measure, which, dimensionless)
+        raise typer.Exit(0 if done else STOPPED_EARLY)
     if others:
         names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in other_branches or ()]
         show_jumps(branch, measure, which, [*branch.others, *others], names, dimensionless)

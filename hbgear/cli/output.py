@@ -16,7 +16,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import hbgear as hb
-from hbgear.analysis.summary import jump_table, leaving_lines, message_of, reliability_lines, special_table, text_of
+from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Ordinate, usual_measure
+from hbgear.analysis.summary import (
+    in_speeds,
+    jump_table,
+    leaving_lines,
+    message_of,
+    reliability_lines,
+    size_text,
+    special_table,
+    text_of,
+)
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
 from hbgear.mechanics.fields import defaults_of, kinds_of
@@ -208,6 +218,31 @@ def show_jumps(
         notes = ["no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability"]
     for note in (*notes, *leaving_lines(branch)):
         print_text(note)
+
+
+def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, dimensionless: bool = False) -> None:
+    """Print the sections of the path of a slow sweep, and where it jumps."""
+    first = run.sections[0].branch
+    height = Ordinate(measure or usual_measure(first, dimensionless), element, dimensionless=dimensionless)
+    across, jumps, rows = Abscissa([first], dimensionless), list(run.jumps), []
+    for number, section in enumerate(run.sections):
+        branch, last = height.prepared(section.branch), int(section.points[-1])
+        end, after = branch[last], ""
+        following = run.sections[number + 1] if number + 1 < len(run.sections) else None
+        if jumps and (following is None or following.landed is jumps[0].after):
+            jump = jumps.pop(0)
+            end, after = jump.before, f"jump at {jump.label}"
+            if following is not None and jump.after is not None:
+                after += f" to {size_text(jump.after, height, height.prepared(following.branch))}"
+        layout = branch.layout
+        values = (section.values[0], end.parameters[run.parameter])
+        rows.append([*(f"{across.scale * value:.6g}" for value in values), str(getattr(layout, "nu", 1)),
+                     size_text(end, height, branch), after])  # fmt: skip
+    name = "pinion r/min" if across.label == SPEED_LABEL else run.parameter
+    way = "increasing" if run.direction == "up" else "decreasing"
+    headers = [f"from {name}", "to", "period", f"{height.header(first)} at the end", ""]
+    print_table(headers, rows, f"path of a slow sweep, {way}")
+    print_text(in_speeds(first, run.message, dimensionless))
 
 
 def summary_of(cls: type) -> str:

@@ -48,6 +48,20 @@ def test_validate_agrees_and_writes_both_files(run, saved):
 PAIR = "spur-pair --set zeta=0.0254 --set F_m=0.0469 --set eps=0.2286,0.1741,0.0462 --set e=0.00868 --set phase=sin"
 
 
+def test_paths_of_sweeps_through_a_period_doubling(run):
+    """Upwards the doubled motion leads from 1.2267 to its fold, downwards from 1.9527 to a second doubling."""
+    assert run("trace spur-pair --set e=0.1 --from 2.2 --to 1.0 --harmonics 8 -o pair.npz")[0] == 0
+    code, out, err = run("jumps pair.npz --doublings 1")
+    assert (code, err) == (0, "")
+    expected = {"increasing": [("1", 1.2267), ("2", 1.40484)], "decreasing": [("1", 1.95269), ("2", 1.8462)]}
+    for way, ends in expected.items():
+        table = out.partition(f"path of a slow sweep, {way}")[2].partition("path of")[0]
+        rows = [line.split() for line in table.splitlines() if line.strip()[:1].isdigit()]
+        assert [row[2] for row in rows] == [period for period, _ in ends]
+        assert [float(row[1]) for row in rows] == pytest.approx([value for _, value in ends], abs=2e-3)
+    assert "jump at LP1" in out and "the motion loses its stability at PD1, and none" in out
+
+
 @pytest.mark.slow
 def test_jumps_that_are_integrated_say_so(run):
     """At LP4 the nearest of two motions is not the one that integration ends in; LP3 goes to either."""
