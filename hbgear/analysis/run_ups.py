@@ -201,32 +201,17 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
     if not starts:
         raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
     _, at, first = min(starts)
-    span = float(branch.values.min()), float(branch.values.max())
-    found = landings(branches)
+    known = _SweepBranches(branches, (float(branch.values.min()), float(branch.values.max())), doublings)
     sections: list[BranchSection] = []
     jumps: list[Jump] = []
     for _ in range(_MAX_JUMPS):
-        points, landing, message = _follow_section(branches[at], first, sign, found[at])
-        sections.append(BranchSection(branches[at], points, landed))
+        points, landing, message = _follow_section(known.branches[at], first, sign, known.landings[at])
+        sections.append(BranchSection(known.branches[at], points, landed))
         if landing is None:
-            value = float(_value_beyond(branches[at].values, points, sign))
-            known = stable_motions(branches, at, value)
-            here = branches[at][int(points[-1])]
-            landed = nearest(here, [point for point, _ in known])
-            doubled = _doubled(branches[at], int(points[-1]), span) if landed is None and doublings > 0 else None
-            if doubled is not None:
-                start = _first_stable(doubled, branches[at].values[points[-1]], sign)
-                doublings, branches = doublings - 1, (*branches, doubled)
-                found = landings(branches)
-                if start is not None:
-                    at, first, landed = len(branches) - 1, start, doubled[start]
-                    continue
-                known = stable_motions(branches, at, value)  # a subcritical doubling: the sweep jumps
-                landed = nearest(here, [point for point, _ in known])
-            if landed is None:
+            onward = known.beyond(at, points, sign)
+            if onward is None:
                 return RunUp(direction, tuple(sections), tuple(jumps), message)
-            at = next(i for point, i in known if point is landed)
-            first = _first_point_beyond(branches[at], landed, value, sign)
+            at, first, landed = onward
             continue
         jumps.append(landing.jump)
         after = landing.jump.after
@@ -234,8 +219,40 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
             message = f"jump at {landing.jump.label} to a motion that is on none of the branches"
             return RunUp(direction, tuple(sections), tuple(jumps), message)
         at, landed = landing.branch, after
-        first = _first_point_beyond(branches[at], after, landing.jump.value, sign)
+        first = _first_point_beyond(known.branches[at], after, landing.jump.value, sign)
     return RunUp(direction, tuple(sections), tuple(jumps), f"stopped after {_MAX_JUMPS} jumps")
+
+
+class _SweepBranches:
+    """Branches that a sweep may follow, with their jumps; period doublings add further ones."""
+
+    def __init__(self, branches: tuple[Branch, ...], span: tuple[float, float], doublings: int) -> None:
+        self.branches, self.span, self.doublings = branches, span, doublings
+        self.landings = landings(branches)
+
+    def beyond(self, at: int, points: np.ndarray, sign: int) -> tuple[int, int, Point] | None:
+        """Return branch, point and motion on which a sweep continues that ends at the last of these points, if any."""
+        branch, last = self.branches[at], int(points[-1])
+        value = float(_value_beyond(branch.values, points, sign))
+        found = self._nearest(at, last, value, sign)
+        doubled = _doubled(branch, last, self.span) if found is None and self.doublings > 0 else None
+        if doubled is None:
+            return found
+        self.branches, self.doublings = (*self.branches, doubled), self.doublings - 1
+        self.landings = landings(self.branches)
+        start = _first_stable(doubled, branch.values[last], sign)
+        if start is not None:
+            return len(self.branches) - 1, start, doubled[start]
+        return self._nearest(at, last, value, sign)  # a subcritical doubling: the sweep jumps
+
+    def _nearest(self, at: int, last: int, value: float, sign: int) -> tuple[int, int, Point] | None:
+        """Return the nearest stable motion at a value on another branch."""
+        motions = stable_motions(self.branches, at, value)
+        landed = nearest(self.branches[at][last], [point for point, _ in motions])
+        if landed is None:
+            return None
+        other = next(i for point, i in motions if point is landed)
+        return other, _first_point_beyond(self.branches[other], landed, value, sign), landed
 
 
 def _follow_section(
