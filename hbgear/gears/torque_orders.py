@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from math import isfinite, sqrt
+from math import cos, isfinite, sin, sqrt
 from typing import Any
 
+from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import to_si
+from hbgear.mechanics.models import Load
 
 LARGEST_DENOMINATOR = 60
 """Largest denominator of an order. With larger ones the common period with the meshes is too long for a balance."""
@@ -99,6 +101,23 @@ def common_divisor(a: Fraction, b: Fraction) -> Fraction:
     while b:
         a, b = b, a % b
     return a
+
+
+def mesh_multiple(owner: str, orders: TorqueOrders, mesh_speed: Fraction) -> int:
+    """Return the frequency of a mesh over the common frequency with the torque orders of a shaft.
+
+    ``mesh_speed`` is the frequency of the mesh over the speed of the shaft.
+    """
+    common = Fraction(1)
+    for order, _, _ in orders:
+        common = common_divisor(common, exact_order(owner, order) / mesh_speed)
+    return int(1 / common)
+
+
+def order_load(multiple: int, amplitude: float, angle: float, direction: Array) -> Load:
+    """Return the load amplitude cos(multiple tau + angle) along a direction (n,)."""
+    cosine, sine = amplitude * cos(angle) * direction, -amplitude * sin(angle) * direction
+    return Load(cosine={multiple: cosine}, sine={multiple: sine})
 
 
 def effective_torque(mean: float, orders: TorqueOrders) -> float:

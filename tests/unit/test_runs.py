@@ -76,6 +76,18 @@ def test_a_run_begins_on_the_curve_that_reaches_farthest(tmp_path):
     assert len(levels) and np.isfinite(levels).all()
 
 
+def test_a_landing_of_twice_the_period_has_the_quantities_of_its_branch():
+    """A file gives a landing the problem of its curve, which has another period."""
+    model = hb.SpurPair(e=(0.1,), reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (2.1, 1.9))
+    doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=4))
+    landing = replace(doubled[2], problem=curve.problem)
+    assert curve.problem.nu == 1 and curve.problem.at_resolution_of(landing).nu == 2
+    own, found = (hb.analysis.machine_quantities(point) for point in (doubled[2], landing))
+    for name in ("dte, half peak-to-peak", "dynamic factor", "force, largest"):
+        np.testing.assert_allclose(found[name], own[name], rtol=1e-12)
+
+
 def test_figures_of_runs(curve):
     up = hb.analysis.run_up(curve, "up")
     axes = hb.plot.orders(up, (1, 3), derivative=2)

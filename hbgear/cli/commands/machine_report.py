@@ -27,7 +27,7 @@ MIN_PROMINENCE = 1.15
 """Peak over the larger of the minima on both sides, above which it is a resonance."""
 
 SHORTEST_RANGE = 1e-3
-"""Width of a range of speeds without a stable motion, over the highest speed, that is reported; next to special points
+"""Width of a range of speeds without a stable motion, over its highest speed, that is reported; next to special points
 the points of a curve leave shorter ones."""
 
 SAME_PEAK = 0.01
@@ -130,10 +130,15 @@ def without_stable_motion(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges
         if branch.stable is None:
             return []
         stable += _speed_ranges(model, branch, np.asarray(branch.stable, bool))
-    values = np.concatenate([branch.values for branch in curve.curves])
+    found = outside(merged(stable), *_speed_span(model, curve))
+    return [(low, high) for low, high in found if high - low > SHORTEST_RANGE * high]
+
+
+def _speed_span(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[float, float]:
+    """Return the lowest and the highest pinion speed [r/min] of a curve and the other curves of its span."""
     assert model.scales is not None
-    low, high = (float(model.scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
-    return outside(merged(stable), low, high)
+    values = np.concatenate([branch.values for branch in curve.curves])
+    return float(model.scales.pinion_speed(float(values.min()))), float(model.scales.pinion_speed(float(values.max())))
 
 
 def _speed_ranges(model: hb.mechanics.Model, branch: hb.Branch, holds: Array) -> Ranges:
@@ -285,12 +290,9 @@ def mesh_torque(model: Any) -> float:
 
 
 def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) -> None:
-    scales = model.scales
-    assert scales is not None
-    values = np.concatenate([branch.values for branch in curve.curves])
-    low, high = (float(scales.pinion_speed(float(end))) for end in (values.min(), values.max()))
+    low, high = _speed_span(model, curve)
     lost = merged([*contact_lost(model, curve), *others])
-    unknown = [part for part in without_stable_motion(model, curve) if part[1] - part[0] > SHORTEST_RANGE * high]
+    unknown = without_stable_motion(model, curve)
     if not lost and not unknown:
         print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
         return
@@ -361,9 +363,7 @@ def recommendation(
     str
         The sentence.
     """
-    lost = merged([*contact_lost(model, curve), *(others or []), *(
-        part for part in without_stable_motion(model, curve) if part[1] - part[0] > SHORTEST_RANGE * part[1]
-    )])  # fmt: skip
+    lost = merged([*contact_lost(model, curve), *(others or []), *without_stable_motion(model, curve)])
     found = [one for one in resonances(model, curve) if np.isfinite(one.factor)]
     if lost:
         text = f"avoid {speeds_text(lost)}"

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from typing import Any
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for a similar name, else the list of the known names."""
+def did_you_mean(word: str, known: Iterable[str], otherwise: str = "it has:") -> str:
+    """Return ``; did you mean 'x'?`` for a similar name, else the list of the known names after ``otherwise``."""
     known = list(known)
     close = difflib.get_close_matches(str(word), known, n=1)
     if close:
         return f"; did you mean '{close[0]}'?"
-    return f"; it has: {', '.join(known)}" if known else "; it has none"
+    return f"; {otherwise} {', '.join(known)}" if known else "; it has none"
 
 
 def article(word: str) -> str:

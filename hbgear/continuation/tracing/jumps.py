@@ -62,13 +62,15 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
         # a fold ends one stable section; if uncertain points suggest two, the longer one is taken
         side, point = max(sides, key=lambda found: _stable_run(branch, likely, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
-        left.append((point, direction, _solutions_on_other_sections(branch, point, fold, direction, settings)))
-    jumps = []
-    for (point, direction, _), found in zip(left, monitored_points(branch, [found for *_, found in left]), strict=True):
-        value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
         onward = continuing(branch, point, direction, settings) if point.kind in _BRANCHING else None
         if onward is not None and point.kind == "PD":
             continue
+        others = [] if onward is not None else _solutions_on_other_sections(branch, point, fold, direction, settings)
+        left.append((point, direction, onward, others))
+    jumps = []
+    groups = monitored_points(branch, [others for *_, others in left])
+    for (point, direction, onward, _), found in zip(left, groups, strict=True):
+        value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
         if onward is not None:
             note = f"no jump: a stable branch leaves there, hb.switch(curve, '{point.label}')"
             jumps.append(

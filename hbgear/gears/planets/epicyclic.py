@@ -23,7 +23,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, hypot, pi, sin
+from math import hypot, pi
 
 import numpy as np
 import scipy
@@ -31,7 +31,7 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.gears.mesh.mesh_excitation import contacts_in_order, in_order
 from hbgear.gears.planets.epicyclic_layout import CARRIER, EpicyclicLayout
-from hbgear.gears.torque_orders import exact_order
+from hbgear.gears.torque_orders import exact_order, order_load
 from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System
@@ -154,8 +154,7 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         found = []
         for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
             multiple = int(exact_order("EpicyclicSet", order) / self._mesh_speed * self.common_order)
-            vectors = amplitude * cos(phase) * unit, -amplitude * sin(phase) * unit
-            found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+            found.append(order_load(multiple, amplitude, phase, unit))
         return found
 
 

@@ -18,7 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, Range, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.mesh.mesh_excitation import parameters_of_meshes
-from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
+from hbgear.gears.torque_orders import mesh_multiple, torque_orders
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel, tooth_counts
 from hbgear.gears.trains.train_kinematics import (
@@ -309,10 +309,7 @@ class EpicyclicLayout(Model):
     @cached_property
     def common_order(self) -> int:
         """Common frequency of the meshes over Omega: above 1 if the torque has orders of the driver."""
-        common = Fraction(1)
-        for order, _, _ in self.torque_orders:
-            common = common_divisor(common, exact_order("EpicyclicSet", order) / self._mesh_speed)
-        return int(1 / common)
+        return mesh_multiple("EpicyclicSet", self.torque_orders, self._mesh_speed)
 
     @property
     def orders(self) -> dict[str, float]:

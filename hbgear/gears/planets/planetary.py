@@ -39,7 +39,7 @@ from hbgear.gears.planets.planetary_drawing import drawn_fields
 from hbgear.gears.planets.planetary_kinematics import MEMBERS
 from hbgear.gears.planets.planetary_layout import PlanetaryLayout
 from hbgear.gears.planets.planetary_modes import PlanetMode, natural_modes, turning_frame
-from hbgear.gears.torque_orders import exact_order
+from hbgear.gears.torque_orders import exact_order, order_load
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System
@@ -273,8 +273,7 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         found = []
         for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
             multiple = int(exact_order("PlanetarySet", order) / self.kinematics.mesh_speed * self.mesh_order)
-            vectors = amplitude * cos(phase) * direction, -amplitude * sin(phase) * direction
-            found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+            found.append(order_load(multiple, amplitude, phase, direction))
         return found
 
     def _mesh_law(self, which: str, lag: float) -> Law:

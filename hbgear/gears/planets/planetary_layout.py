@@ -18,7 +18,7 @@ from hbgear.gears.mesh.mesh_excitation import (
     parameters_of_meshes,
 )
 from hbgear.gears.planets.planetary_kinematics import MEMBERS, PlanetaryKinematics
-from hbgear.gears.torque_orders import common_divisor, exact_order, torque_orders
+from hbgear.gears.torque_orders import mesh_multiple, torque_orders
 from hbgear.gears.trains.train_components import check_half_backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Model
@@ -225,10 +225,7 @@ class PlanetaryLayout(Model):
     @cached_property
     def mesh_order(self) -> int:
         """Mesh frequency over Omega: above 1 if the torque has orders of the driver."""
-        common = Fraction(1)
-        for order, _, _ in self.torque_orders:
-            common = common_divisor(common, exact_order("PlanetarySet", order) / self.kinematics.mesh_speed)
-        return int(1 / common)
+        return mesh_multiple("PlanetarySet", self.torque_orders, self.kinematics.mesh_speed)
 
     # ---- units
 

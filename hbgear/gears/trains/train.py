@@ -25,7 +25,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.gears.mesh.mesh_excitation import contacts_in_order, in_order
 from hbgear.gears.pairs.support import AXES
-from hbgear.gears.torque_orders import exact_order
+from hbgear.gears.torque_orders import exact_order, order_load
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.train_components import Bearing, Mesh
 from hbgear.gears.trains.train_friction import friction_elements, without_rotation
@@ -321,6 +321,5 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             for order, amplitude, phase in wheel.torque_orders:
                 multiple = int(exact_order(wheel.name, order) * abs(speed) / self._kinematics.ratio)
                 angle = (order * turned + phase) * (1 if speed > 0 else -1)
-                vectors = amplitude * np.cos(angle) * direction, -amplitude * np.sin(angle) * direction
-                found.append(Load(cosine={multiple: vectors[0]}, sine={multiple: vectors[1]}))
+                found.append(order_load(multiple, amplitude, angle, direction))
         return found

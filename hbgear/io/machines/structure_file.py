@@ -23,7 +23,6 @@ then their names in it. ``[receptances]`` has ``file = "test.uff"``, or ``tables
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -32,7 +31,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hbgear.common.process.signals import defer_signals
-from hbgear.common.text.messages import quoted
+from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
@@ -232,9 +231,7 @@ def _law_entry(name: str) -> Any:
     if name in LAWS:
         return LAWS[name]
     known = [law for law, entry in LAWS.items() if not entry.no_toml]
-    close = difflib.get_close_matches(name, known, n=1)
-    remedy = f"did you mean '{close[0]}'?" if close else f"give one of {', '.join(known)}"
-    raise ValueError(f"there is no law {quoted(name)}; {remedy}")
+    raise ValueError(f"there is no law {quoted(name)}{did_you_mean(name, known, 'give one of')}")
 
 
 def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
