@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import BranchStart
+from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import events_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.base import ContinuationProblem
@@ -69,11 +70,11 @@ class KnownStates(NamedTuple):
     states: list[CurveState]
 
 
-class DoublingStart(NamedTuple):
-    """Period doubling at which a branch begins: coefficients and known points of its branch."""
+class ExactStart(NamedTuple):
+    """First state of a branch and the direction in which it leaves, in the unknowns of the state."""
 
-    X: Array
-    known: KnownStates | None
+    state: CurveState
+    direction: Array
 
 
 class ExactPeriodDoubling(PeriodDoublingEvent):
@@ -83,10 +84,74 @@ class ExactPeriodDoubling(PeriodDoublingEvent):
         """Return the problem of twice the period and the start at the point; both sides are the same motion."""
         problem = point.problem or branch.require_problem()
         doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
-        X = np.zeros(doubled.size)
-        return doubled, BranchStart(
-            X, dict(point.parameters), np.append(X, 0.0), event=DoublingStart(point.X, problem.known)
-        )
+        single = problem.exact_state(point.X, branch.parameter, point.parameters)
+        fixed = {name: value for name, value in point.parameters.items() if name != branch.parameter}
+        state, direction = _doubled(single, math.tau * problem.nu, doubled.family(branch.parameter, fixed))
+        return doubled, _branch_start(doubled, point, ExactStart(state, side * direction))
+
+
+class ExactBranchPoint(BranchPointEvent):
+    """Branch point of exact motions: the other branch is traced in contact instants as well."""
+
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
+        """Return the problem and the start across the traced curve."""
+        problem, i, name = point.problem or branch.require_problem(), point.index, branch.parameter
+        state = _state_near(problem, branch, i)
+        fixed = {key: value for key, value in point.parameters.items() if key != name}
+        family, scale = problem.family(name, fixed), state.scale(float(np.ptp(branch.values)) or 1.0)
+        null = np.linalg.svd(jacobian(family, state)[1] * scale)[2][-2:]
+        changes = np.array([_change_of_gaps(family, state, direction * scale, problem.H) for direction in null])
+        before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
+        inside = np.linalg.lstsq(changes.T, branch.X[after] - branch.X[before])[0]
+        inside = inside / np.linalg.norm(inside)
+        across = np.array([-inside[1], inside[0]]) @ null
+        return problem, _branch_start(problem, point, ExactStart(state, side * across * scale))
+
+
+def _state_near(problem: Any, branch: Branch, i: int) -> CurveState:
+    """Return the state of a branch point, where Newton's method does not converge, or of a point next to it."""
+    known = problem.nearest_states(branch.X[i], branch.parameters_at(i))
+    if known:
+        return cast(CurveState, known[0])
+    for k in (i, max(i - 1, 0), min(i + 1, len(branch) - 1)):
+        with suppress(NoConvergence):
+            return cast(CurveState, problem.exact_state(branch.X[k], branch.parameter, branch.parameters_at(k)))
+    raise NoConvergence("no exact motion was found at the branch point", branch.X[i], branch.parameters_at(i), [])
+
+
+def _change_of_gaps(family: Family, state: CurveState, direction: Array, H: int) -> Array:
+    """Return the derivatives of the coefficients of all gaps in a direction of the state."""
+    rows = []
+    for sign in (1, -1):
+        moved = state.moved(state.z + sign * DIFFERENCE * direction)
+        rows.append(coefficients(family(moved.value), moved.iterate, H)[0].ravel())
+    out: Array = (rows[0] - rows[1]) / (2 * DIFFERENCE)
+    return out
+
+
+DIFFERENCE = 1e-5
+"""Step in scaled unknowns of the derivatives of coefficients, which select one of two directions."""
+
+
+def _branch_start(problem: Any, point: SpecialPoint, start: ExactStart) -> BranchStart:
+    """Return a start of a problem that follows curves itself: it has no coefficients and no direction of them."""
+    X = np.zeros(problem.size)
+    return BranchStart(X, dict(point.parameters), np.append(X, 0.0), event=start)
+
+
+def _doubled(single: CurveState, period: float, family: Family) -> ExactStart:
+    """Return a motion over two periods, and the null vector that a shift by one period reverses."""
+    iterate = single.iterate
+    pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
+    twice = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
+    state = CurveState.of(twice, single.value)
+    J, scale = jacobian(family, state)[1], state.scale(1.0)
+    n, free = iterate.x.size, len(single.z) - 1 - iterate.x.size
+    blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
+    antisymmetric = np.zeros((len(state.z), n + free))
+    antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
+    null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
+    return ExactStart(state, (antisymmetric @ null) * scale)
 
 
 class ContactInstants(HarmonicBalance):
@@ -170,9 +235,9 @@ class ContactInstants(HarmonicBalance):
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:
         """Return the equations at the parameters, and the contact instants of the exact motion near X."""
         equations = self.compiled(dict(parameters)).contact_equations
-        return equations.at(float(parameters["Omega"])), self._exact_state(X, "Omega", parameters).iterate
+        return equations.at(float(parameters["Omega"])), self.exact_state(X, "Omega", parameters).iterate
 
-    def _exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
+    def exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
         """Return the exact motion near coefficients X as the state of a curve in a parameter.
 
         Newton's method starts from the nearest points of the branch of this problem, if it has one, whose short
@@ -249,11 +314,9 @@ class ContactInstants(HarmonicBalance):
         return ContinuationProblem.observe_many(self, X, name, values, stability, **parameters)
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """Return the events of periodic motions; a period doubling leads to a curve in contact instants."""
-        return tuple(
-            ExactPeriodDoubling() if isinstance(event, PeriodDoublingEvent) else event
-            for event in super().events(parameter)
-        )
+        """Return the events of periodic motions; branches that leave are curves in contact instants."""
+        others = (event for event in super().events(parameter) if event.kind != "PD")
+        return ExactPeriodDoubling(), ExactBranchPoint(), *others
 
     # ---- curves
 
@@ -335,33 +398,11 @@ class ContactInstants(HarmonicBalance):
         here = setup.parameters_at(value)
         if start is None:
             problem = self.with_order(self.nu, self.H << doublings) if doublings else self
-            return problem._exact_state(problem.balance.start(**here), name, here), None
+            return problem.exact_state(problem.balance.start(**here), name, here), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
-        if isinstance(start, BranchStart) and start.away:
-            return self._doubled_start(start, name, here)
-        return self._exact_state(self.resized(X), name, here), None
-
-    def _doubled_start(self, start: BranchStart, name: str, here: dict[str, float]) -> tuple[CurveState, Array]:
-        """Return the motion of a period doubling over two periods, and the null vector that its shift reverses.
-
-        [F_u F_p] t = 0,   t of period 1 = -t of period 2,   t_p = 0
-        """
-        half = self.with_order(self.nu // 2, max(1, self.H // 2))
-        half.known = start.event.known if isinstance(start.event, DoublingStart) else None
-        X = start.event.X if isinstance(start.event, DoublingStart) else half.resized(start.X)
-        single = half._exact_state(X, name, here)
-        iterate, period = single.iterate, math.tau * half.nu
-        pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
-        twice = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
-        state = CurveState.of(twice, single.value)
-        J = jacobian(self.family(name, {k: v for k, v in here.items() if k != name}), state)[1]
-        scale = state.scale(1.0)
-        n, free = single.iterate.x.size, len(single.z) - 1 - single.iterate.x.size
-        blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
-        antisymmetric = np.zeros((len(state.z), n + free))
-        antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
-        null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
-        return state, (antisymmetric @ null) * scale
+        if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
+            return start.event
+        return self.exact_state(self.resized(X), name, here), None
 
 
 MAX_START_DOUBLINGS = 3

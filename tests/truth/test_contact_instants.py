@@ -282,3 +282,73 @@ def test_a_fold_where_a_contact_begins_at_a_jump_of_the_stiffness() -> None:
     assert exact.warnings == () and [point.label for point in exact.special] == ["LP1", "LP2", "GR1"]
     assert exact["LP1"].parameters["Omega"] == pytest.approx(0.7058095997, abs=2e-8)  # harmonic balance, H = 32
     assert np.abs(exact["LP1"].multipliers - 1).min() < 1e-10
+
+
+def two_masses_with_stops(k: float) -> hb.System:
+    """Return two equal, coupled masses with equal stops and equal loads."""
+    stops = [hb.Element(row, hb.Unilateral(k=k, gap=0.3)) for row in np.eye(2)]
+    K = [[1.1, -0.1], [-0.1, 1.1]]
+    return hb.System(np.eye(2), 0.1 * np.eye(2), K, stops, hb.Load(cosine={1: [0.2, 0.2]}))
+
+
+BIFURCATIONS = {
+    2.0: {"BP": (1.253885, 1.272015), "NS": (1.257016, 1.266804), "LP": (1.279367,), "GR": (1.272808, 1.273018)},
+    20.0: {"BP": (1.286027, 1.491190), "LP": (1.363423, 1.502932, 1.570828), "GR": (1.286062, 1.363647)},
+}
+"""Special points of the branch on which the masses differ, by harmonic balance with H = 96."""
+
+
+@pytest.mark.parametrize("k", BIFURCATIONS)
+def test_a_branch_leaves_and_joins_a_symmetric_motion(k: float) -> None:
+    """Contacts of both masses are simultaneous on the symmetric motion, and have an order on the branch."""
+    model = two_masses_with_stops(k)
+    curve, balance = hb.trace(hb.ContactInstants(model, 96), "Omega", (0.6, 2.2)), hb.HarmonicBalance(model, 96)
+    for side in (1, -1):
+        branch = hb.switch(curve, "BP1", side=side)
+        assert branch.status is hb.Status.CLOSED and not branch.warnings
+        for kind, known in BIFURCATIONS[k].items():
+            found = sorted({round(p.parameters["Omega"], 5) for p in branch.special if p.kind == kind})
+            assert found == pytest.approx(known, abs=1e-5)
+        middle = branch[len(branch) // 4]
+        R, J = balance.evaluate(middle.X, **middle.parameters)
+        assert np.linalg.norm(np.linalg.solve(J, R)) < 1e-4 * np.linalg.norm(middle.X)
+        assert middle.amplitude("rms", 0) != pytest.approx(middle.amplitude("rms", 1), rel=0.01)
+
+
+@pytest.mark.parametrize("k", BIFURCATIONS)
+def test_branch_points_do_not_depend_on_the_span(k: float) -> None:
+    problem = hb.ContactInstants(two_masses_with_stops(k), 48)
+    found = []
+    for span in ((0.6, 2.2), (2.2, 0.6), (1.2, 1.55)):
+        curve = hb.trace(problem, "Omega", span)
+        points = [point for point in curve.special if point.kind == "BP"]
+        assert all(np.abs(point.multipliers - 1).min() < 1e-9 for point in points)
+        found.append(sorted(point.parameters["Omega"] for point in points))
+    np.testing.assert_allclose(found, np.tile(found[0], (3, 1)), rtol=1e-10)
+
+
+def test_two_doublings_in_a_long_step_are_located() -> None:
+    """The multiplier is beyond -1 between .8489 and .8599 and reaches -1.0026; steps are .1 of the span."""
+    problem = hb.ContactInstants(two_masses_with_stops(20.0))
+    long, short = (hb.trace(problem, "Omega", span) for span in ((0.6, 2.2), (0.84, 0.87)))
+    for label in ("PD1", "PD2"):
+        assert abs(long[label].parameters["Omega"] - short[label].parameters["Omega"]) < 1e-10
+        assert np.abs(long[label].multipliers + 1).min() < 1e-9
+
+
+def test_a_symmetric_motion_has_a_start() -> None:
+    """Simultaneous contact instants of two masses differ by rounding, which changed their order in each iteration."""
+    problem = hb.ContactInstants(two_masses_with_stops(20.0), 48)
+    X = problem.start(Omega=1.1)
+    first, second = X.reshape(2, -1)
+    np.testing.assert_allclose(first, second, atol=1e-9)
+
+
+def test_a_sweep_continues_on_an_exact_motion_of_twice_the_period() -> None:
+    """The sweep with increasing Omega leaves at PD1 onto a stable motion of twice the period; it does not jump."""
+    from tests.cross.test_neimark_sacker import between_stops
+
+    curve = hb.trace(hb.ContactInstants(between_stops(), 16), "Omega", (0.5, 0.6))
+    doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=6))
+    assert doubled.stable[:5].all() and (np.diff(doubled.values) > 0).all()
+    assert [(jump.label, jump.direction) for jump in curve.jumps()] == [("LP2", -1)]

@@ -126,7 +126,7 @@ class BranchStart:
     parameters : dict of str to float
         All parameters.
     direction : ndarray, shape (n + 1,)
-        Direction in (X, p).
+        Direction in (X, p); zero for a problem that follows curves itself, see `ContinuationProblem.own_trace`.
     away : bool
         Whether the branch leaves another one at a special point, where the equations are singular. The default is True.
     event : Event or None

@@ -60,6 +60,8 @@ def event_at(problem: ContinuationProblem, parameter: str, point: SpecialPoint) 
 def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]:
     """Return the events detected along a curve: folds (or cusps), branch points, and the events of the problem.
 
+    An event of the problem replaces the common event of its kind.
+
     Parameters
     ----------
     problem : ContinuationProblem
@@ -73,7 +75,9 @@ def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]
         The events.
     """
     turning = CuspEvent() if problem.turning_kind == CuspEvent.kind else FoldEvent()
-    return turning, BranchPointEvent(), *problem.events(parameter)
+    own = problem.events(parameter)
+    replaced = {event.kind for event in own}
+    return *(event for event in (turning, BranchPointEvent()) if event.kind not in replaced), *own
 
 
 # ---- detection

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hbgear.continuation.curve.segment import normal_of
+from hbgear.continuation.curve.segment import BranchStart, normal_of
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import observe_all
+from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
@@ -18,6 +18,8 @@ from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialP
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
+from hbgear.continuation.stepping.control import StepControl
+from hbgear.continuation.tracing.state import TraceSettings
 
 _BRANCHING = ("BP", "PD")
 """Kinds of special points at which another branch of periodic motions leaves."""
@@ -286,11 +288,16 @@ def point_on_new_branch(
         Settings of the corrector.
     """
     event = event_of(branch, point)
-    left = event.branch_direction(branch, point, side) if event else None
+    try:
+        left = event.branch_direction(branch, point, side) if event else None
+    except NoConvergence:
+        return None
     if left is None:
         return None
     problem, start = left
     name = branch.parameter
+    if not start.direction.any():  # the problem follows curves itself
+        return _first_point(problem, start, branch, away, settings)
     u = np.append(start.X, start.parameters[name])
     size = problem.solution_norm(start.X) or 1.0
     scale = np.append(np.full(len(start.X), size), np.ptp(branch.values) or 1.0)
@@ -309,3 +316,23 @@ def point_on_new_branch(
         found.X, here, found.residual, found.iterations, observed.get("multipliers"),
         observed.get("regime", np.zeros(0, np.int8)), observed.get("error", np.nan), problem.layout, problem=problem,
     )  # fmt: skip
+
+
+def _first_point(
+    problem: ContinuationProblem, start: BranchStart, branch: Branch, away: float, settings: NewtonSettings
+) -> Point | None:
+    """Return the first point at a distance from a special point on a branch that a problem follows itself."""
+    steps, span = StepControl(max_points=POINTS_OF_NEW_BRANCH), (float(branch.values.min()), float(branch.values.max()))
+    setup = TraceSettings(branch.parameter, None, steps, settings, True, False, (), None, None)
+    try:
+        curve = problem.own_trace(span, start, setup, False)
+    except (NoConvergence, ValueError):
+        return None
+    if curve is None:
+        return None
+    distance = np.linalg.norm(curve.X - curve.X[0], axis=1) / (problem.solution_norm(curve.X[0]) or 1.0)
+    return curve[int(np.argmax(distance > away))] if (distance > away).any() else curve[-1]
+
+
+POINTS_OF_NEW_BRANCH = 5
+"""Largest number of points that are computed on a new branch."""

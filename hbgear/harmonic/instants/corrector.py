@@ -144,7 +144,8 @@ def correct(
     bordered = np.zeros((len(start), len(start)))
     bordered[-1] = row / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        now = linearise(family(state.value), state.iterate)
+        at = family(state.value)
+        now = linearise(at, state.iterate)
         bordered[:-1, :-1] = now.J
         if iteration <= UPDATES:
             h = FORWARD_STEP * max(abs(state.value), 1e-3)
@@ -159,7 +160,7 @@ def correct(
             break
         if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
             return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
-        factor = _factor(family, state, step)
+        factor = _factor(state, step, at.period)
         state, before = state.moved(state.z + factor * step), size if factor == 1.0 else math.inf
     raise _failed(state)
 
@@ -171,12 +172,12 @@ def _failed(state: CurveState) -> NoConvergence:
     )
 
 
-def _factor(family: Family, state: CurveState, step: Array) -> float:
+def _factor(state: CurveState, step: Array, period: float) -> float:
     """Return the factor of a step that takes at most a part of the duration of each contact."""
     pattern, phases = state.pattern, state.phase_steps(step)
     if not pattern.visits:
         return 1.0
-    duration = state.iterate.visit_durations(pattern.visits, family(state.value).period)
+    duration = state.iterate.visit_durations(pattern.visits, period)
     i, j = np.array(pattern.visits).T
     loss = (phases[i] - phases[j]) / np.maximum(MAX_SEGMENT_LOSS * np.abs(duration), np.finfo(float).tiny)
     return float(1.0 / max(1.0, loss.max()))
@@ -193,3 +194,53 @@ def tangent_of(J: Array, scale: Array, along: Array) -> Array:
         t = np.linalg.svd(J * scale)[2][-1]
         t = t if t @ along >= 0 else -t
     return t / float(np.linalg.norm(t))
+
+
+# ---- order of switches
+
+
+def departed(state: CurveState, distance: float, unit: Array, period: float) -> tuple[CurveState, CurveState]:
+    """Return the state at a distance in a direction, and the one ahead of it, with switches ordered by phase.
+
+    Contacts of different elements, simultaneous on a symmetric motion, separate in an order of their own.
+    """
+    here, ahead = state.moved(state.z + distance * unit), state.moved(state.z + (1 + distance) * unit)
+    for i in exchanges_of(here, period, 0.0):
+        here, ahead = (with_exchange(one, i, period) for one in (here, ahead))
+    return here, ahead
+
+
+def exchanges_of(state: CurveState, period: float, tolerance: float) -> list[int]:
+    """Return the segments whose switches are exchanged one after the other until all are in the order of their phases.
+
+    Raises
+    ------
+    NoConvergence
+        If both switches belong to one element: its contact vanishes.
+    """
+    found: list[int] = []
+    while len(early := np.flatnonzero(state.iterate.durations(period) < -tolerance)):
+        i, switches = int(early[0]), state.pattern.switches
+        if switches[i].element == switches[(i + 1) % len(switches)].element or len(found) > len(switches) ** 2:
+            raise NoConvergence("a contact vanishes within one step", state.z, {}, [])
+        found.append(i)
+        state = with_exchange(state, i, period)
+    return found
+
+
+def with_exchange(state: CurveState, i: int, period: float) -> CurveState:
+    """Return the state with switches i and i + 1 exchanged, without a correction."""
+    iterate, j = state.iterate, (i + 1) % state.pattern.count
+    if j == 0:
+        iterate, i, j = _rotated(iterate, period), i - 1, i
+    tau, x = iterate.tau.copy(), iterate.x.copy()
+    tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
+    return CurveState.of(Iterate(iterate.pattern.swapped(i), tau, x), state.value)
+
+
+def _rotated(iterate: Iterate, period: float) -> Iterate:
+    """Return the iterate with its first switch as the last one."""
+    switches, contacts = iterate.pattern.switches, iterate.pattern.contacts
+    pattern = Pattern(switches[1:] + switches[:1], contacts[1:] + contacts[:1])
+    tau = np.append(iterate.tau[1:], iterate.tau[0] + period)
+    return Iterate(pattern, tau, np.roll(iterate.x, -1, axis=0))

@@ -9,6 +9,8 @@ point without truncation, and its zero is bracketed between two points of a curv
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +19,7 @@ import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import CurveState, Family, correct, tangent_of
+from hbgear.harmonic.instants.corrector import CurveState, Family, correct, jacobian, tangent_of
 from hbgear.harmonic.instants.shooting import Linearisation
 
 REAL_PAIR_TOLERANCE = 1e-6
@@ -26,8 +28,13 @@ REAL_PAIR_TOLERANCE = 1e-6
 UNIT_CIRCLE_DISTANCE = 1e-6
 """Distance of the modulus of a located Neimark-Sacker pair from 1; rounding leaves 1e-10."""
 
-EXACT_BRANCH_POINT_TOLERANCE = 1e-7
-"""Fraction of a segment up to which a branch point is located; closer to it the equations are nearly singular."""
+BRANCH_POINT_DISTANCE, MIN_DISTANCE = 2e-3, 1e-4
+"""Distance of points from a branch point that is interpolated between them, over the step, and its smallest value in
+scaled unknowns. The error of the cubic is 9 (2e-3)^4 = 1e-10; points at less than 1e-5 do not converge."""
+
+
+LEADING_MULTIPLIERS = 4
+"""Number of multipliers, largest modulus first, whose change limits a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +66,31 @@ class ExactPoint:
     def tests(self) -> dict[str, float]:
         """Values of the test functions."""
         P, mu = self.monodromy, self.multipliers
-        first, second = np.triu_indices(len(mu), 1)
-        pairs = mu[first] * mu[second]
+        bordered = np.vstack([self.J * self.scale, self.tangent])
         return {
             "LP": float(self.tangent[-1]),
             "PD": float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min()),
-            "NS": float(np.prod(pairs - 1).real) if len(mu) > 2 else 1.0,
-            "BP": float(np.linalg.slogdet(np.vstack([self.J * self.scale, self.tangent]))[0])
-            * float(np.linalg.svd(np.vstack([self.J * self.scale, self.tangent]), compute_uv=False)[-1]),
+            "NS": _pairs_beyond_the_circle(mu) if len(mu) > 2 else 1.0,
+            "BP": float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1]),
         }
+
+    @cached_property
+    def polynomial(self) -> Array:
+        """Characteristic polynomial of the leading multipliers, highest power first."""
+        found = np.ones(1, dtype=complex)
+        for mu in self.multipliers[:LEADING_MULTIPLIERS]:
+            found = np.append(found, 0.0) - mu * np.append(0.0, found)
+        return found.real
+
+
+SpecialExactPoint = tuple[str, float, ExactPoint]
+"""Kind of a special point, its fraction of the step, and the point."""
+
+
+def _pairs_beyond_the_circle(mu: ComplexArray) -> float:
+    """Return the product of mu_i mu_j - 1 over all pairs i < j."""
+    first, second = np.triu_indices(len(mu), 1)
+    return float(np.prod(mu[first] * mu[second] - 1).real)
 
 
 def exact_point(family: Family, state: CurveState, row: Array, scale: Array, along: Array) -> ExactPoint:
@@ -76,7 +99,7 @@ def exact_point(family: Family, state: CurveState, row: Array, scale: Array, alo
     return ExactPoint(state, now, J, scale, tangent_of(J, scale, along), iterations)
 
 
-def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[tuple[str, float, ExactPoint]]:
+def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[SpecialExactPoint]:
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
     found = []
     for kind, value in a.tests.items():
@@ -89,22 +112,39 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[tuple[s
 
 def _locate(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> tuple[float, ExactPoint]:
     """Return the zero of a test function between two points."""
-    last: list[ExactPoint] = [a]
+    tried = [0.5]
 
     def test(s: float) -> float:
-        if s in (0.0, 1.0):
-            return (b if s else a).tests[kind]
-        last.append(point_between(family, a, b, s))
-        return last[-1].tests[kind]
+        tried.append(s)
+        return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
 
-    tolerance = EXACT_BRANCH_POINT_TOLERANCE if kind == "BP" else 1e-13
-    try:
-        s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=tolerance, rtol=1e-14, maxiter=60))
+    if kind != "BP":
+        s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-14, maxiter=60))
         return s, point_between(family, a, b, s)
-    except NoConvergence:
-        if kind != "BP" or len(last) < 2:
-            raise
-        return 0.5, min(last, key=lambda point: abs(point.tests["BP"]))
+    with suppress(NoConvergence):  # at the branch point itself the corrector does not converge
+        tried.append(float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=BRANCH_POINT_DISTANCE)))
+    return branch_point_near(family, a, b, tried[-1])
+
+
+def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float) -> tuple[float, ExactPoint]:
+    """Return a branch point from points around it, because the equations of a point are singular there.
+
+    The test function is interpolated through four points, and the state between the two of them that are nearest.
+    """
+    distance = max(BRANCH_POINT_DISTANCE, MIN_DISTANCE / float(np.linalg.norm((b.state.z - a.state.z) / a.scale)))
+    s = near + distance * np.array([-3.0, -1.0, 1.0, 3.0])
+    points = [point_between(family, a, b, float(one)) for one in s]
+    values = [point.tests["BP"] for point in points]
+    x = (s - near) / distance
+    roots = np.roots(np.polyfit(x, values, 3))
+    root = float(roots[np.argmin(np.abs(roots))].real)
+    weights = [np.prod([(root - q) / (p - q) for q in x if q != p]) for p in x]
+    z = sum(weight * point.state.z for weight, point in zip(weights, points, strict=True))
+    state = points[1].state.moved(np.asarray(z))
+    now, J = jacobian(family, state)
+    tangent = points[2].state.z - points[1].state.z
+    tangent = tangent / a.scale / np.linalg.norm(tangent / a.scale)
+    return near + distance * root, ExactPoint(state, now, J, a.scale, tangent)
 
 
 def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> ExactPoint:
@@ -123,3 +163,54 @@ def _is_complex_pair(mu: ComplexArray) -> bool:
     """Return whether the multipliers nearest to the unit circle are a complex pair."""
     near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
     return bool(abs(near.imag) > REAL_PAIR_TOLERANCE and abs(abs(near) - 1) < UNIT_CIRCLE_DISTANCE)
+
+
+# ---- two special points in a step
+
+LONG_STEP, NEAR_UNIT = 0.02, 0.6
+"""Step, and distance of a multiplier from -1 or +1, from which a step is tested for two special points of one kind."""
+
+MAX_PARABOLAS, PROMISING_MINIMUM = 4, 0.3
+"""Largest number of parabolas in the search of a zero of a test function, and their minimum, over the smallest known
+value, up to which the search goes on."""
+
+
+def hides_two_points(family: Family, last: ExactPoint, point: ExactPoint) -> bool:
+    """Return whether a multiplier passes -1 or +1 and returns between two points."""
+    if last.state.pattern != point.state.pattern:
+        return False
+    kinds = [
+        kind for kind, unit in (("PD", -1.0), ("BP", 1.0))
+        if last.tests[kind] * point.tests[kind] > 0
+        and min(abs(one.multipliers - unit).min() for one in (last, point)) < NEAR_UNIT
+    ]  # fmt: skip
+    middle = point_between(family, last, point, 0.5) if kinds else last
+    return any(_passes_zero(family, (last, middle, point), kind) for kind in kinds)
+
+
+def _passes_zero(family: Family, points: tuple[ExactPoint, ExactPoint, ExactPoint], kind: str) -> bool:
+    """Return whether a test function passes zero and returns between two points.
+
+    Its smallest size is approached by parabolas through begin, middle and end, and through points next to the smallest.
+    """
+    sign = math.copysign(1.0, points[0].tests[kind])
+    found = [(s, sign * point.tests[kind]) for s, point in zip((0.0, 0.5, 1.0), points, strict=True)]
+    for _ in range(MAX_PARABOLAS):
+        least = min(range(len(found)), key=lambda i: found[i][1])
+        if found[least][1] < 0:
+            return True
+        first = min(max(least - 1, 0), len(found) - 3)
+        s, lowest = _minimum(*zip(*found[first : first + 3], strict=True))
+        if not lowest < PROMISING_MINIMUM * found[least][1] or any(abs(s - other) < 1e-3 for other, _ in found):
+            return False
+        found = sorted([*found, (s, sign * point_between(family, points[0], points[2], s).tests[kind])])
+    return min(value for _, value in found) < 0
+
+
+def _minimum(s: tuple[float, ...], values: tuple[float, ...]) -> tuple[float, float]:
+    """Return position and value of the minimum of the parabola through three points; infinite if it is outside."""
+    curvature, slope, _ = np.polyfit(np.array(s) - s[1], values, 2)
+    at = -slope / (2 * curvature) if curvature > 0 else math.inf
+    if not s[0] < s[1] + at < s[2]:
+        return math.inf, math.inf
+    return s[1] + at, float(values[1] + 0.5 * slope * at)

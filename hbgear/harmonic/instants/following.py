@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -22,8 +23,17 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import CurveState, Family
-from hbgear.harmonic.instants.critical import ExactPoint, exact_point, point_between, special_points
+from hbgear.harmonic.instants.corrector import CurveState, Family, departed, exchanges_of, with_exchange
+from hbgear.harmonic.instants.critical import (
+    LONG_STEP,
+    ExactPoint,
+    SpecialExactPoint,
+    branch_point_near,
+    exact_point,
+    hides_two_points,
+    point_between,
+    special_points,
+)
 from hbgear.harmonic.instants.grazing import (
     GRAZING_DURATION,
     SIMULTANEOUS_DURATION,
@@ -33,9 +43,9 @@ from hbgear.harmonic.instants.grazing import (
     with_contacts,
     without_contacts,
 )
-from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Visit
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Visit
 from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
-from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
 """Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
@@ -50,15 +60,8 @@ MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
 
-LONG_STEP, NEAR_DOUBLING = 0.02, 0.6
-"""Step, and distance of a multiplier from -1, from which the middle of a step is tested for two period doublings."""
-
 INTERIOR_FRACTIONS = (0.25, 0.5, 0.75)
 """Fractions of a step at which it is tested for two Neimark-Sacker points."""
-
-SIMULTANEOUS_SWITCHES = 1e-9
-"""Duration, over the period, by which two switches may be in the wrong order: contacts of a symmetric machine switch at
-the same instant up to rounding of 1e-15, and grazing contacts last for 2e-8."""
 
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
@@ -79,6 +82,9 @@ step, and the step from which it is limited."""
 
 PREDICTED_CHANGE = 0.9
 """Part of the largest change of the characteristic polynomial that a step is chosen for."""
+
+SAME_POINT = 1e-5
+"""Relative difference of two branch points up to which they are the same point; they are located to 1e-7."""
 
 CLOSED_DISTANCE = 0.5
 """Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
@@ -105,6 +111,16 @@ class ExactCurve:
     message: str = ""
 
 
+class _Step(NamedTuple):
+    """A new point, gaps over its period, missed crossings, points at a border of two orders of switches or its BP."""
+
+    point: ExactPoint
+    samples: Samples
+    missed: list[MissedCrossing]
+    border: list[ExactPoint]
+    crossed: list[SpecialExactPoint]
+
+
 class Follower:
     """Continuation of one curve.
 
@@ -129,6 +145,7 @@ class Follower:
         self.family, self.name, self.span = family, name, span
         self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
         self.curve, self.step = ExactCurve(), FIRST_STEP
+        self.origin: CurveState | None = None
 
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
         """Follow the curve from a state; towards the end of the span, or in a direction of z."""
@@ -136,9 +153,11 @@ class Follower:
         hold = _at_value(len(scale))
         along = hold * math.copysign(1.0, self.span[1] - self.span[0])
         if direction is not None:
-            along = direction / scale
-            along = hold = along / np.linalg.norm(along)
-            state = state.moved(state.z + DEPARTURE * along * scale)  # equations are singular where curves cross
+            self.origin, unit = state, direction / np.linalg.norm(direction / scale)
+            state, ahead = departed(
+                state, DEPARTURE, unit, self.family(state.value).period
+            )  # equations are singular where curves cross
+            along = hold = (ahead.z - state.z) / scale
         try:
             first = exact_point(self.family, state, hold, scale, along)
             self._accept(first, self._gaps(first), 0.0)
@@ -160,7 +179,7 @@ class Follower:
         while True:
             length = self._limited(last, self.step)
             try:
-                point, samples, missed, border = self._solved(last, length)
+                point, samples, missed, border, crossed = self._solved(last, length)
                 if _turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
                 change = multiplier_change(last, point)
@@ -171,11 +190,11 @@ class Follower:
                     return
                 if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
-                if length > LONG_STEP and _hides_doublings(self.family, last, point):
-                    raise NoConvergence("two period doublings lie in a step", last.state.z, {}, [])
+                if length > LONG_STEP and hides_two_points(self.family, last, point):
+                    raise NoConvergence("two special points of one kind lie in a step", last.state.z, {}, [])
                 if self._hides_torus_bifurcations(last, point, length):
                     raise NoConvergence("two Neimark-Sacker points lie in a step", last.state.z, {}, [])
-                found = [] if self._leaves(point) else self._special(last, *border, point)
+                found = [] if self._leaves(point) else crossed or self._special(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
@@ -194,46 +213,53 @@ class Follower:
         if vanishing:
             self._close(point, vanishing)
 
-    def _solved(
-        self, last: ExactPoint, length: float
-    ) -> tuple[ExactPoint, Samples, list[MissedCrossing], list[ExactPoint]]:
-        """Return the point at a distance from the last one, its gaps, the crossings that it misses, and its border.
-
-        The border is empty, or the point between at which two switches coincide, with either order of them.
-        """
+    def _solved(self, last: ExactPoint, length: float) -> _Step:
+        """Return the point at a distance from the last one, with the switches in the order of their phases."""
         guess = last.state.moved(last.state.z + length * last.tangent * last.scale)
         point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
         at = self.family(point.state.value)
-        durations = point.state.iterate.durations(at.period)
-        exchanged = [int(i) for i in np.flatnonzero(durations < -SIMULTANEOUS_SWITCHES * at.period)]
+        exchanges = exchanges_of(point.state, at.period, SIMULTANEOUS_SWITCHES * at.period)
         border: list[ExactPoint] = []
-        if exchanged:
+        crossed: list[SpecialExactPoint] = []
+        if exchanges:
             if self.special:
-                border = self._border(last, point, exchanged[0])
-            point = self._exchanged(point, exchanged[0])
+                border, crossed = self._border(last, point, exchanges)
+            point = self._exchanged(point, exchanges)
         samples, missed = sample_gaps(at, point.state.iterate)
-        return _rescaled(point, self.width), samples, missed, border
+        return _Step(_rescaled(point, self.width), samples, missed, border, crossed)
 
-    def _border(self, last: ExactPoint, point: ExactPoint, i: int) -> list[ExactPoint]:
-        """Return the point at which segment i between two switches vanishes, before and after their exchange."""
+    def _border(
+        self, last: ExactPoint, point: ExactPoint, exchanges: list[int]
+    ) -> tuple[list[ExactPoint], list[SpecialExactPoint]]:
+        """Return the point at which two switches coincide, before and after their exchange; a branch point there.
+
+        Where a symmetric motion bifurcates, several pairs of switches coincide and the equations are singular.
+        """
+        i, tried = exchanges[0], [0.5]
 
         def duration(s: float) -> float:
+            tried.append(s)
             state = (last, point)[int(s)].state if s in (0.0, 1.0) else point_between(self.family, last, point, s).state
             return float(state.iterate.durations(self.family(state.value).period)[i])
 
         if duration(0.0) <= 0:  # both switches coincide at the last point
-            return [self._exchanged(last, i)]
-        s = float(scipy.optimize.brentq(duration, 0.0, 1.0, xtol=1e-13))
-        before = point_between(self.family, last, point, s)
-        return [before, self._exchanged(before, i)]
+            return [self._exchanged(last, exchanges)], []
+        try:
+            s = float(scipy.optimize.brentq(duration, 0.0, 1.0, xtol=1e-13))
+            before = point_between(self.family, last, point, s)
+            return [before, self._exchanged(before, exchanges)], []
+        except NoConvergence:
+            if len(exchanges) < 2:
+                raise
+        s, found = branch_point_near(self.family, last, point, tried[-1])
+        return [], [("BP", s, found)]
 
-    def _exchanged(self, point: ExactPoint, i: int) -> ExactPoint:
-        """Return the point with the switches of two elements at the ends of a segment exchanged."""
-        switches, period = point.state.pattern.switches, self.family(point.state.value).period
-        if switches[i].element == switches[(i + 1) % len(switches)].element:
-            raise NoConvergence("a contact vanishes within one step", point.state.z, {}, [])
-        state = _with_exchange(point.state, i, period)
-        ahead = _with_exchange(point.state.moved(point.state.z + point.tangent * point.scale), i, period)
+    def _exchanged(self, point: ExactPoint, exchanges: list[int]) -> ExactPoint:
+        """Return the point with pairs of switches exchanged one after the other."""
+        period = self.family(point.state.value).period
+        state, ahead = point.state, point.state.moved(point.state.z + point.tangent * point.scale)
+        for i in exchanges:
+            state, ahead = (with_exchange(one, i, period) for one in (state, ahead))
         scale = state.scale(self.width)
         along = (ahead.z - state.z) / scale  # the exchange is linear
         along /= float(np.linalg.norm(along))
@@ -258,10 +284,10 @@ class Follower:
         if len(self.curve.points) < 2 or not self.special:
             return False
         before, step = self.curve.points[-2], self.curve.steps[-1]
-        if not before.state.pattern == last.state.pattern == point.state.pattern or not step:
-            return False
         a, b, c = (one.tests["NS"] for one in (before, last, point))
-        if b * c <= 0 or (b + (b - a) * length / step) * b > 0:
+        if not step or b * c <= 0 or (b + (b - a) * length / step) * b > 0:
+            return False
+        if not before.state.pattern == last.state.pattern == point.state.pattern:
             return False
         return any(point_between(self.family, last, point, s).tests["NS"] * b < 0 for s in INTERIOR_FRACTIONS)
 
@@ -320,16 +346,14 @@ class Follower:
 
     # ---- acceptance
 
-    def _special(self, *points: ExactPoint) -> list[tuple[str, float, ExactPoint]]:
+    def _special(self, *points: ExactPoint) -> list[SpecialExactPoint]:
         """Return the special points between successive points of a step."""
         if not self.special:
             return []
         return [one for a, b in pairwise(points) if a.state.pattern == b.state.pattern
                 for one in special_points(self.family, a, b)]  # fmt: skip
 
-    def _add(
-        self, point: ExactPoint, samples: Samples, length: float, special: list[tuple[str, float, ExactPoint]]
-    ) -> None:
+    def _add(self, point: ExactPoint, samples: Samples, length: float, special: list[SpecialExactPoint]) -> None:
         """Accept a point after the special points between the last point and it."""
         least = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
         for kind, _, found in special:
@@ -340,6 +364,10 @@ class Follower:
                 self.curve.message = f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
                 return
             self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
+            if kind == "BP" and self.origin and _is_same(self.origin, found.state, self.width):
+                self.curve.status = Status.CLOSED
+                self.curve.message = f"the curve closed after {len(self.curve.points)} points"
+                return
         self._accept(point, samples, length)
 
     def _accept(self, point: ExactPoint, samples: Samples, length: float) -> None:
@@ -389,12 +417,12 @@ class Follower:
         return bool(curve.message)
 
 
-def _hides_doublings(family: Family, last: ExactPoint, point: ExactPoint) -> bool:
-    """Return whether a multiplier passes -1 and returns between two points."""
-    a, b = last.tests["PD"], point.tests["PD"]
-    if last.state.pattern != point.state.pattern or a * b <= 0 or min(abs(a), abs(b)) > NEAR_DOUBLING:
+def _is_same(a: CurveState, b: CurveState, width: float) -> bool:
+    """Return whether two branch points are the same one; their switches may have another order."""
+    if a.pattern.count != b.pattern.count or abs(a.value - b.value) > SAME_POINT * width:
         return False
-    return point_between(family, last, point, 0.5).tests["PD"] * a < 0
+    first, second = (np.sort(np.abs(one.iterate.x), axis=None) for one in (a, b))
+    return float(np.abs(first - second).max(initial=0.0)) <= SAME_POINT * float(first.max(initial=0.0))
 
 
 def _strays(last: ExactPoint, point: ExactPoint, length: float) -> bool:
@@ -446,24 +474,6 @@ def _rescaled(point: ExactPoint, width: float) -> ExactPoint:
     )
 
 
-def _with_exchange(state: CurveState, i: int, period: float) -> CurveState:
-    """Return the state with switches i and i + 1 exchanged, without a correction."""
-    iterate, j = state.iterate, (i + 1) % state.pattern.count
-    if j == 0:
-        iterate, i, j = _rotated(iterate, period), i - 1, i
-    tau, x = iterate.tau.copy(), iterate.x.copy()
-    tau[[i, j]], x[[i, j]] = tau[[j, i]], x[[j, i]]
-    return CurveState.of(Iterate(iterate.pattern.swapped(i), tau, x), state.value)
-
-
-def _rotated(iterate: Iterate, period: float) -> Iterate:
-    """Return the iterate with its first switch as the last one."""
-    switches, contacts = iterate.pattern.switches, iterate.pattern.contacts
-    pattern = Pattern(switches[1:] + switches[:1], contacts[1:] + contacts[:1])
-    tau = np.append(iterate.tau[1:], iterate.tau[0] + period)
-    return Iterate(pattern, tau, np.roll(iterate.x, -1, axis=0))
-
-
 def _reversed_difference(a: CurveState, b: CurveState) -> float:
     """Return the smaller norm of the differences of halves at two states if one is opposite to the other, else 0.
 
@@ -487,12 +497,8 @@ def _difference_of_halves(state: CurveState) -> Array:
 
 def multiplier_change(a: ExactPoint, b: ExactPoint) -> float:
     """Return the largest change of a coefficient of the characteristic polynomial of the leading multipliers."""
-    first, second = (np.poly(point.multipliers[:LEADING_MULTIPLIERS]).real for point in (a, b))
+    first, second = a.polynomial, b.polynomial
     return float(np.abs(first - second).max()) if len(first) == len(second) else 0.0
-
-
-LEADING_MULTIPLIERS = 4
-"""Number of multipliers, largest modulus first, whose change limits a step."""
 
 
 class _Stop(NoConvergence):

@@ -7,6 +7,8 @@ Z has the relative accuracy of A h, so that it holds for short segments. The equ
 References
 ----------
 Moler & Van Loan (2003), SIAM Review 45(1), 3-49, section 3, https://doi.org/10.1137/S00361445024180.
+Al-Mohy & Higham (2010), SIAM Journal on Matrix Analysis and Applications 31(3), 970-989, bounds by norms of powers,
+https://doi.org/10.1137/09074721X.
 """
 
 from __future__ import annotations
@@ -31,25 +33,33 @@ which its second equation is divided by it."""
 
 
 @kernel
-def _exponential(A: Any, h: float, work: Any, Z: Any) -> None:
-    """Compute Z of one segment, with working memory (2, N, N); it is nan if A h is not finite."""
-    X, P, size = work[0], work[1], _norm(A) * abs(h)
-    if not math.isfinite(size):
+def _exponentials(A: Any, h: float, parts: Any, powers: Any, Z: Any) -> None:
+    """Compute Z (G, N, N) after parts (G,) of a duration h; it is nan if a power of A h is not finite.
+
+    X^k / k!, in powers (EXPONENTIAL_ORDER + 1, N, N), is shared by all parts. The truncation error is bounded by norms
+    of the fourth and fifth power, which states of different size affect less than the norm of X.
+    """
+    powers[1] = A
+    powers[1] *= h
+    for k in range(2, EXPONENTIAL_ORDER + 1):
+        _multiply(powers[1], powers[k - 1], powers[k])
+        powers[k] /= k
+    size = max((24 * _norm(powers[4])) ** 0.25, (120 * _norm(powers[5])) ** 0.2)
+    if not math.isfinite(_norm(powers[EXPONENTIAL_ORDER])):
         Z[:] = np.nan
         return
-    halvings = max(0, math.frexp(size)[1] + 1)
-    X[:] = A
-    X *= h * 0.5**halvings
-    Z[:] = X
-    for k in range(EXPONENTIAL_ORDER, 1, -1):
-        P[:] = Z
-        P /= k
-        Z[:] = X
-        add_product(X, P, 1.0, Z)
-    for _ in range(halvings):
-        P[:] = Z
-        Z *= 2.0
-        add_product(P, P, 1.0, Z)
+    for g in range(parts.shape[0]):
+        halvings = max(0, math.frexp(size * parts[g])[1] + 1)
+        part = parts[g] * 0.5**halvings
+        Z[g] = powers[EXPONENTIAL_ORDER]
+        for k in range(EXPONENTIAL_ORDER - 1, 0, -1):
+            Z[g] *= part
+            Z[g] += powers[k]
+        Z[g] *= part
+        for _ in range(halvings):
+            powers[0] = Z[g]
+            Z[g] *= 2.0
+            add_product(powers[0], powers[0], 1.0, Z[g])
 
 
 @kernel
@@ -170,11 +180,11 @@ def constant_segments(A: Any, h: Any, y: Any) -> Any:
         Z (K, N, N), change, begin, end and slope (K, N).
     """
     K, N = y.shape
-    Z, memory = np.empty((K, N, N)), np.empty((2, N, N))
+    Z, powers, whole = np.empty((K, N, N)), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.ones(1)
     change, begin, end, slope = np.empty((K, N)), np.empty((K, N)), np.empty((K, N)), np.empty((K, N))
     work, total = np.empty(N), np.empty(N)
     for k in range(K):
-        _exponential(A[k], h[k], memory, Z[k])
+        _exponentials(A[k], h[k], whole, powers, Z[k : k + 1])
         _apply(Z[k], y[k], change[k])
         _apply(A[k], y[k], begin[k])
         _apply(A[k], y[k] + change[k], end[k])
@@ -376,11 +386,9 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
         P += counts[k]
     gaps, slopes, p = np.empty((P, G, m)), np.empty((P, G, m)), 0
     state, change, node, rate = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
-    work, Z, whole = np.empty((2, N, N)), np.empty((G, N, N)), np.empty((N, N))
+    parts, powers, Z = np.append(offsets, 1.0), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.empty((G + 1, N, N))
     for k in range(K):
-        for g in range(G):
-            _exponential(A[k], h[k] * offsets[g], work, Z[g])
-        _exponential(A[k], h[k], work, whole)
+        _exponentials(A[k], h[k], parts, powers, Z)
         state[:] = y[k]
         for _ in range(counts[k]):
             for g in range(G):
@@ -389,10 +397,24 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
                 _apply(A[k], node, rate)
                 for j in range(m):
                     gaps[p, g, j], slopes[p, g, j] = _dot(rows[k, j], node), _dot(rows[k, j], rate)
-            _apply(whole, state, change)
+            _apply(Z[G], state, change)
             state += change
             p += 1
     return gaps, slopes
+
+
+@kernel
+def fourier_sums(theta: Any, weights: Any, gaps: Any, H: int) -> Any:
+    """Return sum_t w_t d_tj e^(-i k theta_t), (m, H + 1), of gaps d (T, m) with weights w (T,), as powers of a wave."""
+    sums = np.zeros((gaps.shape[1], H + 1), dtype=np.complex128)
+    for t in range(theta.shape[0]):
+        step = complex(math.cos(theta[t]), -math.sin(theta[t]))
+        wave = complex(weights[t], 0.0)
+        for k in range(H + 1):
+            for j in range(gaps.shape[1]):
+                sums[j, k] += gaps[t, j] * wave
+            wave *= step
+    return sums
 
 
 @kernel

@@ -28,7 +28,7 @@ from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Switch, fixed_switches
 from hbgear.harmonic.instants.propagation import growth
 from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
-from hbgear.harmonic.instants.shooting import Iterate, linearise, residual_scale
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate, linearise, residual_scale
 from hbgear.mechanics.series.fourier import evaluate
 
 MAX_INSTANT_ITERATIONS = 25
@@ -247,11 +247,18 @@ def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> 
 
 
 def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
-    """Return the factor of a step that takes at most half of the duration of each segment, and the limiting segment."""
-    moves = np.zeros(iterate.pattern.count)
-    moves[iterate.pattern.free] = step[iterate.x.size :]
+    """Return the factor of a step that takes at most half of the duration of each segment, and the limiting segment.
+
+    Switches of two elements may be in the wrong order by rounding.
+    """
+    pattern, free = iterate.pattern, iterate.pattern.free
+    moves = np.zeros(pattern.count)
+    moves[free] = step[iterate.x.size :]
     loss = moves - np.roll(moves, -1)
-    ratio = loss / np.maximum(0.5 * iterate.durations(at.period), np.finfo(float).tiny)  # a segment may be empty
+    elements = np.array([switch.element for switch in pattern.switches])
+    apart = free & np.roll(free, -1) & (elements != np.roll(elements, -1))
+    least = np.where(apart, SIMULTANEOUS_SWITCHES * at.period, np.finfo(float).tiny)  # a segment may be empty
+    ratio = loss / np.maximum(0.5 * iterate.durations(at.period), least)
     segment = int(np.argmax(ratio))
     return float(min(1.0, 1.0 / max(ratio[segment], 1e-300))), segment
 

@@ -22,7 +22,7 @@ from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Switch
 from hbgear.harmonic.instants.propagation import rates, taylor_steps, varying_states
 from hbgear.harmonic.instants.shooting import Iterate
-from hbgear.mechanics.series.fourier import to_real, waves
+from hbgear.mechanics.series.fourier import to_real
 
 MAX_STEP_OF_FLOW = 0.5
 """Largest product of the rate of the flow and the sampling step."""
@@ -83,7 +83,7 @@ def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list
 def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
     """Return the real coefficients (m, 2H + 1) of all gaps, and the rms of the harmonics above H, the largest gap's."""
     nu, (tau, weights, gaps) = at.equations.nu, _nodes(at, iterate, H / at.equations.nu)
-    c = ((gaps * weights[:, None]).T @ waves(tau / nu, H).conj()) / at.period
+    c = kernels.fourier_sums(tau / nu, weights, gaps, H) / at.period
     power = np.abs(c[:, 0]) ** 2 + 2 * (np.abs(c[:, 1:]) ** 2).sum(axis=1)
     rest = math.sqrt(max(0.0, float((weights @ gaps**2 / at.period - power).max(initial=0.0))))
     c[:, 1:] *= 2  # one-sided amplitudes

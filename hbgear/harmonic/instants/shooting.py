@@ -27,6 +27,10 @@ from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern, Switch, Visit
 from hbgear.harmonic.instants.propagation import segments_of
 
+SIMULTANEOUS_SWITCHES = 1e-9
+"""Duration, over the period, by which two switches may be in the wrong order: contacts of a symmetric machine switch at
+the same instant up to rounding of 1e-15, and grazing contacts last for 2e-8."""
+
 
 class Linearisation(NamedTuple):
     """Residual (K r + F,), its derivatives in the states and the F free instants, and the flows Psi_i of the states."""
