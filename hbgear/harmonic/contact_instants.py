@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import BranchStart
@@ -213,10 +213,17 @@ class ContactInstants(HarmonicBalance):
         return {**super().describe(), "discretisation": CONTACT_INSTANTS}
 
     def with_order(self, nu: int, harmonics: int | None = None) -> ContactInstants:
-        """Return the problem with another subharmonic order, without known points of a branch."""
+        """Return the problem with another subharmonic order or number of harmonics.
+
+        Points of a branch remain known if the order is the same.
+        """
         out = super().with_order(nu, harmonics)
         assert isinstance(out, ContactInstants)
-        out.known = None
+        known, out.known = self.known, None
+        if known is not None and nu == self.nu:
+            family = self.family(known.name, known.fixed)
+            X = [coefficients(family(state.value), state.iterate, out.H)[0].ravel() for state in known.states]
+            out.known = known._replace(X=np.array(X))
         return out
 
     # ---- equations
@@ -231,6 +238,12 @@ class ContactInstants(HarmonicBalance):
         """
         at, iterate = self._exact_iterate(X, parameters)
         return exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
+
+    def multipliers(
+        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+    ) -> ComplexArray:
+        """Return the multipliers of the exact motion near X, largest first; ``points`` and ``width`` have no effect."""
+        return self.exact_motion(X, **parameters).multipliers
 
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:
         """Return the equations at the parameters, and the contact instants of the exact motion near X."""

@@ -352,3 +352,15 @@ def test_a_sweep_continues_on_an_exact_motion_of_twice_the_period() -> None:
     doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=6))
     assert doubled.stable[:5].all() and (np.diff(doubled.values) > 0).all()
     assert [(jump.label, jump.direction) for jump in curve.jumps()] == [("LP2", -1)]
+
+
+def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
+    """Sixteen harmonics of a motion next to a fold are enough to find it, but not for its multipliers."""
+    from tests.cross.test_neimark_sacker import between_stops
+
+    curve = hb.trace(hb.ContactInstants(between_stops(), 16), "Omega", (0.5, 0.6))
+    i = curve["LP1"].index + 1
+    problem, here = curve.require_problem(), curve.parameters_at(i)
+    np.testing.assert_allclose(problem.multipliers(curve.X[i], **here)[:2], curve.multipliers[i, :2], rtol=1e-6)
+    report = hb.validate(curve, 2)
+    assert report.ok and any("near LP1" in row[0] for row in report.table()[1])
