@@ -112,6 +112,9 @@ def test_on_the_command_line(name, folder):
         (SEPARATE, "gap = 0.1", "", "line 7: law = 'unilateral' needs gap"),
         (SEPARATE, "gap = 0.1", "gap = 0.1\nb = 2.0", "law = 'unilateral' has no b; it has k, gap, eps"),
         (SEPARATE, "case = -1.0", "cage = -1.0", "no coordinate 'cage'; did you mean 'case'"),
+        (SEPARATE, "{ shaft = 1.0, case = -1.0 }", "[1.0]", "one for each coordinate: shaft, case"),
+        (SEPARATE, "{ shaft = 1.0, case = -1.0 }", "'shaft'", "need numbers by coordinate"),
+        (SEPARATE, "{ shaft = 1.0, case = -1.0 }", "[inf, 0.0]", "finite"),
         (SEPARATE, 'law = "unilateral"', 'law = "stop"', "there is no law 'stop'"),
         (SEPARATE, "2 = { case = 0.5 }", "two = { case = 0.5 }", "'two' is not a harmonic"),
         (SEPARATE, "k = 200.0", "k = -200.0", "k"),
@@ -131,6 +134,13 @@ def test_bad_files(text, old, new, said, folder):
     (folder / "bad.toml").write_text(text.replace(old, new, 1))
     with pytest.raises(StructureFileError, match=said):
         read_structure("bad.toml")
+
+
+def test_vectors_have_a_number_for_each_coordinate_or_names(folder):
+    (folder / "lists.toml").write_text(SEPARATE.replace("{ shaft = 1.0, case = -1.0 }", "[1.0, -1.0]"))
+    (folder / "names.toml").write_text(SEPARATE)
+    lists, names = read_structure("lists.toml"), read_structure("names.toml")
+    np.testing.assert_array_equal(lists.W, names.W)
 
 
 @pytest.mark.filterwarnings("ignore:nothing excites")

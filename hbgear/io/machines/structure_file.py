@@ -8,7 +8,7 @@
 
     [[element]]
     name = "stop"
-    direction = { shaft = 1.0, case = -1.0 }
+    direction = { shaft = 1.0, case = -1.0 }     # or [1.0, -1.0], a number for each coordinate
     law = "unilateral"
     k = 2e5
     gap = 1e-4
@@ -28,8 +28,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
+
+from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
@@ -106,10 +109,11 @@ def read_structure(path: str | os.PathLike[str]) -> System:
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
     """Return the schema of the file, a pydantic model."""
-    from pydantic import create_model
+    from pydantic import BeforeValidator, create_model
 
     strict: Any = exactly()
-    vector: Any = dict[str, float]
+    vector: Any = Annotated[Any, BeforeValidator(_vector)]
+    direction: Any = Annotated[Any, BeforeValidator(_direction)]
     quantity: Any = Literal["receptance", "mobility", "accelerance"]
     own: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
     ratios: Any = float | list[float]
@@ -129,7 +133,7 @@ def _schema() -> Any:
             keys[key] = kind if key not in keys else keys[key] | kind
     keys = {key: (kind, None) for key, kind in keys.items()}
     element: Any = create_model(
-        "element", __config__=strict, name=(str, ""), direction=(vector | list[vector], ...), law=(str, ...),
+        "element", __config__=strict, name=(str, ""), direction=(direction, ...), law=(str, ...),
         damping=(float, 0.0), error=(list[float], None), **keys,
     )  # fmt: skip
     load: Any = create_model(
@@ -209,15 +213,43 @@ def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[El
     error = Series(0.0, tuple(table.get("error") or ()))
     damping, name = table.get("damping", 0.0), table.get("name", "")
     if isinstance(law, VectorLaw):
-        if not isinstance(table["direction"], list) or table.get("error"):
+        if not _is_list_of_vectors(table["direction"]) or table.get("error"):
             raise ValueError(
                 f"law = '{table['law']}' has {law.size} displacements and no error: give a list of directions, such as "
                 "direction = [{ x = 1.0 }, { y = 1.0 }]"
             )
-        return VectorElement([part.along(one) for one in table["direction"]], law, damping, name)
-    if isinstance(table["direction"], list):
+        return VectorElement([_along(part, one) for one in table["direction"]], law, damping, name)
+    if _is_list_of_vectors(table["direction"]):
         raise ValueError(f"law = '{table['law']}' has one displacement: give one direction, such as {{ x = 1.0 }}")
-    return (Element(part.along(table["direction"]), law, error, damping, name),)
+    return (Element(_along(part, table["direction"]), law, error, damping, name),)
+
+
+def _vector(value: Any) -> Any:
+    """Return a vector of a file: numbers by the names of coordinates, or a number for each coordinate."""
+    numbers = list(value.values()) if isinstance(value, dict) else value
+    if not isinstance(numbers, list) or not numbers or not all(type(one) in (int, float) for one in numbers):
+        raise ValueError("need numbers by coordinate, such as { x = 1.0 }, or one for each, such as [1.0, 0.0]")
+    return value
+
+
+def _direction(value: Any) -> Any:
+    """Return a vector of a file, or a list of vectors."""
+    return [_vector(one) for one in value] if _is_list_of_vectors(value) else _vector(value)
+
+
+def _is_list_of_vectors(direction: Any) -> bool:
+    """Return whether a direction is a list of vectors, which are tables or lists of numbers."""
+    return isinstance(direction, list) and any(isinstance(one, list | dict) for one in direction)
+
+
+def _along(part: Matrices | Receptances, vector: dict[str | int, float] | list[float]) -> Array:
+    """Return a vector (n,) that is given by the names of its coordinates, or by one number for each coordinate."""
+    if isinstance(vector, dict):
+        return part.along(vector)
+    names = list(part.dof_names if isinstance(part, Matrices) else part.names)
+    if len(vector) != len(names):
+        raise ValueError(f"{vector} has {len(vector)} numbers; need one for each coordinate: {', '.join(names)}")
+    return np.array(vector, dtype=float)
 
 
 def _law_entry(name: str) -> Any:
@@ -240,11 +272,11 @@ def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:
-    constant = None if table.get("constant") is None else part.along(table["constant"])
+    constant = None if table.get("constant") is None else _along(part, table["constant"])
     waves: dict[str, Any] = {}
     for name in ("cosine", "sine"):
         wrong = next((order for order in table.get(name, {}) if not order.isdecimal()), None)
         if wrong is not None:
             raise ValueError(f"{name}: '{wrong}' is not a harmonic; give integers, such as {{ 1 = {{ x = 2.0 }} }}")
-        waves[name] = {int(order): part.along(vector) for order, vector in table.get(name, {}).items()}
+        waves[name] = {int(order): _along(part, vector) for order, vector in table.get(name, {}).items()}
     return Load(constant, **waves, power=table.get("power", 0))
