@@ -69,3 +69,31 @@ def test_curves_that_do_not_cross_have_none():
     )
     curve = hb.trace(hb.HarmonicBalance(bent, 9), "Omega", (1.0, 1.4))
     assert "BP" not in {point.kind for point in curve.special}
+
+
+def test_two_branch_points_in_a_long_step_are_located():
+    """The symmetric motion between two stops is unstable between two points of the curve that are both stable."""
+    stop = hb.Unilateral(k=0.8, gap=0.06)
+    elements = [hb.Element([1.0], stop, name="right"), hb.Element([-1.0], stop, name="left")]
+    model = hb.System([[1.0]], [[0.0655]], [[0.5]], elements, hb.Load(cosine={1: [0.325]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 48), "Omega", (0.456, 1.73))
+    exact = hb.trace(hb.ContactInstants(model), "Omega", (0.5, 0.6))
+    for label in ("BP1", "BP2"):
+        assert abs(curve[label].parameters["Omega"] - exact[label].parameters["Omega"]) < STATED * curve[label].error
+    between = (curve.values > curve["BP1"].parameters["Omega"]) & (curve.values < curve["BP2"].parameters["Omega"])
+    assert between.any() and not curve.stable[between].any()
+
+
+def test_a_fold_next_to_a_branch_point():
+    """The branch point is 7e-6 above the fold, and dR/dX is singular at both."""
+    K, damping = np.array([[1.3, 0.3], [0.3, 1.3]]), 0.050292591836367084
+    backlash = hb.Backlash(b=0.34996675113574505, k=11.040666286043532)
+    elements = [hb.Element([1.0, 0.0], backlash, name="a"), hb.Element([0.0, 1.0], backlash, name="b")]
+    force = hb.Load(cosine={1: [0.08543560352722451, 0.08543560352722451]})
+    model = hb.System(np.eye(2), 2 * damping * K + 0.01 * np.eye(2), K, elements, force)
+    span = (0.8859088066879133, 1.3706221119584108)
+    curve = hb.trace(hb.HarmonicBalance(model, 64), "Omega", span)
+    exact = hb.trace(hb.ContactInstants(model), "Omega", span)
+    assert [point.label for point in curve.special] == [point.label for point in exact.special]
+    for point, reference in zip(curve.special, exact.special, strict=True):
+        assert abs(point.parameters["Omega"] - reference.parameters["Omega"]) < max(STATED * point.error, 1e-7)

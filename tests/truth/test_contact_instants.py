@@ -354,6 +354,47 @@ def test_a_sweep_continues_on_an_exact_motion_of_twice_the_period() -> None:
     assert [(jump.label, jump.direction) for jump in curve.jumps()] == [("LP2", -1)]
 
 
+def two_backlashes(k: float, b: float, force: float, damping: float, coupling: float, load: float = 0.0) -> hb.System:
+    """Return two equal masses in equal backlashes, with one load."""
+    K = np.array([[1.3, coupling], [coupling, 1.3]])
+    elements = [hb.Element(w, hb.Backlash(b=b, k=k), name=name) for w, name in (([1.0, 0.0], "a"), ([0.0, 1.0], "b"))]
+    loads = hb.Load(constant=[load, load], cosine={1: [force, force]})
+    return hb.System(np.eye(2), 2 * damping * K + 0.01 * np.eye(2), K, elements, loads)
+
+
+def test_two_doublings_between_corners_are_located() -> None:
+    """Multipliers meet between -.67 and -1 in a range of 3e-4 and leave it again, in a step of 4e-3."""
+    model = two_backlashes(11.758, 0.1618, 0.24648, 0.01403, 0.3, 0.16161)
+    curve = hb.trace(hb.ContactInstants(model), "Omega", (0.5216, 0.6))
+    balance = hb.trace(hb.HarmonicBalance(model, 48), "Omega", (0.578, 0.588))
+    for label in ("PD4", "PD5"):
+        near = min(abs(point.parameters["Omega"] - curve[label].parameters["Omega"]) for point in balance.special)
+        assert near < 1e-6
+    assert curve["PD5"].parameters["Omega"] - curve["PD4"].parameters["Omega"] < 4e-4
+
+
+def test_a_symmetric_motion_passes_several_branch_points() -> None:
+    """Tangents are exact where dF/du is nearly singular: the curve once ended at Omega = .7153."""
+    k, F, damping, b = 15.436699402610017, 0.19363924737704585, 0.024780978660692975, 0.3218514178138575
+    model, span = two_backlashes(k, b, F, damping, -0.3), (0.527555282775874, 1.6447693265037202)
+    curve = hb.trace(hb.ContactInstants(model), "Omega", span)
+    balance = hb.trace(hb.HarmonicBalance(model, 32), "Omega", span)
+    assert [point.label for point in curve.special] == ["GR1", "BP1", "BP2", "BP3", "BP4"]
+    for exact, point in zip(curve.special, balance.special, strict=True):
+        assert abs(exact.parameters["Omega"] - point.parameters["Omega"]) < 5e-6
+
+
+def test_a_contact_begins_between_samples() -> None:
+    """The first contact is found although a point lies 5e-6 beyond it; a cubic through the samples did not show it.
+
+    Below the contact the motion is linear: |a| = .35 for a = F / (1.6 - Omega^2 + i c Omega), c = .17.
+    """
+    curve = hb.trace(hb.ContactInstants(two_backlashes(11.0, 0.35, 0.0854, 0.05, 0.3)), "Omega", (0.886, 1.37))
+    assert curve.status is hb.Status.REACHED_END
+    Omega = curve["GR1"].parameters["Omega"]
+    assert abs(0.0854 / abs(1.6 - Omega**2 + 0.17j * Omega) - 0.35) < 1e-10
+
+
 def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
     """Sixteen harmonics of a motion next to a fold are enough to find it, but not for its multipliers."""
     from tests.cross.test_neimark_sacker import between_stops

@@ -9,7 +9,8 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.branch_point import BranchPointEvent
-from hbgear.continuation.events.event import Event, LocatedEvent, column
+from hbgear.continuation.events.columns import column
+from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem

@@ -38,10 +38,10 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.builder import build_point
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Points, Segment, point_from_solution
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, point_from_solution
+from hbgear.continuation.events.columns import lengths
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.bracketed_root import find_root_bracketed
-from hbgear.continuation.numerics.linear import norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
@@ -384,28 +384,6 @@ def is_marker(text: str) -> bool:
 
 RESERVED = ("LP", "CP", "IC", "BP", "PD", "NS", "GR", "SL", "PK", "EP", "RI", "RII", "RIII", "RIV", "FF", "GPD")
 """Kinds reserved by hbgear, which events of users cannot have."""
-
-
-def column(points: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
-    """Return the result of ``make`` for points; `Points`, which do not change, store it under the name."""
-    return points.column(name, make) if isinstance(points, Points) else make()
-
-
-def unknowns(points: Sequence[CurvePoint]) -> Array:
-    """Return the unknowns and parameters u, (P, n + 1), of P points."""
-    u: Array = column(points, "u", lambda: np.array([point.u for point in points]))
-    return u
-
-
-def lengths(points: Sequence[CurvePoint], scale: Array) -> Array:
-    """Return the scaled lengths (P - 1,) of the segments between P points."""
-
-    def make() -> Array:
-        u = unknowns(points)
-        return norms((u[1:] - u[:-1]) / scale)
-
-    out: Array = column(points, ("lengths", scale.tobytes()), make)
-    return out
 
 
 # ---- locating

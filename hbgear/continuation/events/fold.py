@@ -13,7 +13,8 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, lengths, locate_by_newton, locate_root, unknowns
+from hbgear.continuation.events.columns import lengths, unknowns
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem
@@ -62,14 +63,14 @@ class FoldEvent(Event):
         """Return the fold of a segment on which the parameter direction changes.
 
         Newton's method on {R, g} starts at the fold of the Hermite polynomial. If it fails, or dR/dX is not continuous,
-        the root of the tangent component is bracketed.
+        the root of the tangent component is bracketed; also if the segment has a branch point, where g is zero, too.
         """
         a, b = segment.a, segment.b
         if a.parameter_direction * b.parameter_direction >= 0:
             return []
         if a.tangent[-1] * b.tangent[-1] >= 0:  # the fold lies on a section of constant parameter
             return [LocatedEvent(self, 0.0, a, True)]
-        if segment.problem.smooth:
+        if segment.problem.smooth and a.orientation == b.orientation:
             try:
                 return [
                     locate_by_newton(

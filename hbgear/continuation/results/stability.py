@@ -46,6 +46,31 @@ def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + STABILITY_TOLERANCE)
 
 
+def scaled_determinant(multipliers: ComplexArray, at: float) -> Array:
+    """Return det(Phi - at I) with moduli limited to `MAX_DETERMINANT_MODULUS`; its sign and its zeros are the same.
+
+    Parameters
+    ----------
+    multipliers : ndarray of complex, shape (P, r)
+        Multipliers of P solutions.
+    at : float
+        +1 at folds and branch points, -1 at period doublings.
+
+    Returns
+    -------
+    ndarray, shape (P,)
+        Determinants, nan where the multipliers are unknown.
+    """
+    # a factor, because the division of a complex nan warns
+    scale = 1.0 / np.maximum(np.abs(multipliers) / MAX_DETERMINANT_MODULUS, 1.0)
+    determinant: Array = ((multipliers - at) * scale).prod(axis=1).real
+    return determinant
+
+
+MAX_DETERMINANT_MODULUS = 1e6
+"""Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
+
+
 def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:
     """Return the code of the stability of each solution.
 

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.asymptote import vertical_asymptote
 from hbgear.continuation.curve.segment import CurvePoint, Points, cosine, normal_of, point_from_solution
-from hbgear.continuation.events.event import unknowns
+from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.fold import FoldEvent, far_side_of_fold
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hbgear.continuation.curve.segment import CurvePoint, Points
-from hbgear.continuation.events.event import LocatedEvent, unknowns
+from hbgear.continuation.events.columns import unknowns
+from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.tracing.ends import CurveEnds
 from hbgear.continuation.tracing.resolution import ResolutionControl

@@ -13,13 +13,13 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root, singular
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem, Locating
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.bifurcations.monitored import monitored_values
 from hbgear.mechanics.series.fourier import waves
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import ComplexArray
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import column
+from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 
 
@@ -18,26 +18,6 @@ def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
     """Return multipliers (points, r), if any are known."""
     mu: ComplexArray | None = monitored_values(points, "multipliers")
     return mu
-
-
-def monitored_values(points: Sequence[CurvePoint], name: str) -> Any:
-    """Return a monitored quantity of all points, nan where it is unknown.
-
-    The result is None if the quantity is unknown at all points, or its length differs between points.
-    """
-    return column(points, name, lambda: _stacked_values(points, name))
-
-
-def _stacked_values(points: Sequence[CurvePoint], name: str) -> Any:
-    """Return a monitored quantity of all points as an array; see `monitored_values`."""
-    values = [point.observed.get(name) for point in points]
-    example = next((value for value in values if value is not None), None)
-    if example is None:
-        return None
-    try:
-        return np.array([np.full_like(example, np.nan) if value is None else value for value in values])
-    except ValueError:  # a closed gap has no breakpoints
-        return None
 
 
 def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
@@ -55,19 +35,6 @@ def count_unstable(mu: ComplexArray) -> np.ndarray:
     """Return the number of unstable multipliers of sets (P, r)."""
     number: np.ndarray = (np.abs(mu) > 1 + STABILITY_TOLERANCE).sum(axis=1)
     return number
-
-
-def doubling_determinant(mu: ComplexArray) -> Array:
-    """Return det(Phi + 1), which changes sign at period doublings, of sets (P, r)."""
-    scale = 1.0 / np.maximum(
-        np.abs(mu) / MAX_DETERMINANT_MODULUS, 1.0
-    )  # a factor, because the division of a complex nan (unknown) warns
-    determinant: Array = ((mu + 1) * scale).prod(axis=1).real
-    return determinant
-
-
-MAX_DETERMINANT_MODULUS = 1e6
-"""Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
 
 
 def complex_multipliers(mu: ComplexArray) -> ComplexArray:

@@ -28,10 +28,10 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
+from hbgear.continuation.events.columns import lengths
 from hbgear.continuation.events.event import (
     Event,
     LocatedEvent,
-    lengths,
     locate_by_newton,
     locate_root,
     singular,
@@ -41,13 +41,12 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE, scaled_determinant
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
     complex_multipliers,
     count_unstable,
-    doubling_determinant,
     is_complex,
     multipliers_at,
     multipliers_of,
@@ -93,7 +92,7 @@ class PeriodDoublingEvent(Event):
     ) -> Array:
         """Return det(Phi + 1) at points with known multipliers."""
         mu = multipliers_of(points)
-        return np.zeros((len(points), 0)) if mu is None else doubling_determinant(mu)[:, None]
+        return np.zeros((len(points), 0)) if mu is None else scaled_determinant(mu, -1.0)[:, None]
 
     def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return where det(Phi + 1) comes close to zero, except where pairs clearly pass -1 without collision."""
@@ -107,7 +106,7 @@ class PeriodDoublingEvent(Event):
         mu = multipliers_of((segment.a, segment.b))
         if mu is None:
             return []
-        before, after = doubling_determinant(mu).tolist()
+        before, after = scaled_determinant(mu, -1.0).tolist()
         return [self.locate(segment, before, after)] if before * after < 0 else []
 
     def locate(self, segment: Segment, before: float, after: float) -> LocatedEvent:
@@ -125,7 +124,7 @@ class PeriodDoublingEvent(Event):
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
         rough = locate_root(
-            segment, self, lambda point: float(doubling_determinant(multipliers_at(segment, point)[None])[0])
+            segment, self, lambda point: float(scaled_determinant(multipliers_at(segment, point)[None], -1.0)[0])
         )
         return rough if extended is None else _refine_root(segment, rough, extended)
 
@@ -216,7 +215,7 @@ class NeimarkSackerEvent(Event):
         ends = multipliers_of((segment.a, segment.b))
         if ends is None:
             return []
-        (ua, ub), (da, db) = count_unstable(ends).tolist(), doubling_determinant(ends).tolist()
+        (ua, ub), (da, db) = count_unstable(ends).tolist(), scaled_determinant(ends, -1.0).tolist()
         passes_real = (
             segment.a.parameter_direction * segment.b.parameter_direction < 0
             or segment.a.orientation != segment.b.orientation

@@ -108,10 +108,11 @@ class CurveState:
 
 
 FORWARD_STEP = 1e-8
-"""Relative forward-difference step of the parameter in a corrector, where it affects the convergence only."""
+"""Relative forward-difference step of the parameter in a corrector."""
 
-UPDATES = 2
-"""Number of iterations of a corrector in which F_p is computed; later iterations change it little."""
+VALID_DISTANCE = 1e-5
+"""Distance in scaled unknowns within which F_p is used again. Where dF/du is nearly singular, as close to a branch
+point, its error of this order changes the direction of the tangent by several hundred times as much."""
 
 
 def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
@@ -128,7 +129,7 @@ def correct(
 ) -> tuple[CurveState, Linearisation, Array, int]:
     """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
 
-    F_p is computed in the first iterations only. It affects the length of tangents in p, but not the sign of det F_u.
+    F_p is computed again where the state has moved.
 
     Returns
     -------
@@ -140,14 +141,15 @@ def correct(
     NoConvergence
         If Newton's method does not converge.
     """
-    start, before = state.z, math.inf
+    start, before, moved = state.z, math.inf, math.inf
     bordered = np.zeros((len(start), len(start)))
     bordered[-1] = row / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
         at = family(state.value)
         now = linearise(at, state.iterate)
         bordered[:-1, :-1] = now.J
-        if iteration <= UPDATES:
+        if moved > VALID_DISTANCE:
+            moved = 0.0
             h = FORWARD_STEP * max(abs(state.value), 1e-3)
             bordered[:-1, -1] = (linearise(family(state.value + h), state.iterate, False).R - now.R) / h
         rhs = -np.append(now.R, row @ ((state.z - start) / scale))
@@ -162,6 +164,7 @@ def correct(
             return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
         factor = _factor(state, step, at.period)
         state, before = state.moved(state.z + factor * step), size if factor == 1.0 else math.inf
+        moved += factor * size
     raise _failed(state)
 
 

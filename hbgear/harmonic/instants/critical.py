@@ -175,23 +175,50 @@ MAX_PARABOLAS, PROMISING_MINIMUM = 4, 0.3
 value, up to which the search goes on."""
 
 
-def hides_two_points(family: Family, last: ExactPoint, point: ExactPoint) -> bool:
-    """Return whether a multiplier passes -1 or +1 and returns between two points."""
+def hides_two_points(
+    family: Family, before: ExactPoint | None, last: ExactPoint, point: ExactPoint, step: float, length: float
+) -> bool:
+    """Return whether multipliers pass -1, +1 or the unit circle and return between two points of one pattern.
+
+    A step is searched if it is long and a multiplier is near -1 or +1, or if a test function that is extrapolated from
+    the step before changes its sign in it.
+
+    Parameters
+    ----------
+    family : callable
+        Equations at a value of the parameter.
+    before, last, point : ExactPoint
+        Successive points; None if there is only one before the step.
+    step, length : float
+        Lengths of the step before and of the step.
+    """
     if last.state.pattern != point.state.pattern:
         return False
-    kinds = [
-        kind for kind, unit in (("PD", -1.0), ("BP", 1.0))
-        if last.tests[kind] * point.tests[kind] > 0
-        and min(abs(one.multipliers - unit).min() for one in (last, point)) < NEAR_UNIT
-    ]  # fmt: skip
-    middle = point_between(family, last, point, 0.5) if kinds else last
-    return any(_passes_zero(family, (last, middle, point), kind) for kind in kinds)
+    kinds = {kind for kind in _SEARCHED_KINDS if last.tests[kind] * point.tests[kind] > 0}
+    promising = {kind for kind in kinds & set(_UNIT) if length > LONG_STEP and _comes_near(_UNIT[kind], last, point)}
+    if before is not None and step > 0 and before.state.pattern == last.state.pattern:
+        for kind in kinds - promising:
+            here, rate = last.tests[kind], (last.tests[kind] - before.tests[kind]) / step
+            if (here + rate * length) * here < 0:
+                promising.add(kind)
+    middle = point_between(family, last, point, 0.5) if promising else last
+    return any(_passes_zero(family, (last, middle, point), kind) for kind in promising)
+
+
+_SEARCHED_KINDS, _UNIT = ("PD", "BP", "NS"), {"PD": -1.0, "BP": 1.0}
+"""Kinds that can lie twice in a step, and the multiplier at them."""
+
+
+def _comes_near(unit: float, *points: ExactPoint) -> bool:
+    """Return whether a multiplier of a point is near -1 or +1."""
+    return any(bool(np.abs(point.multipliers - unit).min() < NEAR_UNIT) for point in points)
 
 
 def _passes_zero(family: Family, points: tuple[ExactPoint, ExactPoint, ExactPoint], kind: str) -> bool:
     """Return whether a test function passes zero and returns between two points.
 
-    Its smallest size is approached by parabolas through begin, middle and end, and through points next to the smallest.
+    Its smallest size is approached by parabolas through begin, middle and end, and through points next to the smallest;
+    where two multipliers meet, it has a corner, which is approached by secants.
     """
     sign = math.copysign(1.0, points[0].tests[kind])
     found = [(s, sign * point.tests[kind]) for s, point in zip((0.0, 0.5, 1.0), points, strict=True)]
@@ -201,10 +228,23 @@ def _passes_zero(family: Family, points: tuple[ExactPoint, ExactPoint, ExactPoin
             return True
         first = min(max(least - 1, 0), len(found) - 3)
         s, lowest = _minimum(*zip(*found[first : first + 3], strict=True))
-        if not lowest < PROMISING_MINIMUM * found[least][1] or any(abs(s - other) < 1e-3 for other, _ in found):
+        if not lowest < PROMISING_MINIMUM * found[least][1]:
+            s = _zero_of_secant(found, least)
+        if not math.isfinite(s) or any(abs(s - other) < 1e-3 for other, _ in found):
             return False
         found = sorted([*found, (s, sign * point_between(family, points[0], points[2], s).tests[kind])])
     return min(value for _, value in found) < 0
+
+
+def _zero_of_secant(found: list[tuple[float, float]], i: int) -> float:
+    """Return the zero nearest to point i of the secants through it and its neighbours, beyond it; inf without one."""
+    if not 0 < i < len(found) - 1:
+        return math.inf
+    (low, before), (s, here), (high, after) = found[i - 1 : i + 2]
+    rising = s + (s - low) * here / (before - here) if before > here else math.inf
+    falling = s - (high - s) * here / (after - here) if after > here else -math.inf
+    inside = [zero for zero in (rising, falling) if low < zero < high]
+    return min(inside, key=lambda zero: abs(zero - s), default=math.inf)
 
 
 def _minimum(s: tuple[float, ...], values: tuple[float, ...]) -> tuple[float, float]:

@@ -25,7 +25,6 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, Family, departed, exchanges_of, with_exchange
 from hbgear.harmonic.instants.critical import (
-    LONG_STEP,
     ExactPoint,
     SpecialExactPoint,
     branch_point_near,
@@ -60,8 +59,8 @@ MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
 
-INTERIOR_FRACTIONS = (0.25, 0.5, 0.75)
-"""Fractions of a step at which it is tested for two Neimark-Sacker points."""
+MAX_MISSED_DISTANCE = 1e-6
+"""Largest distance of a grazing point behind the last point, whose contact the samples do not show."""
 
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
@@ -190,10 +189,8 @@ class Follower:
                     return
                 if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
-                if length > LONG_STEP and hides_two_points(self.family, last, point):
+                if self.special and self._hides_two_points(point, length):
                     raise NoConvergence("two special points of one kind lie in a step", last.state.z, {}, [])
-                if self._hides_torus_bifurcations(last, point, length):
-                    raise NoConvergence("two Neimark-Sacker points lie in a step", last.state.z, {}, [])
                 found = [] if self._leaves(point) else crossed or self._special(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
@@ -276,20 +273,11 @@ class Follower:
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
 
-    def _hides_torus_bifurcations(self, last: ExactPoint, point: ExactPoint, length: float) -> bool:
-        """Return whether a pair of multipliers leaves the unit circle and returns between two points.
-
-        The step is tested if the test function, extrapolated from the step before, changes its sign in it.
-        """
-        if len(self.curve.points) < 2 or not self.special:
-            return False
-        before, step = self.curve.points[-2], self.curve.steps[-1]
-        a, b, c = (one.tests["NS"] for one in (before, last, point))
-        if not step or b * c <= 0 or (b + (b - a) * length / step) * b > 0:
-            return False
-        if not before.state.pattern == last.state.pattern == point.state.pattern:
-            return False
-        return any(point_between(self.family, last, point, s).tests["NS"] * b < 0 for s in INTERIOR_FRACTIONS)
+    def _hides_two_points(self, point: ExactPoint, length: float) -> bool:
+        """Return whether two special points of one kind lie between the last point and the next one."""
+        points, steps = self.curve.points, self.curve.steps
+        before, step = (points[-2], steps[-1]) if len(points) > 1 else (None, 0.0)
+        return hides_two_points(self.family, before, points[-1], point, step, length)
 
     # ---- grazing
 
@@ -300,7 +288,7 @@ class Follower:
         here = self._grazing_point(found, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
         if len(here.state.z) == len(last.state.z):
             ahead = float((here.state.z - last.state.z) / last.scale @ last.tangent)
-            if not -1e-9 < ahead < 1.5 * LARGEST_STEP:
+            if not -MAX_MISSED_DISTANCE < ahead < 1.5 * LARGEST_STEP:
                 raise NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
         if self._leaves(here):
             self._finish(last, here)
