@@ -395,6 +395,68 @@ def test_a_contact_begins_between_samples() -> None:
     assert abs(0.0854 / abs(1.6 - Omega**2 + 0.17j * Omega) - 0.35) < 1e-10
 
 
+def two_equal(law: Any, force: float, damping: float, coupling: float) -> hb.System:
+    """Return two equal coupled masses, each with a contact of one law, with equal forces."""
+    K = np.array([[1.3, coupling], [coupling, 1.3]])
+    elements = [hb.Element(w, law, name=name) for w, name in (([1.0, 0.0], "a"), ([0.0, 1.0], "b"))]
+    return hb.System(np.eye(2), 2 * damping * K + 0.01 * np.eye(2), K, elements, hb.Load(cosine={1: [force, force]}))
+
+
+def between_two_stops() -> hb.System:
+    """Return a mass with equal stops on both sides."""
+    law = hb.Unilateral(k=9.94, gap=0.01446)
+    elements = [hb.Element([1.0], law, name="right"), hb.Element([-1.0], law, name="left")]
+    return hb.System([[1.0]], [[0.0586]], [[0.5]], elements, hb.Load(cosine={1: [0.15125]}))
+
+
+def in_a_backlash() -> hb.System:
+    """Return a mass in a backlash, which reaches the lower side at a smaller Omega than the upper one."""
+    element = hb.Element([1.0], hb.Backlash(b=0.3, k=27.0), name="gap")
+    return hb.System([[1.0]], [[0.05]], [[1.0]], [element], hb.Load(cosine={1: [0.1]}, sine={2: [0.002]}))
+
+
+ALL_PASSED = {
+    "the second of two new contacts in a segment is the first": (between_two_stops(), (0.42, 1.76)),
+    "a later grazing on the other side": (in_a_backlash(), (0.6, 1.6)),
+    "two branch points in a step": (two_equal(hb.Backlash(b=0.2729, k=16.08), 0.17377, 0.0549, -0.3), (0.677, 1.98)),
+    "simultaneous contacts vanish": (two_equal(hb.Unilateral(k=12.89, gap=-0.0544), 0.1053, 0.0392, 0.3), (1.1, 1.75)),
+}
+"""Machines whose curves once ended early or lacked special points, and their spans."""
+
+
+@pytest.mark.parametrize("name", ALL_PASSED)
+def test_curves_are_those_of_the_harmonic_balance(name: str) -> None:
+    """The balance does not report contacts that begin next to a longer one, so that its grazings are not compared."""
+    model, span = ALL_PASSED[name]
+    exact = hb.trace(hb.ContactInstants(model), "Omega", span)
+    balance = hb.trace(hb.HarmonicBalance(model, 48), "Omega", span)
+    assert exact.status is hb.Status.REACHED_END
+    found, expected = ([point for point in one.special if point.kind != "GR"] for one in (exact, balance))
+    assert [point.label for point in found] == [point.label for point in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert abs(one.parameters["Omega"] - other.parameters["Omega"]) < 5 * other.error + 1e-8
+
+
+def test_the_first_of_two_grazings_is_that_of_the_linear_motion() -> None:
+    curve = hb.trace(hb.ContactInstants(in_a_backlash()), "Omega", (0.6, 1.6))
+    Omega, tau = curve["GR1"].parameters["Omega"], np.linspace(0, 2 * np.pi, 20001)
+    first, second = (F / (1 - (n * Omega) ** 2 + 0.05j * n * Omega) for n, F in ((1, 0.1), (2, -0.002j)))
+    q = (first * np.exp(1j * tau) + second * np.exp(2j * tau)).real
+    assert abs(np.abs(q).max() - 0.3) < 1e-8
+
+
+def test_a_doubled_branch_joins_where_its_parameter_turns() -> None:
+    """At the end point the parameter of the branch of twice the period turns, and the equations are singular."""
+    M, C = np.diag([1.822, 0.902, 0.726]), [[0.0561, -0.021, 0.0], [-0.021, 0.0721, -0.0189], [0.0, -0.0189, 0.0434]]
+    K = [[1.2976, -0.8203, 0.0], [-0.8203, 2.3718, -0.738], [0.0, -0.738, 1.3389]]
+    stop = hb.Element([0.0, -1.0, 0.0], hb.Unilateral(k=58.2, gap=0.379), name="stop")
+    load = hb.Load(constant=[-0.0031, -0.058, 0.0491], cosine={1: [0.1572, 0, 0]}, sine={2: [0.0244, -0.02, -0.0205]})
+    curve = hb.trace(hb.ContactInstants(hb.System(M, C, K, [stop], load)), "Omega", (0.49, 0.6))
+    doubled = hb.switch(curve, "PD1")
+    assert doubled.status is hb.Status.MERGED
+    assert abs(doubled["EP1"].parameters["Omega"] - curve["PD2"].parameters["Omega"]) < 1e-8
+
+
 def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
     """Sixteen harmonics of a motion next to a fold are enough to find it, but not for its multipliers."""
     from tests.cross.test_neimark_sacker import between_stops

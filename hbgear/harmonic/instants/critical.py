@@ -101,29 +101,64 @@ def exact_point(family: Family, state: CurveState, row: Array, scale: Array, alo
 
 def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[SpecialExactPoint]:
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
-    found = []
-    for kind, value in a.tests.items():
-        if value * b.tests[kind] < 0:
-            s, point = _locate(family, a, b, kind)
+    changed = {kind for kind, value in a.tests.items() if value * b.tests[kind] < 0}
+    found = [("BP", *_locate_branch_point(family, a, b))] if "BP" in changed else []
+    singular = [s for _, s, _ in found]
+    for kind in sorted(changed - {"BP"}):
+        try:
+            s = _root(family, a, b, kind, (0.0, 1.0))
+        except NoConvergence:
+            if not singular:
+                raise
+            s = _root_beside(family, a, b, kind, singular[0])
+        if math.isfinite(s):
+            point = point_between(family, a, b, s)
             if kind != "NS" or _is_complex_pair(point.multipliers):
                 found.append((kind, s, point))
     return sorted(found, key=lambda one: one[1])
 
 
-def _locate(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> tuple[float, ExactPoint]:
-    """Return the zero of a test function between two points."""
+def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tuple[float, float]) -> float:
+    """Return the fraction at which a test function is zero."""
+
+    def test(s: float) -> float:
+        return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
+
+    return float(scipy.optimize.brentq(test, *bracket, xtol=1e-13, rtol=1e-14, maxiter=60))
+
+
+def _root_beside(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singular: float) -> float:
+    """Return the fraction at which a test function is zero on either side of a branch point.
+
+    The result is nan if it changes its sign at the branch point, as the direction of the parameter where a branch
+    leaves a symmetric motion.
+    """
+    distance = _distance_of_points(a, b)
+    low, high = singular - distance, singular + distance
+    before, after = (point_between(family, a, b, s).tests[kind] for s in (low, high))
+    if low > 0 and a.tests[kind] * before < 0:
+        return _root(family, a, b, kind, (0.0, low))
+    if high < 1 and after * b.tests[kind] < 0:
+        return _root(family, a, b, kind, (high, 1.0))
+    return math.nan
+
+
+def _locate_branch_point(family: Family, a: ExactPoint, b: ExactPoint) -> tuple[float, ExactPoint]:
+    """Return the fraction and the point of a branch point between two points."""
     tried = [0.5]
 
     def test(s: float) -> float:
         tried.append(s)
-        return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
+        return (b if s else a).tests["BP"] if s in (0.0, 1.0) else point_between(family, a, b, s).tests["BP"]
 
-    if kind != "BP":
-        s = float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-14, maxiter=60))
-        return s, point_between(family, a, b, s)
     with suppress(NoConvergence):  # at the branch point itself the corrector does not converge
         tried.append(float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=BRANCH_POINT_DISTANCE)))
     return branch_point_near(family, a, b, tried[-1])
+
+
+def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
+    """Return the distance of points from a branch point that is interpolated between them, over the step."""
+    return max(BRANCH_POINT_DISTANCE, MIN_DISTANCE / float(np.linalg.norm((b.state.z - a.state.z) / a.scale)))
 
 
 def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float) -> tuple[float, ExactPoint]:
@@ -131,7 +166,7 @@ def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float)
 
     The test function is interpolated through four points, and the state between the two of them that are nearest.
     """
-    distance = max(BRANCH_POINT_DISTANCE, MIN_DISTANCE / float(np.linalg.norm((b.state.z - a.state.z) / a.scale)))
+    distance = _distance_of_points(a, b)
     s = near + distance * np.array([-3.0, -1.0, 1.0, 3.0])
     points = [point_between(family, a, b, float(one)) for one in s]
     values = [point.tests["BP"] for point in points]
@@ -170,6 +205,10 @@ def _is_complex_pair(mu: ComplexArray) -> bool:
 LONG_STEP, NEAR_UNIT = 0.02, 0.6
 """Step, and distance of a multiplier from -1 or +1, from which a step is tested for two special points of one kind."""
 
+INTERIOR_FRACTIONS = (0.15, 0.5, 0.85)
+"""Fractions of such a step at which test functions are evaluated; next to the ends because a multiplier that passes
+-1 or +1 there can return along another curve, with a corner where two multipliers meet."""
+
 MAX_PARABOLAS, PROMISING_MINIMUM = 4, 0.3
 """Largest number of parabolas in the search of a zero of a test function, and their minimum, over the smallest known
 value, up to which the search goes on."""
@@ -201,8 +240,9 @@ def hides_two_points(
             here, rate = last.tests[kind], (last.tests[kind] - before.tests[kind]) / step
             if (here + rate * length) * here < 0:
                 promising.add(kind)
-    middle = point_between(family, last, point, 0.5) if promising else last
-    return any(_passes_zero(family, (last, middle, point), kind) for kind in promising)
+    inside = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
+    samples = {0.0: last, **inside, 1.0: point}
+    return any(_passes_zero(family, samples, kind) for kind in promising)
 
 
 _SEARCHED_KINDS, _UNIT = ("PD", "BP", "NS"), {"PD": -1.0, "BP": 1.0}
@@ -214,14 +254,14 @@ def _comes_near(unit: float, *points: ExactPoint) -> bool:
     return any(bool(np.abs(point.multipliers - unit).min() < NEAR_UNIT) for point in points)
 
 
-def _passes_zero(family: Family, points: tuple[ExactPoint, ExactPoint, ExactPoint], kind: str) -> bool:
+def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) -> bool:
     """Return whether a test function passes zero and returns between two points.
 
-    Its smallest size is approached by parabolas through begin, middle and end, and through points next to the smallest;
-    where two multipliers meet, it has a corner, which is approached by secants.
+    Its smallest size is approached by parabolas through three points next to the smallest; where two multipliers meet,
+    it has a corner, which is approached by secants.
     """
-    sign = math.copysign(1.0, points[0].tests[kind])
-    found = [(s, sign * point.tests[kind]) for s, point in zip((0.0, 0.5, 1.0), points, strict=True)]
+    sign = math.copysign(1.0, samples[0.0].tests[kind])
+    found = [(s, sign * point.tests[kind]) for s, point in samples.items()]
     for _ in range(MAX_PARABOLAS):
         least = min(range(len(found)), key=lambda i: found[i][1])
         if found[least][1] < 0:
@@ -232,7 +272,7 @@ def _passes_zero(family: Family, points: tuple[ExactPoint, ExactPoint, ExactPoin
             s = _zero_of_secant(found, least)
         if not math.isfinite(s) or any(abs(s - other) < 1e-3 for other, _ in found):
             return False
-        found = sorted([*found, (s, sign * point_between(family, points[0], points[2], s).tests[kind])])
+        found = sorted([*found, (s, sign * point_between(family, samples[0.0], samples[1.0], s).tests[kind])])
     return min(value for _, value in found) < 0
 
 

@@ -59,6 +59,9 @@ MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
 
+SAME_GRAZING_DISTANCE = 0.02
+"""Difference of the phases [rad] of two grazings of one gap up to which they are the same; the gap has one maximum."""
+
 MAX_MISSED_DISTANCE = 1e-6
 """Largest distance of a grazing point behind the last point, whose contact the samples do not show."""
 
@@ -189,7 +192,7 @@ class Follower:
                     return
                 if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
-                if self.special and self._hides_two_points(point, length):
+                if self.special and self._hides_two_points(border, point, length):
                     raise NoConvergence("two special points of one kind lie in a step", last.state.z, {}, [])
                 found = [] if self._leaves(point) else crossed or self._special(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
@@ -273,23 +276,21 @@ class Follower:
         ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
         return length / max(1.0, ratio)
 
-    def _hides_two_points(self, point: ExactPoint, length: float) -> bool:
+    def _hides_two_points(self, border: list[ExactPoint], point: ExactPoint, length: float) -> bool:
         """Return whether two special points of one kind lie between the last point and the next one."""
         points, steps = self.curve.points, self.curve.steps
         before, step = (points[-2], steps[-1]) if len(points) > 1 else (None, 0.0)
-        return hides_two_points(self.family, before, points[-1], point, step, length)
+        return any(
+            hides_two_points(self.family, before if a is points[-1] else None, a, b, step, length)
+            for a, b in pairwise((points[-1], *border, point))
+        )
 
     # ---- grazing
 
     def _open(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
         """Accept the grazing point at which contacts open between the last point and one without them."""
-        guesses = [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed]
-        found = locate_grazing(self.family, point.state, guesses, point.scale)
+        found = self._first_grazing(last, point, [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed])
         here = self._grazing_point(found, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
-        if len(here.state.z) == len(last.state.z):
-            ahead = float((here.state.z - last.state.z) / last.scale @ last.tangent)
-            if not -MAX_MISSED_DISTANCE < ahead < 1.5 * LARGEST_STEP:
-                raise NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
         if self._leaves(here):
             self._finish(last, here)
             return
@@ -301,6 +302,26 @@ class Follower:
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
         self.step = found.first_duration * self.family(first.state.value).period
+
+    def _first_grazing(self, last: ExactPoint, point: ExactPoint, guesses: list[Grazing]) -> GrazingPoint:
+        """Return the first of the grazing points between the last point and one without contacts at ``guesses``."""
+        found: list[tuple[float, GrazingPoint]] = []
+        error = NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
+        for i, guess in enumerate(guesses):
+            if any(_is_near(guess, other) for _, one in found for other in one.contacts):
+                continue  # it grazes at the same point as an earlier one
+            try:
+                one = locate_grazing(self.family, point.state, guesses[i:] + guesses[:i], point.scale)
+            except NoConvergence as failed:
+                error = failed
+                continue
+            same = len(one.state.z) == len(last.state.z)
+            ahead = float((one.state.z - last.state.z) / last.scale @ last.tangent) if same else 0.0
+            if -MAX_MISSED_DISTANCE < ahead < 1.5 * LARGEST_STEP:
+                found.append((ahead, one))
+        if not found:
+            raise error
+        return min(found, key=lambda one: one[0])[1]
 
     def _close(self, point: ExactPoint, visits: list[Visit]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
@@ -420,6 +441,11 @@ def _strays(last: ExactPoint, point: ExactPoint, length: float) -> bool:
     guess = last.state.z + length * last.tangent * last.scale
     correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
     return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
+
+
+def _is_near(one: Grazing, other: Grazing) -> bool:
+    """Return whether two grazings are the same contact."""
+    return one.switch == other.switch and abs(one.t - other.t) < SAME_GRAZING_DISTANCE
 
 
 def _turns(last: ExactPoint, point: ExactPoint) -> bool:

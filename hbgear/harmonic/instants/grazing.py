@@ -28,9 +28,10 @@ from hbgear.harmonic.instants.sampling import MissedCrossing
 GRAZING_DURATION = 2e-8
 """Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""
 
-SIMULTANEOUS_DURATION = 1e-5
+SIMULTANEOUS_DURATION = 1e-4
 """The same for several contacts, as of a symmetric machine. The duration of one is prescribed, and the others follow
-from equations with the slope delta, so that rounding of 1e-16 changes them by 1e-11."""
+from equations that are nearly singular: rounding of 1e-16 changes phases by 1e-16 / delta^2, which is 1e-10 here, the
+tolerance of a corrector."""
 
 MAX_GRAZING_ITERATIONS = 15
 """Largest number of Newton iterations for a grazing point."""

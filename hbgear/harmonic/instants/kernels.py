@@ -437,9 +437,10 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
     Returns
     -------
     ndarray, shape (C, 5)
-        Number of the segment, of the element, side (-1 or +1), begin and end of the first interval.
+        Number of the segment, of the element, side (-1 or +1), begin and end of each interval.
     """
-    K, m, found, C, first = bounds.shape[0], bounds.shape[1], np.empty((2 * gaps.shape[1] * counts.shape[0], 5)), 0, 0
+    K, m, C, first = bounds.shape[0], bounds.shape[1], 0, 0
+    found = np.empty((2 * gaps.shape[0] * m, 5))
     beyond, slope = np.empty(gaps.shape[0]), np.empty(gaps.shape[0])
     for k in range(K):
         last = first + counts[k]
@@ -451,28 +452,31 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
                     continue
                 for p in range(first, last):
                     beyond[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
-                begin, end = _first_interval(
-                    tau[first:last], beyond[first:last], slope[first:last], rounding * max(extent, abs(bound))
+                known = C
+                C = _add_intervals(
+                    tau[first:last], beyond[first:last], slope[first:last], rounding * max(extent, abs(bound)), found, C
                 )
-                if end >= begin:
-                    found[C, 0], found[C, 1], found[C, 2], found[C, 3], found[C, 4] = k, j, side, begin, end
-                    C += 1
+                for c in range(known, C):
+                    found[c, 0], found[c, 1], found[c, 2] = k, j, side
         first = last
     return found[:C]
 
 
 @kernel
-def _first_interval(tau: Any, h: Any, slope: Any, rounding: float) -> tuple[float, float]:
-    """Return the interval where h is positive for the first time, by cubic interpolation; (inf, -inf) if nowhere."""
-    end = tau.shape[0] - 1
-    for s in range(1, end):
-        if h[s] > rounding:
-            last = s
+def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, found: Any, count: Any) -> Any:
+    """Add begin and end of each interval where h is positive to ``found`` from entry ``count`` on; return its end.
+
+    The first and the last sample are those of switches.
+    """
+    s, end = 0, tau.shape[0] - 1
+    while s < end:
+        if s + 1 < end and h[s + 1] > rounding:
+            last = s + 1
             while last + 1 < end and h[last + 1] > rounding:
                 last += 1
-            return _linear_root(tau, h, s - 1), _linear_root(tau, h, last)
-    for s in range(end):
-        if slope[s] > 0 and slope[s + 1] < 0:
+            found[count, 3], found[count, 4] = _linear_root(tau, h, s), _linear_root(tau, h, last)
+            count, s = count + 1, last
+        elif slope[s] > 0 and slope[s + 1] < 0 and not h[s] > rounding:
             width = tau[s + 1] - tau[s]
             offset = _cubic_maximum(h[s], h[s + 1], slope[s] * width, slope[s + 1] * width)
             first = min(max(s - 1, 0), end - 3)
@@ -480,8 +484,10 @@ def _first_interval(tau: Any, h: Any, slope: Any, rounding: float) -> tuple[floa
             if maximum > rounding:
                 half = math.sqrt(2 * maximum * width / (slope[s] - slope[s + 1]))
                 middle = tau[s] + offset * width
-                return max(middle - half, tau[s]), min(middle + half, tau[s + 1])
-    return np.inf, -np.inf
+                found[count, 3], found[count, 4] = max(middle - half, tau[s]), min(middle + half, tau[s + 1])
+                count += 1
+        s += 1
+    return count
 
 
 @kernel
