@@ -66,12 +66,11 @@ class ExactPoint:
     def tests(self) -> dict[str, float]:
         """Values of the test functions."""
         P, mu = self.monodromy, self.multipliers
-        bordered = np.vstack([self.J * self.scale, self.tangent])
         return {
             "LP": float(self.tangent[-1]),
             "PD": float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min()),
             "NS": _pairs_beyond_the_circle(mu) if len(mu) > 2 else 1.0,
-            "BP": float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1]),
+            "BP": _singularity(self.J * self.scale, self.tangent),
         }
 
     @cached_property
@@ -85,6 +84,12 @@ class ExactPoint:
 
 SpecialExactPoint = tuple[str, float, ExactPoint]
 """Kind of a special point, its fraction of the step, and the point."""
+
+
+def _singularity(J: Array, row: Array) -> float:
+    """Return the smallest singular value of [F_u F_p; row^T] with the sign of its determinant."""
+    bordered = np.vstack([J, row])
+    return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
 
 
 def _pairs_beyond_the_circle(mu: ComplexArray) -> float:
@@ -145,11 +150,13 @@ def _root_beside(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singul
 
 def _locate_branch_point(family: Family, a: ExactPoint, b: ExactPoint) -> tuple[float, ExactPoint]:
     """Return the fraction and the point of a branch point between two points."""
-    tried = [0.5]
+    tried, chord = [0.5], (b.state.z - a.state.z) / a.scale
+    row = chord / np.linalg.norm(chord)
 
     def test(s: float) -> float:
         tried.append(s)
-        return (b if s else a).tests["BP"] if s in (0.0, 1.0) else point_between(family, a, b, s).tests["BP"]
+        point = (b if s else a) if s in (0.0, 1.0) else point_between(family, a, b, s)
+        return _singularity(point.J * a.scale, row)
 
     with suppress(NoConvergence):  # at the branch point itself the corrector does not converge
         tried.append(float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=BRANCH_POINT_DISTANCE)))
@@ -164,12 +171,15 @@ def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
 def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float) -> tuple[float, ExactPoint]:
     """Return a branch point from points around it, because the equations of a point are singular there.
 
-    The test function is interpolated through four points, and the state between the two of them that are nearest.
+    Test function and state are interpolated through four points. The border of the test function is their direction,
+    because the tangents of single points are inaccurate next to the branch point.
     """
     distance = _distance_of_points(a, b)
     s = near + distance * np.array([-3.0, -1.0, 1.0, 3.0])
     points = [point_between(family, a, b, float(one)) for one in s]
-    values = [point.tests["BP"] for point in points]
+    direction = (points[3].state.z - points[0].state.z) / a.scale
+    row = direction / np.linalg.norm(direction)
+    values = [_singularity(jacobian(family, point.state)[1] * a.scale, row) for point in points]
     x = (s - near) / distance
     roots = np.roots(np.polyfit(x, values, 3))
     root = float(roots[np.argmin(np.abs(roots))].real)
@@ -177,9 +187,7 @@ def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float)
     z = sum(weight * point.state.z for weight, point in zip(weights, points, strict=True))
     state = points[1].state.moved(np.asarray(z))
     now, J = jacobian(family, state)
-    tangent = points[2].state.z - points[1].state.z
-    tangent = tangent / a.scale / np.linalg.norm(tangent / a.scale)
-    return near + distance * root, ExactPoint(state, now, J, a.scale, tangent)
+    return near + distance * root, ExactPoint(state, now, J, a.scale, row)
 
 
 def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> ExactPoint:

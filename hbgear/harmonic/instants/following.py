@@ -38,6 +38,7 @@ from hbgear.harmonic.instants.grazing import (
     SIMULTANEOUS_DURATION,
     Grazing,
     GrazingPoint,
+    first_grazing,
     locate_grazing,
     with_contacts,
     without_contacts,
@@ -58,12 +59,6 @@ STEP_GROWTH = 2.0
 MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
-
-SAME_GRAZING_DISTANCE = 0.02
-"""Difference of the phases [rad] of two grazings of one gap up to which they are the same; the gap has one maximum."""
-
-MAX_MISSED_DISTANCE = 1e-6
-"""Largest distance of a grazing point behind the last point, whose contact the samples do not show."""
 
 PREDICTED_LOSS = 0.55
 """Largest part of its duration that a contact loses in a predicted step."""
@@ -289,7 +284,8 @@ class Follower:
 
     def _open(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
         """Accept the grazing point at which contacts open between the last point and one without them."""
-        found = self._first_grazing(last, point, [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed])
+        guesses = [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed]
+        found = first_grazing(self.family, last, point, guesses, 1.5 * LARGEST_STEP)
         here = self._grazing_point(found, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
         if self._leaves(here):
             self._finish(last, here)
@@ -302,26 +298,6 @@ class Follower:
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
         self._accept(first, samples, 0.0)
         self.step = found.first_duration * self.family(first.state.value).period
-
-    def _first_grazing(self, last: ExactPoint, point: ExactPoint, guesses: list[Grazing]) -> GrazingPoint:
-        """Return the first of the grazing points between the last point and one without contacts at ``guesses``."""
-        found: list[tuple[float, GrazingPoint]] = []
-        error = NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
-        for i, guess in enumerate(guesses):
-            if any(_is_near(guess, other) for _, one in found for other in one.contacts):
-                continue  # it grazes at the same point as an earlier one
-            try:
-                one = locate_grazing(self.family, point.state, guesses[i:] + guesses[:i], point.scale)
-            except NoConvergence as failed:
-                error = failed
-                continue
-            same = len(one.state.z) == len(last.state.z)
-            ahead = float((one.state.z - last.state.z) / last.scale @ last.tangent) if same else 0.0
-            if -MAX_MISSED_DISTANCE < ahead < 1.5 * LARGEST_STEP:
-                found.append((ahead, one))
-        if not found:
-            raise error
-        return min(found, key=lambda one: one[0])[1]
 
     def _close(self, point: ExactPoint, visits: list[Visit]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
@@ -441,11 +417,6 @@ def _strays(last: ExactPoint, point: ExactPoint, length: float) -> bool:
     guess = last.state.z + length * last.tangent * last.scale
     correction = float(np.linalg.norm((point.state.z - guess) / last.scale))
     return correction > MAX_CORRECTION * length + ROUNDING_OF_POINTS
-
-
-def _is_near(one: Grazing, other: Grazing) -> bool:
-    """Return whether two grazings are the same contact."""
-    return one.switch == other.switch and abs(one.t - other.t) < SAME_GRAZING_DISTANCE
 
 
 def _turns(last: ExactPoint, point: ExactPoint) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
+from hbgear.harmonic.instants.critical import ExactPoint
 from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
@@ -41,6 +42,13 @@ GRAZING_TOLERANCE = 1e-9
 
 SIMULTANEOUS_DISTANCE = 1e-9
 """Distance, over the size of the gap's motion, up to which other contacts graze at the same point."""
+
+
+SAME_GRAZING_DISTANCE = 0.02
+"""Difference of the phases [rad] of two grazings of one gap up to which they are the same; the gap has one maximum."""
+
+MAX_MISSED_DISTANCE = 1e-6
+"""Largest distance of a grazing point behind the last point, whose contact the samples do not show."""
 
 
 class Grazing(NamedTuple):
@@ -139,6 +147,42 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
             touching = [other for other in others if other is not None]
             return GrazingPoint(state, [grazing, *touching], gradient[0, :-1])
     raise NoConvergence("the grazing point does not converge", state.z[:-1], {}, [])
+
+
+def first_grazing(
+    family: Family, last: ExactPoint, point: ExactPoint, guesses: Sequence[Grazing], reach: float
+) -> GrazingPoint:
+    """Return the first of the grazing points between the last point and one without contacts at ``guesses``.
+
+    ``reach`` is the largest distance from the last point.
+
+    Raises
+    ------
+    NoConvergence
+        If no grazing point converges, or all lie elsewhere.
+    """
+    found: list[tuple[float, GrazingPoint]] = []
+    error = NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
+    for i, guess in enumerate(guesses):
+        if any(_is_same_contact(guess, other) for _, one in found for other in one.contacts):
+            continue
+        try:
+            one = locate_grazing(family, point.state, [*guesses[i:], *guesses[:i]], point.scale)
+        except NoConvergence as failed:
+            error = failed
+            continue
+        same = len(one.state.z) == len(last.state.z)
+        ahead = float((one.state.z - last.state.z) / last.scale @ last.tangent) if same else 0.0
+        if -MAX_MISSED_DISTANCE < ahead < reach:
+            found.append((ahead, one))
+    if not found:
+        raise error
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _is_same_contact(one: Grazing, other: Grazing) -> bool:
+    """Return whether two grazings are the same contact."""
+    return one.switch == other.switch and abs(one.t - other.t) < SAME_GRAZING_DISTANCE
 
 
 def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | None:

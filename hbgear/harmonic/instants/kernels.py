@@ -466,17 +466,18 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
 def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, found: Any, count: Any) -> Any:
     """Add begin and end of each interval where h is positive to ``found`` from entry ``count`` on; return its end.
 
-    The first and the last sample are those of switches.
+    An interval that the samples begin or end in has their first or last phase.
     """
     s, end = 0, tau.shape[0] - 1
-    while s < end:
-        if s + 1 < end and h[s + 1] > rounding:
-            last = s + 1
-            while last + 1 < end and h[last + 1] > rounding:
+    while s <= end:
+        if h[s] > rounding:
+            last = s
+            while last < end and h[last + 1] > rounding:
                 last += 1
-            found[count, 3], found[count, 4] = _linear_root(tau, h, s), _linear_root(tau, h, last)
+            found[count, 3] = _linear_root(tau, h, s - 1) if s > 0 else tau[0]
+            found[count, 4] = _linear_root(tau, h, last) if last < end else tau[end]
             count, s = count + 1, last
-        elif slope[s] > 0 and slope[s + 1] < 0 and not h[s] > rounding:
+        elif s < end and slope[s] > 0 and slope[s + 1] < 0 and not h[s + 1] > rounding:
             width = tau[s + 1] - tau[s]
             offset = _cubic_maximum(h[s], h[s + 1], slope[s] * width, slope[s + 1] * width)
             first = min(max(s - 1, 0), end - 3)

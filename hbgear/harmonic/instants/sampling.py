@@ -33,6 +33,9 @@ MIN_SEGMENT_STEPS, MAX_SEGMENT_STEPS = 6, 400
 CROSSING_ROUNDING = 1e-9
 """Distance beyond a breakpoint, relative to the size of the gap's motion, that is attributed to rounding."""
 
+SAME_PHASE = 1e-14
+"""Difference of two phases, over the period, that is attributed to rounding."""
+
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Nodes and weights of the Gauss-Legendre rule of 12 points on [-1, 1], exact for polynomials of degree 23."""
 
@@ -77,7 +80,29 @@ def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list
         missed.append(MissedCrossing(begin, end, Switch(int(j), level if side > 0 else level - 1, int(side))))
     inner = np.ones(len(tau), dtype=bool)
     inner[np.cumsum(steps + 1) - 1] = False  # the end of a segment is the begin of the next one
-    return Samples(tau[inner], gaps[inner]), missed
+    return Samples(tau[inner], gaps[inner]), _joined(missed, equations.period)
+
+
+def _joined(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]:
+    """Return crossings, of which the parts before and after a switch of another element are one."""
+    out: list[MissedCrossing] = []
+    for one in missed:  # in the order of the segments
+        before = [k for k, other in enumerate(out) if _follows(other, one, period)]
+        if before:
+            out[before[0]] = out[before[0]]._replace(end=out[before[0]].end + one.end - one.begin)
+        else:
+            out.append(one)
+    for one in out:  # the last segment of a period precedes the first
+        after = [other for other in out if other is not one and _follows(one, other, period)]
+        if after:
+            rest = [other for other in out if other is not one and other is not after[0]]
+            return _joined([*rest, one._replace(end=one.end + after[0].end - after[0].begin)], period)
+    return out
+
+
+def _follows(one: MissedCrossing, other: MissedCrossing, period: float) -> bool:
+    """Return whether a crossing begins where another one of the same gap ends."""
+    return one.first == other.first and abs(math.remainder(one.end - other.begin, period)) < SAME_PHASE * period
 
 
 def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
