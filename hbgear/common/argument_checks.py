@@ -218,7 +218,8 @@ def _is_of(given: type, kind: type) -> bool:
     """Return whether a class is derived from another one, or has the methods of a protocol."""
     if not getattr(kind, "_is_protocol", False):
         return kind in given.__mro__
-    return getattr(kind, "_is_runtime_protocol", False) and not kind.__annotations__ and issubclass(given, kind)
+    has_data = bool(kind.__annotations__) or any(isinstance(member, property) for member in vars(kind).values())
+    return getattr(kind, "_is_runtime_protocol", False) and not has_data and issubclass(given, kind)
 
 
 def words(kind: Any) -> str:

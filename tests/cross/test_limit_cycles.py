@@ -1,6 +1,7 @@
 """Neimark-Sacker points of limit cycles against multipliers by integration."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -70,6 +71,66 @@ def test_neimark_sacker_point_of_a_limit_cycle_has_a_pair_of_modulus_one():
     pair = mu[np.abs(mu.imag) > 0.1]
     assert len(pair) == 2 and np.abs(np.abs(pair) - 1).max() < 1e-6
     assert pytest.approx(2 * np.pi / point.parameters["Omega"], abs=1e-8) == T
+
+
+@hb.mechanics.model
+def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
+    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
+
+
+@hb.mechanics.model
+def servo(gain: float = 0.4, backlash: float = 0.1) -> hb.System:
+    """A motor that controls the position of a load behind a backlash; its equilibrium is a range of positions."""
+    mesh = hb.Element([1.0, -1.0], hb.mechanics.KelvinVoigt(k=20.0, c=0.4, gap=backlash / 2, sides=2), name="mesh")
+    load = hb.Element([0.0, 1.0], hb.Cubic(0.0), name="load")
+    control = [[0.0, gain], [0.0, 0.0]]
+    return hb.System(np.eye(2), [[0.3, 0.0], [0.0, 0.1]], control, [mesh, load])
+
+
+@pytest.fixture(scope="module")
+def hunting():
+    return hb.time.integrate(servo(), [0.3, 0.3, 0.0, 0.0], 80, 0.5, tolerance=1e-9, samples=512)
+
+
+def test_limit_cycles_from_an_integrated_motion(hunting):
+    """The servo has no Hopf point. The motion repeats after the period of the cycle at the gain of the integration."""
+    cycles = hb.analysis.limit_cycles(servo(), hunting, (0.38, 0.42), parameter="gain", harmonics=96)
+    assert cycles.values[[0, -1]].tolist() == [0.38, 0.42]
+    assert cycles.stable.all()
+    point = cycles[int(np.abs(cycles.values - 0.4).argmin())]
+    assert point.parameters["gain"] == 0.4
+    Omega, t, x = point.parameters["Omega"], hunting.tau / 0.5, hunting.d[1]
+    rising = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))[-9:]
+    zeros = t[rising] - x[rising] * (t[rising + 1] - t[rising]) / (x[rising + 1] - x[rising])
+    assert pytest.approx(8 * 2 * np.pi / (zeros[-1] - zeros[0]), rel=5e-5) == Omega
+    assert pytest.approx(np.ptp(x[-4096:]) / 2, rel=1e-3) == point.amplitude("pp2", "load")
+
+
+def test_a_motion_leads_to_the_cycles_of_the_hopf_point():
+    """Van der Pol with eps = .2: the frequency is known to ten digits."""
+    motion = hb.time.integrate(oscillator(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
+    cycles = hb.analysis.limit_cycles(oscillator(), motion, (-0.1, 0.1), parameter="damping", harmonics=9)
+    point = cycles[int(np.abs(cycles.values).argmin())]
+    assert point.parameters == {"eps": 0.2, "damping": 0.0, "Omega": pytest.approx(0.99750885636, abs=1e-9)}
+    assert cycles.values[[0, -1]].tolist() == [-0.1, 0.1]
+
+
+def test_motions_that_are_no_limit_cycles_are_refused(hunting):
+    cycles = partial(hb.analysis.limit_cycles, servo())
+    with pytest.raises(ValueError, match=r"give parameter=, the name of a parameter of the model \(gain, backlash\)"):
+        cycles(hunting, (0.3, 0.5))
+    with pytest.raises(ValueError, match="no parameter 'gains'; did you mean 'gain'"):
+        cycles(hunting, (0.3, 0.5), parameter="gains")
+    with pytest.raises(ValueError, match=r"the model has gain = 0.4, outside the span \(0.5, 0.6\)"):
+        cycles(hunting, (0.5, 0.6), parameter="gain")
+    still = hb.time.integrate(oscillator(damping=1.0), [0.5, 0.0], 30, 1.0, tolerance=1e-8)
+    with pytest.raises(ValueError, match="the motion comes to rest"):
+        hb.analysis.limit_cycles(oscillator(damping=1.0), still, (0.9, 1.1), parameter="damping")
+    short = hb.time.integrate(servo(), [0.3, 0.3, 0.0, 0.0], 1, 0.5, tolerance=1e-8)
+    with pytest.raises(ValueError, match="does not repeat: the state nearest to its last one differs by"):
+        cycles(short, (0.3, 0.5), parameter="gain")
+    with pytest.raises(TypeError, match="needs a point of hopf_points or a motion of hb"):
+        cycles([1.0, 2.0], (0.3, 0.5), parameter="gain")
 
 
 def test_functions_of_the_multipliers_change_sign_at_the_circle():

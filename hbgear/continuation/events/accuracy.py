@@ -129,8 +129,9 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     -------
     LocatedEvent
         The special point. Its error is infinite if it does not exist at other numbers of unknowns, and nan if there is
-        no other number for a comparison, or the limit of the work allows none. It is not located if its multipliers at
-        the largest number of unknowns deviate by more than 1e-3 from the values that the event requires.
+        no other number for a comparison, or the limit of the work allows none. It is not located, with an infinite
+        error, if its multipliers at the largest number of unknowns deviate by more than 1e-3 from the values that the
+        event requires.
     """
     rough = (
         is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
@@ -162,7 +163,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
         elif failures == MAX_FAILED_REFINEMENTS:
             break
     located = found.located and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION
-    return replace(found, error=math.inf if failures else max(error, PARAMETER_ROUNDING * unit), located=located)
+    unknown = failures or (found.located and not located)
+    return replace(found, error=math.inf if unknown else max(error, PARAMETER_ROUNDING * unit), located=located)
 
 
 def _deviation(segment: Segment, found: LocatedEvent) -> float:

@@ -22,7 +22,9 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem, Evaluation
@@ -33,6 +35,7 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 from hbgear.harmonic.autonomous.equilibrium import HopfPoint
 from hbgear.harmonic.autonomous.phase import phase_vector, without_trivial
+from hbgear.harmonic.autonomous.recurrence import SampledMotion, repeated_motion
 from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.series.fourier import to_real
@@ -129,45 +132,51 @@ _FIRST_AMPLITUDE = 5e-2
 """Amplitude of the first limit cycle, relative to the length at which a law changes: small, but far above rounding."""
 
 
-@checked_arguments()
+@checked_arguments(start="a point of hopf_points or a motion of hb.time.integrate")
 def limit_cycles(
-    model: Model, hopf: HopfPoint, span: tuple[float, float], *, harmonics: int = 16, length: float = 1.0,
-    **options: Any,
+    model: Model, start: HopfPoint | SampledMotion, span: tuple[float, float], *, parameter: str = "",
+    harmonics: int = 16, length: float = 1.0, **options: Any,
 ) -> Branch:  # fmt: skip
-    """Trace the limit cycles that bifurcate from a Hopf point of an equilibrium.
+    """Trace limit cycles from a Hopf point of an equilibrium, or from an integrated motion.
 
         R(X, Omega, p) = 0,   <x_ref', x> = 0
 
-    The branch begins at a small amplitude and leaves the Hopf point in the direction in which the amplitude grows, also
-    if the bifurcation is subcritical. It ends at either end of the span.
+    From a Hopf point the branch begins at a small amplitude and leaves it in the direction in which the amplitude
+    grows, also if the bifurcation is subcritical. It ends at either end of the span. From a motion, which has reached a
+    limit cycle of the model, it is traced to both ends of the span. Systems with backlash or stick-slip often have
+    limit cycles without a Hopf point.
 
     Parameters
     ----------
     model : Model
         Model; its periodic excitation is left out.
-    hopf : HopfPoint
-        Point of `hopf_points`.
+    start : HopfPoint or Motion
+        Point of `hopf_points`, or motion of `hbgear.time.integrate` that ends close to a limit cycle.
     span : (float, float)
         Values of the parameter between which the branch is traced, in any order.
+    parameter : str, optional
+        Name of the parameter. Required with a motion; by default that of the Hopf point.
     harmonics : int, optional
         H, number of harmonics. 16 by default.
     length : float, optional
-        Displacement at which the nonlinearity matters; the first cycle has a twentieth of it. 1 by default.
+        Displacement at which the nonlinearity matters; the first cycle from a Hopf point has a twentieth of it. 1 by
+        default.
     **options
         Arguments of `trace`.
 
     Returns
     -------
     Branch
-        Curve in the parameter of the Hopf point, with the frequencies ``tracked["Omega"]``. The multiplier +1 of the
+        Curve in the parameter, with the frequencies ``tracked["Omega"]``. The multiplier +1 of the
         arbitrary phase is left out.
 
     Raises
     ------
     NoConvergence
-        If no limit cycle is found near the Hopf point: it may be degenerate, or ``length`` too large.
+        If no limit cycle is found near the start: the Hopf point may be degenerate, ``length`` too large, or the
+        motion not settled.
     ValueError
-        If the Hopf point lies outside the span.
+        If the start lies outside the span, the parameter is unknown, or the motion does not repeat.
 
     Examples
     --------
@@ -189,19 +198,40 @@ def limit_cycles(
     >>> round(float(cycles.tracked["Omega"][-1]), 8)
     0.99750886
     """
-    low, high = sorted(map(float, span))
-    if not low <= hopf.value <= high:
-        raise ValueError(
-            f"the Hopf point has {hopf.parameter} = {hopf.value:.6g}, outside the span ({low:g}, {high:g}); widen it"
-        )
     problem = LimitCycleProblem(unforced_balance(model, harmonics, reduce=True))
-    U, fixed = _first_cycle(problem, hopf, _FIRST_AMPLITUDE * length)
-    value = float(U[-1])
-    ends = (low, high) if value >= hopf.value else (high, low)
-    at = {**fixed, hopf.parameter: value, "Omega": float(U[-2])}
-    none = np.zeros(0, dtype=np.int8)
-    start = Point(U[:-2], at, 0.0, 0, None, none, math.nan, problem.layout, problem=problem)
-    return trace(problem, hopf.parameter, ends, start, **({"cover": False} | options))
+    name = _parameter_of(start, parameter, problem)
+    low, high = sorted(map(float, span))
+    value = start.value if isinstance(start, HopfPoint) else problem.parameters[name]
+    if not low <= value <= high:
+        where = "the Hopf point" if isinstance(start, HopfPoint) else "the model"
+        raise ValueError(f"{where} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
+    options = {"cover": False} | options
+    if not isinstance(start, HopfPoint):
+        here = problem.parameters
+        Omega, rows = repeated_motion(start, harmonics)
+        guess = np.append(rows.ravel(), Omega)
+        U = solve(problem.with_borders_at(guess, here), guess, here).X
+        return trace_to_both_ends(problem, name, span, _point(problem, U, here), **options)
+    U, fixed = _first_cycle(problem, start, _FIRST_AMPLITUDE * length)
+    ends = (low, high) if U[-1] >= start.value else (high, low)
+    return trace(problem, name, ends, _point(problem, U[:-1], {**fixed, name: float(U[-1])}), **options)
+
+
+def _parameter_of(start: HopfPoint | SampledMotion, parameter: str, problem: LimitCycleProblem) -> str:
+    """Return the name of the parameter in which limit cycles are traced."""
+    name = parameter or (start.parameter if isinstance(start, HopfPoint) else "")
+    if not name:
+        known = ", ".join(problem.parameters)
+        raise ValueError(f"a motion has no parameter: give parameter=, the name of a parameter of the model ({known})")
+    if name not in problem.parameters:
+        raise ValueError(f"no parameter '{name}'{did_you_mean(name, tuple(problem.parameters))}")
+    return name
+
+
+def _point(problem: LimitCycleProblem, U: Array, parameters: dict[str, float]) -> Point:
+    """Return the limit cycle with the unknowns (X, Omega)."""
+    none, here = np.zeros(0, dtype=np.int8), {**parameters, "Omega": float(U[-1])}
+    return Point(U[:-1], here, 0.0, 0, None, none, math.nan, problem.layout, problem=problem)
 
 
 def _first_cycle(problem: LimitCycleProblem, hopf: HopfPoint, amplitude: float) -> tuple[Array, dict[str, float]]:

@@ -33,7 +33,7 @@ MIN_SEGMENT_STEPS, MAX_SEGMENT_STEPS = 6, 400
 CROSSING_ROUNDING = 1e-9
 """Distance beyond a breakpoint, relative to the size of the gap's motion, that is attributed to rounding."""
 
-SAME_PHASE = 1e-14
+SAME_INSTANT = 1e-14
 """Difference of two phases, over the period, that is attributed to rounding."""
 
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -102,7 +102,7 @@ def _joined(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]
 
 def _follows(one: MissedCrossing, other: MissedCrossing, period: float) -> bool:
     """Return whether a crossing begins where another one of the same gap ends."""
-    return one.first == other.first and abs(math.remainder(one.end - other.begin, period)) < SAME_PHASE * period
+    return one.first == other.first and abs(math.remainder(one.end - other.begin, period)) < SAME_INSTANT * period
 
 
 def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
