@@ -30,13 +30,20 @@ class SampledMotion(Protocol):
     """Samples of a motion at phases tau = Omega t: displacements and velocities of the elements, (m, T)."""
 
     @property
-    def Omega(self) -> float: ...
+    def Omega(self) -> float:
+        """Angular frequency of the phase."""
+
     @property
-    def tau(self) -> Array: ...
+    def tau(self) -> Array:
+        """Phases (T,) of the samples."""
+
     @property
-    def d(self) -> Array: ...
+    def d(self) -> Array:
+        """Displacements (m, T) of the elements."""
+
     @property
-    def v(self) -> Array: ...
+    def v(self) -> Array:
+        """Velocities (m, T) of the elements."""
 
 
 def repeated_motion(motion: SampledMotion, harmonics: int) -> tuple[float, Array]:
