@@ -19,6 +19,7 @@ from hbgear.harmonic.equations.layout import Layout
 from hbgear.io.branches import npz
 from hbgear.io.branches.npz import load
 from hbgear.mechanics.series.fourier import evaluate, extrema
+from hbgear.time.integration import state_of
 
 NAN = float("nan")
 
@@ -517,3 +518,24 @@ def test_motions_without_bound_are_not_the_largest_ones() -> None:
     largest = max(point.amplitude("max") for point in largest_motions(endless))
     stable = np.where(curve.stable, curve.amplitude("max"), 0.0)
     assert largest == stable[: last + 1].max() < curve.amplitude("max").max()
+
+
+def test_all_motions_at_one_frequency_repeat_after_a_period(tmp_path):
+    """They solve the equations of motion: integration over a period returns to the state of each, stable or not."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 32), "Omega", (1.3, 0.6))
+    points = curve.at(0.8)
+    assert [point.stable for point in points] == [True, False, True]
+    for point in points:
+        assert point.parameters["Omega"] == 0.8
+        state = state_of(curve.problem, point.X, Omega=0.8)
+        end = hb.time.integrate(hb.SpurPair(), state, 1, 0.8).end
+        assert np.abs(end - state).max() < 1e-4 * np.abs(state).max()
+    curve.save(tmp_path / "curve.npz")
+    again = hb.load(tmp_path / "curve.npz").at(0.8)
+    assert [point.amplitude("rms") for point in again] == pytest.approx([point.amplitude("rms") for point in points])
+
+
+def test_a_frequency_outside_all_curves_is_refused():
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 3), "Omega", (1.3, 1.2), stability=False)
+    with pytest.raises(ValueError, match="no curve reaches Omega = 2: the span that was traced"):
+        curve.at(2.0)

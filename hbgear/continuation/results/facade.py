@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from hbgear.continuation.results.point import Point
+
 
 class BranchFacade:
     """Methods of a branch that other packages implement."""
@@ -66,6 +68,39 @@ class BranchFacade:
         """
         dataset: xarray.Dataset = call("hbgear.io.branches.frames.to_xarray", self)
         return dataset
+
+    @checked_arguments()
+    def at(self, value: float) -> tuple[Point, ...]:
+        """Return all solutions of the branch and of the other curves of its span at a value of the parameter.
+
+        The solutions between two points are computed by Newton's method, with their multipliers.
+
+        Parameters
+        ----------
+        value : float
+            Value of the parameter.
+
+        Returns
+        -------
+        tuple of Point
+            Solutions in the order of the curves, stable and unstable.
+
+        Raises
+        ------
+        ValueError
+            If no curve reaches the value, or the problem is unknown.
+
+        Examples
+        --------
+        A gear pair has three motions at one speed, of which two are stable:
+
+        >>> import hbgear as hb
+        >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.3, 0.6))
+        >>> [(round(float(point.amplitude("rms")), 3), point.stability) for point in curve.at(0.8)]
+        [(0.202, 'stable'), (0.124, 'unstable'), (0.061, 'stable')]
+        """
+        found: tuple[Point, ...] = call("hbgear.continuation.tracing.jumps.points_at", self, value)
+        return found
 
     def refined(self) -> Any:
         """Return the branch with twice the harmonics: each point is replaced by the nearest solution.

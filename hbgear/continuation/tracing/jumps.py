@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -159,6 +160,24 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
         except NoConvergence:
             continue
     return found
+
+
+def points_at(branch: Branch, value: float) -> tuple[Point, ...]:
+    """Return all solutions of the curves of a span at a value of the parameter; see `Branch.at`.
+
+    Raises
+    ------
+    ValueError
+        If no curve reaches the value, or the problem is unknown.
+    """
+    low, high = min(curve.values.min() for curve in branch.curves), max(curve.values.max() for curve in branch.curves)
+    if not low <= value <= high:
+        raise ValueError(
+            f"no curve reaches {branch.parameter} = {value:.6g}: the span that was traced is {low:.6g} to {high:.6g}"
+        )
+    curves = [replace(curve, problem=curve.require_problem()) for curve in branch.curves]
+    groups = [monitored_points(curve, [motions_at(curve, value, NewtonSettings())])[0] for curve in curves]
+    return tuple(point for group in groups for point in group)
 
 
 def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
