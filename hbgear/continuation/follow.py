@@ -13,6 +13,7 @@ from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.registry import event_of_kind
+from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
@@ -112,13 +113,14 @@ def follow(
         )
     if chosen.kind != here.kind:
         raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
-    equations = chosen.equations(as_problem(problem.at_resolution_of(here)).original, branch.parameter, here)
+    own, start = in_residual_form(problem.at_resolution_of(here), here, branch.parameter, chosen)
+    equations = chosen.equations(as_problem(own).original, branch.parameter, start)
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
             "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
         )
-    found = trace_to_both_ends(equations, parameter, span, here, **options)
+    found = trace_to_both_ends(equations, parameter, span, start, **options)
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(found)
     return found

@@ -471,3 +471,36 @@ def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
     np.testing.assert_allclose(problem.multipliers(curve.X[i], **here)[:2], curve.multipliers[i, :2], rtol=1e-6)
     report = hb.validate(curve, 2)
     assert report.ok and any("near LP1" in row[0] for row in report.table()[1])
+
+
+@hb.mechanics.model
+def stop_of(k: float = 50.0, gap: float = 0.5, F: float = 0.3) -> hb.System:
+    """Return a mass with a stop, with parameters."""
+    element = hb.Element([1.0], hb.Unilateral(k=k, gap=gap), name="stop")
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
+
+
+@pytest.mark.parametrize("label", ["GR1", "PD1", "PD2", "LP1", "LP2"])
+def test_sensitivities_are_those_of_curves_of_neighbouring_models(label: str) -> None:
+    curve = hb.trace(hb.ContactInstants(stop_of(), 32), "Omega", (0.5, 2.0))
+    found = hb.analysis.sensitivity(curve[label], ["gap", "F"]).of("Omega")
+    for name, h in (("gap", 5e-5), ("F", 3e-5)):
+        models = (replace(stop_of(), **{name: getattr(stop_of(), name) + side * h}) for side in (1, -1))
+        up, down = (hb.trace(hb.ContactInstants(model, 32), "Omega", (0.5, 2.0)) for model in models)
+        slope = (up[label].parameters["Omega"] - down[label].parameters["Omega"]) / (2 * h)
+        assert found[name] == pytest.approx(slope, rel=1e-3)
+
+
+def test_folds_of_exact_motions_are_followed() -> None:
+    """The curve of the fold passes the folds of curves of other gaps; a fold 1e-6 next to its grazing is refused."""
+    curve = hb.trace(hb.ContactInstants(stop_of(k=1e3), 32), "Omega", (0.5, 2.0))
+    folds = hb.follow(curve, "LP2", "gap", (0.49, 0.51))
+    assert folds.status is hb.Status.REACHED_END
+    for i in (0, -1):
+        other = hb.trace(hb.ContactInstants(stop_of(k=1e3, gap=float(folds.values[i])), 32), "Omega", (0.5, 2.0))
+        assert abs(folds.tracked["Omega"][i] - other["LP2"].parameters["Omega"]) < 1e-5
+    for act in (lambda: hb.follow(curve, "LP1", "gap", (0.49, 0.51)), lambda: hb.analysis.sensitivity(curve["LP1"])):
+        with pytest.raises(
+            hb.NoConvergence, match=r"LP1 is not known to HarmonicBalance\(.*its contacts are too short"
+        ):
+            act()

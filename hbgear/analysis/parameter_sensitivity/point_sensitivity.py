@@ -27,6 +27,7 @@ from hbgear.continuation.augmented.sensitivity import (
 )
 from hbgear.continuation.events.detector import event_at
 from hbgear.continuation.events.fold import TURNING_KINDS
+from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point, SpecialPoint
@@ -39,6 +40,15 @@ from hbgear.mechanics.models import Model
 
 Row = tuple[str, float, Array]
 """Name, value and derivatives of a quantity."""
+
+
+def differentiable(point: Point) -> Point:
+    """Return a point in a problem whose residual can be differentiated; see `in_residual_form`."""
+    if point.problem is None:
+        return point
+    problem, parameter = as_problem(point.problem), list(point.parameters)[-1]
+    event = event_at(problem, parameter, point) if isinstance(point, SpecialPoint) else None
+    return in_residual_form(problem, point, parameter, event)[1]
 
 
 def problem_and_parameters(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
     PointSensitivity,
+    differentiable,
     parameter_names,
     problem_and_parameters,
     with_cache_size,
@@ -38,6 +39,7 @@ class RelocatedPoint:
     """
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
+        point = differentiable(point)
         problem, here, parameter = problem_and_parameters(point)
         self._names = parameter_names(problem, here, parameter, names)
         at = PointSensitivity(with_cache_size(problem, point, 4), point, here, parameter, self._names)

@@ -17,6 +17,7 @@ from hbgear.analysis.critical_parameters import CriticalParameter
 from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
     PointSensitivity,
     Row,
+    differentiable,
     expanded_at,
     parameter_names,
     problem_and_parameters,
@@ -98,7 +99,7 @@ def sensitivity(
         raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or give None for all")
     if isinstance(point, CriticalParameter):
         point = point.point
-    one = point.before if isinstance(point, Jump) else point
+    one = differentiable(point.before if isinstance(point, Jump) else point)
     problem, here, parameter = problem_and_parameters(one)
     names = parameter_names(problem, here, parameter, parameters)
     cached = expanded_at(problem, one, here, 2 * len(names) + _EXTRA_PARAMETER_SETS)

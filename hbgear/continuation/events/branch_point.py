@@ -14,15 +14,12 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
-from hbgear.continuation.events.columns import lengths, monitored_values
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root, singular
-from hbgear.continuation.events.near_tangency import near_zeros
-from hbgear.continuation.numerics.linear import as_dense, bordered, norms, slogdet
+from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import scaled_determinant
 from hbgear.continuation.solvers.newton import NoConvergence
 
 
@@ -43,17 +40,6 @@ class BranchPointEvent(Event):
         orientation = np.array([point.orientation for point in points])
         changed: Array = orientation[1:] != orientation[:-1]
         return changed
-
-    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Return the segments on which det(Phi - 1) / (dp/ds), which has no zero at folds, comes close to zero."""
-        mu = monitored_values(points, "multipliers")
-        if mu is None:
-            return []
-        tangents = np.array([point.tangent for point in points])
-        direction = tangents[:, -1] / norms(tangents / scale)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the direction is zero at a fold
-            determinant = scaled_determinant(mu, 1.0) / direction
-        return near_zeros(determinant[:, None], lengths(points, scale))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         if segment.a.orientation == segment.b.orientation:

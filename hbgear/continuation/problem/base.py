@@ -23,6 +23,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``refined_problem``, ``comparisons``, ``at_resolution_of`` | higher resolutions, for error estimates | none |
 | ``verify_stability`` | verified stability of solutions | stability as observed |
 | ``recession`` | the limit equations far from the origin | curves end by the number of points |
+| ``residual_form`` | a problem with the same solutions and a residual that can be extended | the problem itself |
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
 | ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
@@ -299,6 +300,16 @@ class ContinuationProblem:
     def at_resolution_of(self, point: Point) -> ContinuationProblem:
         """Return the problem at the resolution of a point, or at a higher one; by default itself."""
         return self
+
+    @property
+    def residual_form(self) -> ContinuationProblem:
+        """The problem whose residual is extended by the equations of special points; by default itself."""
+        return self
+
+    def in_residual_form(self, point: Point, form: Any) -> Array:
+        """Return the unknowns of a point in a residual form of the problem."""
+        X: Array = form.from_point(point)
+        return X
 
     def resolved(self, X: Array, parameters: Mapping[str, float]) -> Any:
         """Return the problem with the number of samples that a first solution X requires; by default itself."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.event import (
     Event,
 )
@@ -28,6 +27,7 @@ from hbgear.harmonic.bifurcations.codimension_two import (
 )
 from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.multiplier_events import (
+    MotionBranchPointEvent,
     NeimarkSackerEvent,
     PeriodDoublingEvent,
     PeriodDoublingMergeEvent,
@@ -38,10 +38,10 @@ from hbgear.harmonic.equations.layout import Layout
 
 
 def motion_events(nu: int, sliders: bool) -> tuple[Event, ...]:
-    """Return the events of periodic motions of subharmonic order nu, in addition to folds and branch points."""
+    """Return the events of periodic motions of subharmonic order nu, in addition to folds."""
     ends = (PeriodDoublingMergeEvent(),) if nu > 1 else ()
     slips = (SlipEvent(),) if sliders else ()
-    return PeriodDoublingEvent(), NeimarkSackerEvent(), GrazingEvent(), *slips, *ends
+    return MotionBranchPointEvent(), PeriodDoublingEvent(), NeimarkSackerEvent(), GrazingEvent(), *slips, *ends
 
 
 def _has_peaks(problem: ContinuationProblem, parameter: str) -> bool:
@@ -55,7 +55,7 @@ EVENTS.update(
         FoldEvent,
         PeriodDoublingEvent,
         NeimarkSackerEvent,
-        BranchPointEvent,
+        MotionBranchPointEvent,
         GrazingEvent,
         SlipEvent,
         CuspEvent,

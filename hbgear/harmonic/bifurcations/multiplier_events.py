@@ -1,5 +1,6 @@
 """Events of Floquet multipliers: period doublings, Neimark-Sacker points and ends of subharmonic branches.
 
+BP  a multiplier passes +1 and curves cross (branch point), see `branch_point`.
 PD  a multiplier passes -1 (period doubling).
     Located by Newton's method on {R = 0, g = 0} of the half-integer block, or as a bracketed root of det(Phi + 1).
 NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker).
@@ -37,7 +38,7 @@ from hbgear.continuation.events.event import (
     singular,
 )
 from hbgear.continuation.events.near_tangency import near_zeros
-from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
@@ -158,6 +159,28 @@ def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugme
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
     return refined if norm((refined.point.u - rough.point.u) / segment.scale) <= MAX_TRUNCATION_SHIFT else rough
+
+
+class MotionBranchPointEvent(BranchPointEvent):
+    """Branch point of periodic motions: two in one step are searched where multipliers come close to +1."""
+
+    def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Return where det(Phi - 1) / (dp/ds), which has no zero at folds, comes close to zero.
+
+        Segments on which pairs clearly pass +1 without collision are left out.
+        """
+        mu = multipliers_of(points)
+        if mu is None:
+            return []
+        tangents, length = np.array([point.tangent for point in points]), lengths(points, scale)
+        direction = tangents[:, -1] / norms(tangents / scale)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the direction is zero at a fold
+            determinant = scaled_determinant(mu, 1.0) / direction
+        found = near_zeros(determinant[:, None], length)
+        if not found:
+            return []
+        clean = passes_minus_one_cleanly(-mu, length, np.array([segment for segment, _ in found]))
+        return [candidate for candidate, passed in zip(found, clean, strict=True) if not passed]
 
 
 class NeimarkSackerEvent(Event):

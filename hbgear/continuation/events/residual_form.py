@@ -1,0 +1,80 @@
+"""Points of problems without a residual of their own, in a problem whose residual is extended by further equations.
+
+Some problems define solutions in other unknowns, such as contact instants. Their special points are followed and
+differentiated in a problem with the same solutions and a residual R(X, p), `ContinuationProblem.residual_form`.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hbgear.continuation.events.event import Event
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+
+AnyPoint = TypeVar("AnyPoint", bound=Point)
+
+RESIDUAL_FORM_ACCURACY = 1e-5
+"""Relative difference of a point in both problems, up to which the residual form is accurate enough."""
+
+
+def in_residual_form(problem: Any, point: AnyPoint, parameter: str, event: Event | None) -> tuple[Any, AnyPoint]:
+    """Return the residual form of a problem, and a point in its unknowns.
+
+    The residual form is refined until it has the point at the same value of the parameter.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        Problem of the point.
+    point : Point
+        Point of a curve.
+    parameter : str
+        Parameter of the curve.
+    event : Event or None
+        Kind of a special point.
+
+    Returns
+    -------
+    (ContinuationProblem, Point)
+        The arguments themselves if the problem has a residual of its own.
+
+    Raises
+    ------
+    NoConvergence
+        If the residual form does not have the point at its highest resolution.
+    """
+    own = problem.residual_form
+    if own is problem:
+        return problem, point
+    while True:
+        with suppress(NoConvergence, np.linalg.LinAlgError):
+            here = replace(point, X=problem.in_residual_form(point, own), layout=own.layout, problem=own)
+            if _difference(own, here, parameter, event) <= RESIDUAL_FORM_ACCURACY:
+                return own, here
+        if own.refined_problem is None:
+            raise NoConvergence(
+                f"{getattr(point, 'label', '') or 'the point'} is not known to {own}, which has the equations to "
+                "follow and differentiate it: its contacts are too short; choose another point, or trace the curve at "
+                "neighbouring values of the parameter",
+                point.X, dict(point.parameters), [],
+            )  # fmt: skip
+        own = own.refined_problem
+
+
+def _difference(problem: Any, point: Point, parameter: str, event: Event | None) -> float:
+    """Return the relative difference of a point from the nearest one of the problem."""
+    equations = event.equations(as_problem(problem).original, parameter, point) if event else None
+    if equations is None:
+        X = solve(problem, point.X, dict(point.parameters)).X
+        return norm(X - point.X) / (norm(X) or 1.0)
+    value = point.parameters[parameter]
+    fixed = {name: x for name, x in point.parameters.items() if name != parameter}
+    found = equations.located(np.append(point.X, value), fixed)
+    return abs(float(found.X[-1]) - value) / (abs(value) or 1.0)
