@@ -16,6 +16,7 @@ import numpy as np
 
 from hbgear.analysis.fold_curves import (
     check_parameter,
+    fold_equations,
     folds_of,
     on_fold_curve,
     problem_of,
@@ -24,7 +25,6 @@ from hbgear.analysis.fold_curves import (
 )
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.process.progress import ProgressCallback
-from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
@@ -230,6 +230,10 @@ def _find_cusps(
     for point in folds_of(curve):
         if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
             continue
+        try:
+            equations, start = fold_equations(problem, point)
+        except NoConvergence:  # contacts of the fold are too short
+            continue
         value = point.parameters[parameter]
         first = -1 if own < value else 1  # towards the value of the model
         for side in (first, -first):
@@ -241,7 +245,7 @@ def _find_cusps(
             report_progress(
                 progress, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}"
             )
-            fold = raise_if_interrupted(trace(FoldProblem(problem), parameter, (value, end), point, steps=_FOLD_STEPS))
+            fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind in TURNING_KINDS and p.located), None)
             if cusp is not None:

@@ -7,6 +7,9 @@ import numpy as np
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.events.fold import FoldEvent
+from hbgear.continuation.events.residual_form import in_residual_form
+from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import Point
@@ -85,6 +88,36 @@ def folds_of(curve: Branch) -> list[Point]:
     return [point for one in curve.curves for point in one.special if point.kind == "LP" and point.located]
 
 
+def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[FoldProblem, Point]:
+    """Return the equations of a fold of a response curve, and the fold in their unknowns.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        Equations of the response curve.
+    point : Point
+        Fold, which belongs to another problem if the curve was traced in contact instants.
+
+    Returns
+    -------
+    (FoldProblem, Point)
+        Equations and fold.
+
+    Raises
+    ------
+    NoConvergence
+        If the contacts of the fold are too short for harmonics.
+    """
+    source = problem if point.problem is None else as_problem(point.problem)
+    own, here = in_residual_form(source, point, "Omega", FoldEvent())
+    return FoldProblem(problem if own is source else own), here
+
+
+def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> FoldProblem:
+    """Return the equations of a fold curve, whose number of harmonics may be larger than that of the problem."""
+    return FoldProblem(getattr(fold.problem, "problem", problem))
+
+
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
     """Return whether a fold lies on a fold curve: the fold of the curve at the same value has the same frequency.
 
@@ -111,7 +144,9 @@ def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, paramete
             continue
         U = np.append(crossing.interpolate(fold.X), Omega)
         try:
-            solved = solve(FoldProblem(problem), U, {**fold.parameters_at(crossing.index), parameter: value}).X
+            solved = solve(
+                equations_of_curve(problem, fold), U, {**fold.parameters_at(crossing.index), parameter: value}
+            ).X
         except NoConvergence:
             continue
         if abs(solved[-1] - point.parameters["Omega"]) < SAME_FOLD_TOLERANCE * Omega:

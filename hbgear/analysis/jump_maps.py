@@ -21,6 +21,8 @@ import numpy as np
 
 from hbgear.analysis.fold_curves import (
     check_parameter,
+    equations_of_curve,
+    fold_equations,
     folds_of,
     on_fold_curve,
     problem_of,
@@ -40,6 +42,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
+from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.coverage import coverage_message, uncovered_intervals
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -311,7 +314,7 @@ def jump_map(
         raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
     folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
-    ending, value, gap = Termination(), low, ""
+    ending, value, gap, refused = Termination(), low, "", list[str]()
     try:
         for value in _spread(low, high, seeds):
             report_progress(progress, f"response curve at {parameter} = {value:.5g}")
@@ -321,14 +324,19 @@ def jump_map(
             for one in curve.curves:
                 ending.merge(one, f"the response curve at {parameter} = {value:.5g}")
             for point in folds_of(curve):
-                if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
-                    report_progress(
-                        progress, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}"
-                    )
-                    fold = _fold_curve(problem, parameter, (low, high), point, steps)
-                    folds += [(fold, _arms(problem, fold))]
-                    ending.merge(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
-        gap = _without_curve(parameter, curves, frequencies)
+                if any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
+                    continue
+                where = f"fold at Omega = {point.parameters['Omega']:.5g}"
+                report_progress(progress, f"{where}, followed in {parameter}")
+                try:
+                    equations, start = fold_equations(problem, point)
+                except NoConvergence:
+                    refused.append(f"the {where} at {parameter} = {value:.5g} is not in the map: short contacts")
+                    continue
+                fold = _fold_curve(equations, parameter, (low, high), start, steps)
+                folds += [(fold, _arms(problem, fold))]
+                ending.merge(fold, f"the curve of the {where}")
+        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *refused) if text)
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
@@ -364,17 +372,17 @@ def _spread(low: float, high: float, count: int) -> list[float]:
 
 
 def _fold_curve(
-    problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
+    equations: FoldProblem, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
 ) -> Branch:
     """Trace the curve of a fold in both directions to the ends of the span."""
     ends = span[::-1] if point.parameters[parameter] == span[1] else span
-    return raise_if_interrupted(trace_to_both_ends(FoldProblem(problem), parameter, ends, point, steps=steps))
+    return raise_if_interrupted(trace_to_both_ends(equations, parameter, ends, point, steps=steps))
 
 
 def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
     """Return the monotonic sections of a fold curve between its cusps."""
     cuts = [0, *(p.index for p in fold.special if p.kind in TURNING_KINDS), len(fold) - 1]
-    extended = FoldProblem(problem)
+    extended = equations_of_curve(problem, fold)
     out = []
     for a, b in pairwise(cuts):
         if b - a < 1:

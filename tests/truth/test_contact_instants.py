@@ -504,3 +504,20 @@ def test_folds_of_exact_motions_are_followed() -> None:
             hb.NoConvergence, match=r"LP1 is not known to HarmonicBalance\(.*its contacts are too short"
         ):
             act()
+
+
+def test_jump_maps_and_critical_values_are_those_of_the_balance() -> None:
+    exact, balance = hb.ContactInstants(stop_of(), 32), hb.HarmonicBalance(stop_of(), 32)
+    maps = [hb.jump_map(one, "F", (0.25, 0.35), frequencies=(0.8, 2.0), seeds=2) for one in (exact, balance)]
+    assert len(maps[0].folds) == len(maps[1].folds) == 2
+    for fold, other in zip(maps[0].folds, maps[1].folds, strict=True):
+        assert fold.values[[0, -1]].tolist() == other.values[[0, -1]].tolist()
+        np.testing.assert_allclose(fold.tracked["Omega"][[0, -1]], other.tracked["Omega"][[0, -1]], rtol=2e-5)
+    values = [hb.analysis.critical_parameter(one, "F", frequencies=(0.8, 2.0)).value for one in (exact, balance)]
+    assert values[0] == pytest.approx(values[1], rel=1e-4)
+
+
+def test_a_fold_with_short_contacts_is_named_and_left_out_of_a_map() -> None:
+    found = hb.jump_map(hb.ContactInstants(stop_of(k=1e3), 16), "gap", (0.49, 0.51), frequencies=(0.5, 2.0), seeds=2)
+    assert len(found.folds) >= 3
+    assert "is not in the map: short contacts" in found.message

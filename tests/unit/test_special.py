@@ -397,7 +397,7 @@ def hard_stops():
 @pytest.mark.parametrize("H", [9, 12, 16])
 def test_real_multipliers_that_pass_one_after_the_other_are_no_pair(H):
     curve = trace(HarmonicBalance(hard_stops(), H), "Omega", (2.5, 0.47))
-    assert curve.status is not Status.FAILED and len(curve) > 300
+    assert curve.status is not Status.FAILED and len(curve) > 200
     assert not any("two multipliers" in p.note for p in curve.special)
     for p in (p for p in curve.special if p.kind == "NS" and p.located):
         nearest = p.multipliers[np.argmin(np.abs(np.abs(p.multipliers) - 1))]
