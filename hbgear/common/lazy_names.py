@@ -32,7 +32,11 @@ def attached(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
         setattr(module, name, value)  # later uses find it there
         return value
 
-    return found, lambda: sorted({*vars(module), *places})
+    def names() -> list[str]:
+        """Return the public names, which editors and notebooks complete."""
+        return sorted({*(name for name in vars(module) if name.startswith("__")), *getattr(module, "__all__", places)})
+
+    return found, names
 
 
 def _places(source: str) -> dict[str, str]:

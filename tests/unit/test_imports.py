@@ -143,3 +143,12 @@ def test_import_of_hbgear_imports_no_slow_library():
     slow += ["pandas", "xarray", "plotly", "jinja2", "markupsafe", "flask"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     assert run(f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])") == "[]"
+
+
+@pytest.mark.parametrize("name", ["hbgear", "hbgear.analysis", "hbgear.time", "hbgear.gears", "hbgear.mechanics"])
+def test_completion_shows_the_public_names(name):
+    """Editors and notebooks complete what ``dir`` returns; modules that were imported are no public names."""
+    package = importlib.import_module(name)
+    assert {each for each in dir(package) if not each.startswith("__")} == {
+        each for each in package.__all__ if not each.startswith("__")
+    }
