@@ -106,6 +106,24 @@ def test_limit_cycles_from_an_integrated_motion(hunting):
     assert pytest.approx(np.ptp(x[-4096:]) / 2, rel=1e-3) == point.amplitude("pp2", "load")
 
 
+@pytest.mark.slow
+def test_a_curve_ends_at_a_family_of_motions_in_the_gap():
+    """A damper that acts in the gap makes the motion there linear: at one gain it has any amplitude and position."""
+
+    @hb.mechanics.model
+    def damped(gain: float = 0.4) -> hb.System:
+        mesh = hb.Element([1.0, -1.0], hb.Backlash(b=0.05, k=20.0), damping=0.4, name="mesh")
+        load = hb.Element([0.0, 1.0], hb.Cubic(0.0), name="load")
+        return hb.System(np.eye(2), [[0.3, 0.0], [0.0, 0.02]], [[0.0, gain], [0.0, 0.0]], [mesh, load])
+
+    motion = hb.time.integrate(damped(), [0.3, 0.3, 0.0, 0.0], 150, 0.5, tolerance=1e-9)
+    cycles = hb.analysis.limit_cycles(damped(), motion, (0.2, 0.8), parameter="gain", harmonics=16)
+    assert "a family of solutions, which are not isolated, lies at gain = 0.3752" in cycles.message
+    C, K = np.array([[0.7, -0.4], [-0.4, 0.42]]), np.array([[0.0, 0.3752], [0.0, 0.0]])
+    roots = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]]))
+    assert np.abs(roots.real).min() < 1e-9 < roots.imag.max()
+
+
 def test_a_motion_leads_to_the_cycles_of_the_hopf_point():
     """Van der Pol with eps = .2: the frequency is known to ten digits."""
     motion = hb.time.integrate(oscillator(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)

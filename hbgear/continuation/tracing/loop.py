@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from hbgear.continuation.curve.segment import CurvePoint, Points
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.event import LocatedEvent
@@ -24,6 +26,10 @@ _RETRACED = "the curve ran back over itself"
 MAX_SMALLEST_STEPS = 30
 """Steps of the smallest size in succession after which a trace ends; after a sharp turn, sizes grow within ten steps.
 """
+
+
+MAX_CONSTANT_POINTS = 20
+"""Points in succession at one value of the parameter after which a trace ends: they belong to a family of solutions."""
 
 
 class ContinuationLoop:
@@ -85,6 +91,8 @@ class ContinuationLoop:
             if self._has_stalled():
                 where = f"{MAX_SMALLEST_STEPS} steps in succession needed the smallest size {state.location_text()}"
                 return Status.STEP_TOO_SMALL, where
+            if self._is_constant():
+                return Status.ARBITRARY, f"a family of solutions, which are not isolated, lies {state.location_text()}"
             sizes = state.problem.solution_norms(unknowns(path)[1:, :-1])
             state.update_scale(state.last.X, max(state.solution_scale, float(sizes.max())))
             self.resolution.adapt()
@@ -97,6 +105,11 @@ class ContinuationLoop:
         if len(latest) < MAX_SMALLEST_STEPS or steps.min_step * MAX_SMALLEST_STEPS > steps.max_step:
             return False
         return all(point.step <= steps.min_step for point in latest)
+
+    def _is_constant(self) -> bool:
+        """Return whether the parameter is the same at all of the last points: a linear motion of any amplitude."""
+        values = [point.value for point in self.state.points[-MAX_CONSTANT_POINTS:]]
+        return len(values) == MAX_CONSTANT_POINTS and bool(np.ptp(values) <= 1e-12 * abs(values[-1]))
 
     def _step(self) -> tuple[Points, str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
