@@ -383,18 +383,28 @@ class ContactInstants(HarmonicBalance):
 
         With ``cover``, a curve that turns back to its start is followed from the other end as well, and a curve without
         a first solution from there only.
+
+        Raises
+        ------
+        ValueError
+            If the trace asks for events that are not located on these curves.
         """
+        if others := _other_events(settings):
+            raise ValueError(
+                f"curves in contact instants have no {', '.join(others)}: use hb.analysis.peaks(curve) for peaks, or "
+                "trace a HarmonicBalance"
+            )
         covers = cover and start is None
         branch, first = self._first_curve(span, start, settings, covers)
         if not covers:
             return branch
-        others: tuple[Branch, ...] = ()
+        rest: tuple[Branch, ...] = ()
         if branch.status is Status.LEFT_SPAN and first == span:
             with suppress(NoConvergence):
-                others = (self._followed(span[::-1], None, settings),)
+                rest = (self._followed(span[::-1], None, settings),)
         no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
-        texts = branch.message, no_start, coverage_message(branch, others, span)
-        return replace(branch, others=others, message="; ".join(text for text in texts if text))
+        texts = branch.message, no_start, coverage_message(branch, rest, span)
+        return replace(branch, others=rest, message="; ".join(text for text in texts if text))
 
     def _first_curve(
         self, span: tuple[float, float], start: Any, settings: Any, both: bool
@@ -415,8 +425,9 @@ class ContactInstants(HarmonicBalance):
         setup = set_up(self, settings, span, start, work=Work(math.inf))
         state, direction = self._first_state(setup, start, doublings)
         ends = setup.span.start, setup.span.end
+        kinds = LOCATED_KINDS if settings.special else tuple(event.kind for event in settings.events)
         follower = Follower(
-            self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, settings.special,
+            self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, bool(kinds),
             _reporter(settings.progress, setup.name, span),
         )  # fmt: skip
         curve = follower.run(state, direction)
@@ -427,9 +438,8 @@ class ContactInstants(HarmonicBalance):
         problem = copy.copy(self)
         states = [point.state for point in curve.points]
         problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states)
-        branch = replace(
-            branch, problem=problem, special=tuple(replace(point, problem=problem) for point in branch.special)
-        )
+        special = tuple(replace(point, problem=problem) for point in branch.special if point.kind in kinds)
+        branch = replace(branch, problem=problem, special=special)
         return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
 
     def _first_state(self, setup: Any, start: Any, doublings: int) -> tuple[CurveState, Array | None]:
@@ -496,6 +506,8 @@ def trace_hard_stops(
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
+    if _other_events(settings):
+        return None
     system = balance.compiled({}).system
     if system.n > MAX_HARD_COORDINATES or any(e.law.piecewise is None for e in system.elements):
         return None
@@ -515,6 +527,15 @@ def trace_hard_stops(
     ratio = fastest / min(map(abs, span))
     text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"
     return replace(branch, message=f"{branch.message}; {text}")
+
+
+LOCATED_KINDS = ("LP", "BP", "PD", "NS", "GR", "EP")
+"""Special points of curves in contact instants."""
+
+
+def _other_events(settings: Any) -> list[str]:
+    """Return the kinds of events that a trace asks for and that are not located in contact instants."""
+    return [event.kind for event in settings.events if event.kind not in LOCATED_KINDS]
 
 
 def _contact_frequency(system: Any) -> float:

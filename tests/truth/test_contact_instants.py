@@ -521,3 +521,23 @@ def test_a_fold_with_short_contacts_is_named_and_left_out_of_a_map() -> None:
     found = hb.jump_map(hb.ContactInstants(stop_of(k=1e3), 16), "gap", (0.49, 0.51), frequencies=(0.5, 2.0), seeds=2)
     assert len(found.folds) >= 3
     assert "is not in the map: short contacts" in found.message
+
+
+def test_only_the_special_points_of_a_trace_are_located() -> None:
+    problem, span = hb.ContactInstants(stop_of(), 16), (0.8, 2.0)
+    assert hb.trace(problem, "Omega", span, special=False).special == ()
+    folds = hb.trace(problem, "Omega", span, special=False, events=["LP"])
+    assert [point.label for point in folds.special] == ["LP1", "LP2"]
+    with pytest.raises(ValueError, match="curves in contact instants have no PK: use hb"):
+        hb.trace(problem, "Omega", span, events=["PK"])
+    with pytest.raises(ValueError, match="a curve in contact instants has no derivatives by parameters"):
+        hb.design.response_band(folds, {"gap": 0.01})
+
+
+def test_a_branch_turns_at_its_end_without_a_fold() -> None:
+    """Where a branch of twice the period joins, its parameter turns: an end point, no fold, also from a file."""
+    curve = hb.trace(hb.ContactInstants(stop_of(), 32), "Omega", (0.8, 2.0))
+    doubled = hb.switch(curve, "PD1")
+    assert [point.label for point in doubled.special] == ["LP1", "LP2", "GR1", "GR2", "LP3", "EP1"]
+    assert doubled.warnings == ()
+    assert abs(doubled["EP1"].parameters["Omega"] - curve["PD2"].parameters["Omega"]) < 1e-8

@@ -84,7 +84,7 @@ def _contradictions(branch: BranchData) -> list[str]:
         return []
     kinds: dict[int, list[str]] = {}
     for point in branch.special:
-        if point.kind in STABILITY_CHANGING_KINDS:
+        if point.kind in (*STABILITY_CHANGING_KINDS, "EP"):  # multipliers of an end point are those of both branches
             kinds.setdefault(point.index, []).append(point.kind)
     codes, name = branch.stability_codes, branch.parameter
     out = [

@@ -159,8 +159,8 @@ def response_band(
     KeyError
         If the model has no such parameter.
     ValueError
-        If a deviation is negative, a fit does not determine its parameters, the curve has no problem, or the model
-        does not know its units.
+        If a deviation is negative, a fit does not determine its parameters, the curve has no problem or is one in
+        contact instants, or the model does not know its units.
 
     Notes
     -----
@@ -229,6 +229,11 @@ def _in_plane(
     layout = layout_of(branch)
     if layout is None:
         raise ValueError("a band needs a curve of periodic motions")
+    if problem.residual_form is not problem:
+        raise ValueError(
+            "response_band: a curve in contact instants has no derivatives by parameters; trace HarmonicBalance(model, "
+            "harmonics) with a start (start=problem.start(Omega=...)) for the band"
+        )
     own = problem.at_resolution_of(branch[0]).with_cache_size(2 * len(names) + 2)
     n, entries = branch.X.shape[1], problem.model.entries
     along, moved = np.full((len(branch), n + 1), math.nan), np.full((len(branch), len(names), n + 1), math.nan)

@@ -108,19 +108,27 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[Special
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
     changed = {kind for kind, value in a.tests.items() if value * b.tests[kind] < 0}
     found = [("BP", *_locate_branch_point(family, a, b))] if "BP" in changed else []
-    singular = [s for _, s, _ in found]
+    crossing = found[0] if found else None
     for kind in sorted(changed - {"BP"}):
         try:
             s = _root(family, a, b, kind, (0.0, 1.0))
         except NoConvergence:
-            if not singular:
+            if crossing is None:
                 raise
-            s = _root_beside(family, a, b, kind, singular[0])
-        if math.isfinite(s):
-            point = point_between(family, a, b, s)
-            if kind != "NS" or _is_complex_pair(point.multipliers):
-                found.append((kind, s, point))
+            s = _root_beside(family, a, b, kind, crossing[1])
+        if not math.isfinite(s):
+            continue
+        point = point_between(family, a, b, s)
+        if (kind != "NS" or _is_complex_pair(point.multipliers)) and not _coincide(point, crossing):
+            found.append((kind, s, point))
     return sorted(found, key=lambda one: one[1])
+
+
+def _coincide(point: ExactPoint, crossing: SpecialExactPoint | None) -> bool:
+    """Return whether a point is a branch point, at which the parameter of a branch turns, too."""
+    if crossing is None:
+        return False
+    return float(np.linalg.norm((point.state.z - crossing[2].state.z) / point.scale)) < MIN_DISTANCE
 
 
 def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tuple[float, float]) -> float:
