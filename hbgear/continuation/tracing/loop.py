@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hbgear.continuation.curve.segment import CurvePoint, Points
+from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.results.status import Status
@@ -28,8 +29,9 @@ MAX_SMALLEST_STEPS = 30
 """
 
 
-MAX_CONSTANT_POINTS = 20
-"""Points in succession at one value of the parameter after which a trace ends: they belong to a family of solutions."""
+MAX_SINGULAR_POINTS = 20
+"""Points in succession at one value of the parameter after which a trace ends if half of them are branch points: they
+belong to a family of solutions."""
 
 
 class ContinuationLoop:
@@ -91,7 +93,7 @@ class ContinuationLoop:
             if self._has_stalled():
                 where = f"{MAX_SMALLEST_STEPS} steps in succession needed the smallest size {state.location_text()}"
                 return Status.STEP_TOO_SMALL, where
-            if self._is_constant():
+            if self._is_singular():
                 return Status.ARBITRARY, f"a family of solutions, which are not isolated, lies {state.location_text()}"
             sizes = state.problem.solution_norms(unknowns(path)[1:, :-1])
             state.update_scale(state.last.X, max(state.solution_scale, float(sizes.max())))
@@ -106,10 +108,18 @@ class ContinuationLoop:
             return False
         return all(point.step <= steps.min_step for point in latest)
 
-    def _is_constant(self) -> bool:
-        """Return whether the parameter is the same at all of the last points: a linear motion of any amplitude."""
-        values = [point.value for point in self.state.points[-MAX_CONSTANT_POINTS:]]
-        return len(values) == MAX_CONSTANT_POINTS and bool(np.ptp(values) <= 1e-12 * abs(values[-1]))
+    def _is_singular(self) -> bool:
+        """Return whether the parameter is constant and the equations are singular along the last points.
+
+        A curve may be vertical for a while, as motions of twice the period in contact; its equations are regular.
+        """
+        state = self.state
+        values = [point.value for point in state.points[-MAX_SINGULAR_POINTS:]]
+        if len(values) < MAX_SINGULAR_POINTS or np.ptp(values) > 1e-12 * abs(values[-1]):
+            return False
+        first = len(state.points) - MAX_SINGULAR_POINTS
+        crossings = [n for n, one in state.located if n > first and one.event.kind == BranchPointEvent.kind]
+        return 2 * len(crossings) > MAX_SINGULAR_POINTS
 
     def _step(self) -> tuple[Points, str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
