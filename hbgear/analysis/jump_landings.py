@@ -17,8 +17,7 @@ import numpy as np
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import BIFURCATING, Jump, Point
-from hbgear.continuation.solvers.newton import NewtonSettings
-from hbgear.continuation.tracing.jumps import monitored_points, motions_at, nearest
+from hbgear.continuation.tracing.jumps import nearest, points_of
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.model_registry import is_description
 from hbgear.mechanics.models import differing_fields
@@ -173,11 +172,7 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
         Stable motions.
     """
     if branch.problem is not None:
-        return [
-            point
-            for point in monitored_points(branch, [motions_at(branch, value, NewtonSettings())])[0]
-            if point.stable
-        ]
+        return [point for point in points_of(branch, value) if point.stable]
     if branch.stable is None:
         return []
     found = []

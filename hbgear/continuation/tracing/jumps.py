@@ -176,8 +176,12 @@ def points_at(branch: Branch, value: float) -> tuple[Point, ...]:
             f"no curve reaches {branch.parameter} = {value:.6g}: the span that was traced is {low:.6g} to {high:.6g}"
         )
     curves = [replace(curve, problem=curve.require_problem()) for curve in branch.curves]
-    groups = [monitored_points(curve, [motions_at(curve, value, NewtonSettings())])[0] for curve in curves]
-    return tuple(point for group in groups for point in group)
+    return tuple(point for curve in curves for point in points_of(curve, value))
+
+
+def points_of(branch: Branch, value: float) -> list[Point]:
+    """Return the solutions of a branch, whose problem is known, at a value of its parameter."""
+    return monitored_points(branch, [motions_at(branch, value, NewtonSettings())])[0]
 
 
 def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:

@@ -167,8 +167,8 @@ def limit_cycles(
     Returns
     -------
     Branch
-        Curve in the parameter, with the frequencies ``tracked["Omega"]``. The multiplier +1 of the
-        arbitrary phase is left out.
+        Curve in the parameter, with the frequencies ``tracked["Omega"]``. The multiplier +1 of the arbitrary phase is
+        left out.
 
     Raises
     ------
@@ -201,20 +201,20 @@ def limit_cycles(
     problem = LimitCycleProblem(unforced_balance(model, harmonics, reduce=True))
     name = _parameter_of(start, parameter, problem)
     low, high = sorted(map(float, span))
-    value = start.value if isinstance(start, HopfPoint) else problem.parameters[name]
+    own = "the model", problem.parameters[name]
+    where, value = ("the Hopf point", start.value) if isinstance(start, HopfPoint) else own
     if not low <= value <= high:
-        where = "the Hopf point" if isinstance(start, HopfPoint) else "the model"
         raise ValueError(f"{where} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
     options = {"cover": False} | options
-    if not isinstance(start, HopfPoint):
-        here = problem.parameters
-        Omega, rows = repeated_motion(start, harmonics)
-        guess = np.append(rows.ravel(), Omega)
-        U = solve(problem.with_borders_at(guess, here), guess, here).X
-        return trace_to_both_ends(problem, name, span, _point(problem, U, here), **options)
-    U, fixed = _first_cycle(problem, start, _FIRST_AMPLITUDE * length)
-    ends = (low, high) if U[-1] >= start.value else (high, low)
-    return trace(problem, name, ends, _point(problem, U[:-1], {**fixed, name: float(U[-1])}), **options)
+    if isinstance(start, HopfPoint):
+        U, fixed = _first_cycle(problem, start, _FIRST_AMPLITUDE * length)
+        ends = (low, high) if U[-1] >= value else (high, low)
+        return trace(problem, name, ends, _point(problem, U[:-1], {**fixed, name: float(U[-1])}), **options)
+    here = problem.parameters
+    Omega, rows = repeated_motion(start, harmonics)
+    guess = np.append(rows.ravel(), Omega)
+    U = solve(problem.with_borders_at(guess, here), guess, here).X
+    return trace_to_both_ends(problem, name, span, _point(problem, U, here), **options)
 
 
 def _parameter_of(start: HopfPoint | SampledMotion, parameter: str, problem: LimitCycleProblem) -> str:

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.series.fourier import resize, to_real, waves
 
 LARGEST_DISTANCE = 0.1
 """Distance of two states [-], relative to the range of the motion, up to which one repeats the other. Newton's method
@@ -102,9 +103,5 @@ def _fitted(t: Array, d: Array, period: float, harmonics: int) -> Array:
     """Return the coefficients (m, 2H + 1) of least squares in the last period."""
     inside = t > t[-1] - period
     theta, H = 2 * np.pi / period * t[inside], min(harmonics, int(inside.sum()) // FITTED_SAMPLES_PER_HARMONIC)
-    basis = np.ones((len(theta), 2 * H + 1))
-    for k in range(1, H + 1):
-        basis[:, 2 * k - 1], basis[:, 2 * k] = np.cos(k * theta), np.sin(k * theta)
-    out = np.zeros((len(d), 2 * harmonics + 1))
-    out[:, : 2 * H + 1] = np.linalg.lstsq(basis, d[:, inside].T, rcond=None)[0].T
-    return out
+    basis = to_real(waves(theta, H).conj())  # 1, cos theta, sin theta, ...
+    return resize(np.linalg.lstsq(basis, d[:, inside].T, rcond=None)[0].T, harmonics)

@@ -98,10 +98,9 @@ class PeriodDoublingEvent(Event):
     def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return where det(Phi + 1) comes close to zero, except where pairs clearly pass -1 without collision."""
         mu, candidates = multipliers_of(points), super().near_zeros(points, values, scale)
-        if mu is None or not candidates:
+        if mu is None:
             return candidates
-        clean = passes_minus_one_cleanly(mu, lengths(points, scale), np.array([segment for segment, _ in candidates]))
-        return [candidate for candidate, passed in zip(candidates, clean, strict=True) if not passed]
+        return _without_clean_passages(candidates, mu, lengths(points, scale))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         mu = multipliers_of((segment.a, segment.b))
@@ -145,6 +144,16 @@ class PeriodDoublingEvent(Event):
         return doubling.doubled, BranchStart(doubling.embed(traced.X), dict(traced.parameters), direction)
 
 
+def _without_clean_passages(
+    candidates: list[tuple[int, float]], mu: ComplexArray, length: Array
+) -> list[tuple[int, float]]:
+    """Return the candidates, segments and fractions, on which pairs do not clearly pass -1 without collision."""
+    if not candidates:
+        return []
+    clean = passes_minus_one_cleanly(mu, length, np.array([segment for segment, _ in candidates]))
+    return [candidate for candidate, passed in zip(candidates, clean, strict=True) if not passed]
+
+
 def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
     """Refine a root of a function of the multipliers by Newton's method on more accurate equations.
 
@@ -176,11 +185,7 @@ class MotionBranchPointEvent(BranchPointEvent):
         direction = tangents[:, -1] / norms(tangents / scale)
         with np.errstate(divide="ignore", invalid="ignore"):  # the direction is zero at a fold
             determinant = scaled_determinant(mu, 1.0) / direction
-        found = near_zeros(determinant[:, None], length)
-        if not found:
-            return []
-        clean = passes_minus_one_cleanly(-mu, length, np.array([segment for segment, _ in found]))
-        return [candidate for candidate, passed in zip(found, clean, strict=True) if not passed]
+        return _without_clean_passages(near_zeros(determinant[:, None], length), -mu, length)
 
 
 class NeimarkSackerEvent(Event):
