@@ -238,12 +238,17 @@ class Evaluator:
         ties = self.structure.ties
         R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
         R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
-        J += np.kron(ties, np.eye(2 * len(self.orders) - 1))
+        J += self._ties
         return R, J, dR, size
+
+    @cached_property
+    def _ties(self) -> Array:
+        """Derivatives (n, n) of the constraints between elements."""
+        return np.kron(self.structure.ties, np.eye(2 * len(self.orders) - 1))
 
     def _joined(self, rows: Array) -> Array:
         """Return the constrained balance from the balances (n, ...) of the single elements."""
-        out: Array = np.einsum("ij,j...->i...", self.structure.joint, rows.reshape(self.m, -1, *rows.shape[1:]))
+        out: Array = self.structure.joint @ rows.reshape(self.m, -1)
         return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:

@@ -295,7 +295,7 @@ def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, bey
     """
     ratio = evaluator.packed.linear.left / evaluator.nu
     G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
-    modes = evaluator.structure.modes if evaluator.structure.modal else None
+    modes = evaluator.structure.modes if evaluator.structure.accurate_modes else None
     for i, w in enumerate(Omega.tolist()):
         if modes is not None:
             G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input

@@ -280,14 +280,14 @@ class LinearStructure:
         return len(self.own) < self.m
 
     @property
-    def modal(self) -> bool:
+    def accurate_modes(self) -> bool:
         """Whether receptances are computed from the modes."""
-        return (
-            self.modes is not None
-            and self.modes.condition < _MAX_EIGENVECTOR_CONDITION
-            and not self.parted
-            and not self.constrained
-        )
+        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.parted
+
+    @property
+    def modal(self) -> bool:
+        """Whether the receptances of all elements are computed from the modes in kernels."""
+        return self.accurate_modes and not self.constrained
 
     def _null(self, A: Array) -> Array:
         """Return the null space of a matrix of the coordinates, scaled by the masses."""

@@ -152,7 +152,7 @@ class PerturbedStructure(LinearStructure):
                     raise UnbalancedLoadError(self._describe_unbalance(r, float(r @ held)))
 
     @property
-    def modal(self) -> bool:
+    def accurate_modes(self) -> bool:
         return False
 
     @cached_property

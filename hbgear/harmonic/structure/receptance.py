@@ -110,17 +110,18 @@ class Receptance:
             for order, amplitudes in load.complex(system.n).items():
                 if order * nu in index:
                     self._loads.append(_LoadPart(load.power, index[order * nu], amplitudes))
-        self.packed = self._pack()
+        self.packed = self._pack(np.arange(structure.m), structure.modal)
+        self._independent = self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
 
-    def _pack(self) -> PackedLinearPart:
-        """Return the arrays for kernels."""
-        structure, m = self.structure, self.structure.m
+    def _pack(self, own: np.ndarray, modal: bool) -> PackedLinearPart:
+        """Return the arrays for kernels of the elements ``own``, with the poles of the structure if ``modal``."""
+        structure, m = self.structure, len(own)
         poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
-        if structure.modal and structure.modes is not None:
+        if modal and structure.modes is not None:
             modes = structure.modes
-            poles = modes.poles
-            residues = (modes.output[:, None, :] * modes.input.T).reshape(m * m, len(poles))
-            driven = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
+            poles, output = modes.poles, modes.output[own]
+            residues = (output[:, None, :] * modes.input[:, own].T).reshape(m * m, len(poles))
+            driven = [output * (modes.left @ load.amplitudes) for load in self._loads]
             residues = np.concatenate([residues, *driven])
             order = np.argsort(np.abs(poles), kind="stable")
             poles, residues = poles[order], residues[:, order]
@@ -128,8 +129,9 @@ class Receptance:
         unknown = np.zeros(2 * self.H + 1, dtype=bool)
         unknown[self.k] = True
         return PackedLinearPart(
-            in_two(poles), in_two(residues), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
-            np.flatnonzero(~unknown), self.e, loads, int(self.nu), *_far_poles(poles, residues),
+            in_two(poles), in_two(residues), np.array([structure.kr, structure.c])[:, own], self.k.astype(np.int64),
+            np.flatnonzero(~unknown), np.ascontiguousarray(self.e[:, own]), loads, int(self.nu),
+            *_far_poles(poles, residues),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
@@ -141,18 +143,31 @@ class Receptance:
 
     def at(self, Omega: float) -> LinearPart:
         """Return Z_k, g_k and their derivatives in Omega."""
-        out = LinearPart.zero(len(self.k), self.structure.m)
-        if self.structure.modal:
-            from hbgear.harmonic.structure.receptance_kernels import linear_part
-
-            linear_part(self.packed, float(Omega), *out)
-            if not np.isfinite(out.matrices).all():
-                raise ValueError(
-                    f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
-                    "values of the model differ by too many orders of magnitude; check their units"
-                )
-        else:
+        s = self.structure
+        if not s.accurate_modes:
+            out = LinearPart.zero(len(self.k), s.m)
             self._fill_directly(Omega, out)
+            return out
+        from hbgear.harmonic.structure.receptance_kernels import linear_part
+
+        own = LinearPart.zero(len(self.k), len(s.own))
+        linear_part(self._independent, float(Omega), *own)
+        if not np.isfinite(own.matrices).all():
+            raise ValueError(
+                f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
+                "values of the model differ by too many orders of magnitude; check their units"
+            )
+        return self._with_dependent_elements(Omega, own) if s.constrained else own
+
+    def _with_dependent_elements(self, Omega: float, own: LinearPart) -> LinearPart:
+        """Return the linear part of all elements from that of the independent ones; the others have springs only."""
+        s, ratio = self.structure, (self.k / self.nu)[:, None]
+        out = LinearPart.zero(len(self.k), s.m)
+        out.matrices[0] = -np.diag(s.kr)
+        out.constants[0] = -(s.kr + 1j * Omega * ratio * s.c) * self.e
+        out.constants[1] = -1j * ratio * s.c * self.e
+        out.matrices[..., s.own[:, None], s.own] = own.matrices
+        out.constants[..., s.own] = own.constants
         return out
 
     def _fill_directly(self, Omega: float, out: LinearPart) -> None:
