@@ -6,7 +6,9 @@ from the same physical model; the folds of the spur pair were enclosed in interv
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,6 +74,26 @@ def two_equal_masses(k: float = 10.0) -> hb.System:
 def curve() -> hb.Branch:
     """Curve of the stop through four grazing points."""
     return hb.trace(hb.ContactInstants(stop(), 32), "Omega", (0.5, 2.2))
+
+
+HARD_STOPS = json.loads((Path(__file__).parents[1] / "data/hard_stops.json").read_text())
+"""Twenty curves of a mass with a stop, k = 50 to 1e5: kind and Omega of all special points, by an independent code."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case", HARD_STOPS, ids=lambda case: "k = {k:g}, c = {c:g}, gap = {gap:g}, {span}".format(**case)
+)
+def test_all_special_points_of_twenty_curves(case: dict[str, Any]) -> None:
+    element = hb.Element([1.0], hb.Unilateral(k=case["k"], gap=case["gap"]))
+    model = hb.System([[1.0]], [[case["c"]]], [[1.0]], [element], hb.Load(cosine={1: [case["F"]]}))
+    curve = hb.trace(hb.ContactInstants(model), "Omega", case["span"])
+    assert curve.status is hb.Status.REACHED_END
+    found = sorted((point.kind, point.parameters["Omega"]) for point in curve.special)
+    assert [kind for kind, _ in found] == sorted(kind for kind, _ in case["special"])
+    np.testing.assert_allclose(
+        [x for _, x in found], [x for _, x in sorted(map(tuple, case["special"]))], atol=1e-9, rtol=0
+    )
 
 
 def test_all_special_points_of_a_hard_stop(curve: hb.Branch) -> None:

@@ -31,6 +31,9 @@ SHORT_SEGMENT_RATIO = 0.25
 """Duration of a visit beyond a breakpoint, over the times to the switches of the same gap before and after it, below
 which its second equation is divided by it."""
 
+ROUNDING_OF_GAPS = 1e-15
+"""Rounding of a gap, relative to its largest value in a period; contacts that have just begun are not much deeper."""
+
 
 @kernel
 def _exponentials(A: Any, h: float, parts: Any, powers: Any, Z: Any) -> None:
@@ -446,6 +449,7 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
         last = first + counts[k]
         for j in range(m):
             extent = np.max(gaps[first:last, j]) - np.min(gaps[first:last, j])
+            least = ROUNDING_OF_GAPS * np.max(np.abs(gaps[:, j]))
             for side in (1, -1):
                 bound = bounds[k, j, (1 + side) // 2]
                 if not math.isfinite(bound):
@@ -453,9 +457,8 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
                 for p in range(first, last):
                     beyond[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
                 known = C
-                C = _add_intervals(
-                    tau[first:last], beyond[first:last], slope[first:last], rounding * max(extent, abs(bound)), found, C
-                )
+                allowed = max(least, rounding * max(extent, abs(bound)))
+                C = _add_intervals(tau[first:last], beyond[first:last], slope[first:last], allowed, found, C)
                 for c in range(known, C):
                     found[c, 0], found[c, 1], found[c, 2] = k, j, side
         first = last
