@@ -129,7 +129,7 @@ class Receptance:
         unknown = np.zeros(2 * self.H + 1, dtype=bool)
         unknown[self.k] = True
         return PackedLinearPart(
-            in_two(poles), in_two(residues), np.array([structure.kr, structure.c])[:, own], self.k.astype(np.int64),
+            in_two(poles), in_two(residues), np.array([structure.kr[own], structure.c[own]]), self.k.astype(np.int64),
             np.flatnonzero(~unknown), np.ascontiguousarray(self.e[:, own]), loads, int(self.nu),
             *_far_poles(poles, residues),
         )  # fmt: skip
