@@ -367,13 +367,13 @@ class ContactInstants(HarmonicBalance):
         """Return the equations as a function of a parameter, the others fixed."""
         if name == "Omega":
             equations = self.compiled(dict(fixed)).contact_equations
-            return _stored(equations.at)
+            return _stored(equations.at, name)
 
         def equations_at(value: float) -> EquationsAt:
             model = self.model_at({**fixed, name: value})
             return Equations(model.system(), self.nu).at(float(fixed["Omega"]))
 
-        return _stored(equations_at)
+        return _stored(equations_at, name)
 
     def own_trace(
         self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool,
@@ -465,10 +465,17 @@ _STORED_VALUES = 16
 """Values of the parameter whose equations are stored: a corrector, its differences and a grazing use a few in turn."""
 
 
-def _stored(make: Callable[[float], EquationsAt]) -> Family:
-    """Return the function with its last results."""
+def _stored(make: Callable[[float], EquationsAt], name: str) -> Family:
+    """Return the function of a parameter with its last results; a value that the model refuses ends an iteration."""
     cache = LRUCache[EquationsAt](_STORED_VALUES)
-    return lambda value: cache.get(value, lambda: make(value))
+
+    def equations_at(value: float) -> EquationsAt:
+        try:
+            return cache.get(value, lambda: make(value))
+        except ValueError as error:
+            raise NoConvergence(str(error), np.empty(0), {name: value}, []) from error
+
+    return equations_at
 
 
 def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[ExactCurve], None]:

@@ -563,3 +563,18 @@ def test_a_branch_turns_at_its_end_without_a_fold() -> None:
     assert [point.label for point in doubled.special] == ["LP1", "LP2", "GR1", "GR2", "LP3", "EP1"]
     assert doubled.warnings == ()
     assert abs(doubled["EP1"].parameters["Omega"] - curve["PD2"].parameters["Omega"]) < 1e-8
+
+
+def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
+    """The curve follows the balance; an iteration at a frequency outside of the table shortens the step."""
+    Omega = [0.5, 1.0, 1.5]
+    table = hb.mechanics.MatrixTable(Omega, [[[x]] for x in (0.0, 0.1, 0.15)])
+    system = replace(stop(10.0, 0.2), speed=hb.mechanics.SpeedTerms(stiffness=table))
+    problem = hb.ContactInstants(system, 32)
+    with pytest.raises(hb.NoConvergence, match="outside of a table over Omega"):
+        problem.family("Omega", {"Omega": 1.0})(0.1)
+    exact, balance = (hb.trace(one, "Omega", (0.5, 1.5)) for one in (problem, hb.HarmonicBalance(system, 48)))
+    assert exact.status is hb.Status.REACHED_END
+    for label in ("LP1", "LP2"):
+        other = balance[label].parameters["Omega"]
+        assert exact[label].parameters["Omega"] == pytest.approx(other, abs=1e-6)

@@ -91,6 +91,7 @@ class Equations:
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
         self._bounds: dict[tuple[int, ...], Array] = {}
+        self._springs: dict[tuple[int, int], tuple[tuple[Phased, float, float], ...]] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
         self.constant_matrices: dict[tuple[Contacts, ...], Array | None] = {}  # of flows at Omega = 1
 
@@ -190,7 +191,7 @@ class Equations:
     @cached_property
     def fixed(self) -> StateSpace:
         """The structure, if it does not depend on Omega."""
-        return StateSpace(self.system)
+        return StateSpace(self.system, self.system.C, self.system.K)
 
     @cached_property
     def is_inverse(self) -> bool:
@@ -202,23 +203,30 @@ class Equations:
 
     def structure(self, Omega: float) -> StateSpace:
         """Return the structure at a frequency."""
-        return self.fixed if self.system.speed is None else StateSpace(self.system.at_speed(Omega))
+        system = self.system
+        if system.speed is None:
+            return self.fixed
+        C, K = system.speed.at(Omega, system.n)
+        return StateSpace(system, system.C + C, system.K + K)
 
     def springs(self, j: int, level: int) -> tuple[tuple[Phased, float, float], ...]:
         """Return stiffness, slope and offset of each spring of element j with ``level`` of its breakpoints below d."""
-        breakpoints = np.array(self.breakpoints[j])
-        inner = breakpoints[:level]
-        return tuple(_linear_segment(spring, inner) for spring in self.system.elements[j].law.piecewise or ())
+        found = self._springs.get((j, level))
+        if found is None:
+            inner, law = np.array(self.breakpoints[j])[:level], self.system.elements[j].law
+            found = self._springs[j, level] = tuple(_linear_segment(spring, inner) for spring in law.piecewise or ())
+        return found
 
 
 class StateSpace:
     """State-space form of a structure with the dampers of its elements: x' = A x + B p + force f,   d + e = D x.
 
     A (r, r); input (r, n) of forces on coordinates; D (m, r); reduce (r, 2n) of (q, q'); W, damping of the elements.
+    C and K are those of the coordinates at one Omega.
     """
 
-    def __init__(self, system: System) -> None:
-        M, C, K = (_dense(A) for A in (system.M, system.C, system.K))
+    def __init__(self, system: System, C: Any, K: Any) -> None:
+        M, C, K = (_dense(A) for A in (system.M, C, K))
         W, n = system.W, system.n
         self.W, self.damping = W, np.array([e.damping for e in system.elements])
         s = 1.0 / np.sqrt(np.abs(np.diag(M)) + (np.diag(M) == 0) * (np.abs(np.diag(M)).max() or 1.0))
@@ -246,7 +254,7 @@ class EquationsAt:
         self.structure = equations.structure(self.Omega)
         self.size = len(self.structure.A)
         self._flows: dict[Contacts, Flow] = {}
-        self._forcing: dict[int, Array] = {}
+        self._forcing: dict[int, Array] = {}  # of each section
 
     @cached_property
     def input(self) -> Array:
@@ -349,6 +357,12 @@ class EquationsAt:
 
     def _forcing_coefficients(self, section: int) -> Array:
         """Return the coefficients (r, count) of loads and prescribed displacements in the derivative of the state."""
+        found = self._forcing.get(section)
+        if found is None:
+            found = self._forcing[section] = self._compute_forcing(section)
+        return found
+
+    def _compute_forcing(self, section: int) -> Array:
         equations, structure = self.equations, self.structure
         f = np.zeros((equations.system.n, equations.count))
         for load in equations.system.loads:

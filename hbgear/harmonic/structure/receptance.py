@@ -111,7 +111,9 @@ class Receptance:
                 if order * nu in index:
                     self._loads.append(_LoadPart(load.power, index[order * nu], amplitudes))
         self.packed = self._pack(np.arange(structure.m), structure.modal)
-        self._independent = self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
+        self._independent = (
+            self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
+        )
 
     def _pack(self, own: np.ndarray, modal: bool) -> PackedLinearPart:
         """Return the arrays for kernels of the elements ``own``, with the poles of the structure if ``modal``."""
