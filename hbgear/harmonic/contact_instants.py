@@ -30,6 +30,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import with_asymptotes
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -399,7 +400,7 @@ class ContactInstants(HarmonicBalance):
         if not covers:
             return branch
         rest: tuple[Branch, ...] = ()
-        if branch.status is Status.LEFT_SPAN and first == span:
+        if branch.status in (Status.LEFT_SPAN, Status.UNBOUNDED) and first == span:
             with suppress(NoConvergence):
                 rest = (self._followed(span[::-1], None, settings),)
         no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
@@ -439,7 +440,8 @@ class ContactInstants(HarmonicBalance):
         states = [point.state for point in curve.points]
         problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states)
         special = tuple(replace(point, problem=problem) for point in branch.special if point.kind in kinds)
-        branch = replace(branch, problem=problem, special=special)
+        meta = with_asymptotes(branch.meta, last=curve.asymptote)
+        branch = replace(branch, problem=problem, special=special, meta=meta)
         return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
 
     def _first_state(self, setup: Any, start: Any, doublings: int) -> tuple[CurveState, Array | None]:

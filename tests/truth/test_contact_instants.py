@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
@@ -578,3 +580,39 @@ def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
     for label in ("LP1", "LP2"):
         other = balance[label].parameters["Omega"]
         assert exact[label].parameters["Omega"] == pytest.approx(other, abs=1e-6)
+
+
+def test_motions_without_bound_end_at_their_asymptote() -> None:
+    """At the asymptote the equation without gap and load, solved by Runge-Kutta, has a motion that neither grows."""
+    m, c, K, k = 2.0, 0.1, 0.8, 8.0
+    stiffness = hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.6)
+    element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.2, stiffness=stiffness), name="stop")
+    system = hb.System([[m]], [[c]], [[K]], [element], hb.Load(constant=[0.02], cosine={1: [0.45]}))
+    curve = hb.trace(hb.ContactInstants(system, 32), "Omega", (0.5, 1.6))
+    balance = hb.trace(hb.HarmonicBalance(system, 64), "Omega", (0.5, 1.6))
+    assert curve.status is balance.status is hb.Status.UNBOUNDED and len(curve) < 200
+    Omega, approximate = curve.asymptotes["last"], balance.asymptotes["last"]
+    assert Omega == pytest.approx(approximate, rel=1e-5)
+    steps = [0.0, *stiffness.phases, 2 * np.pi]
+
+    def after_a_period(angle: float) -> np.ndarray:
+        y = np.array([np.cos(angle), np.sin(angle)])
+        for begin, end in pairwise(steps):
+            factor = k * stiffness(0.5 * (begin + end))
+
+            def rates(tau: float, y: np.ndarray, factor: float = factor) -> list[float]:
+                return [y[1] / Omega, -(c * y[1] + K * y[0] + factor * max(y[0], 0.0)) / m / Omega]
+
+            y = solve_ivp(rates, (begin, end), y, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.02).y[:, -1]
+        return y
+
+    def turn(angle: float) -> float:
+        x, v = after_a_period(angle)
+        return float((np.arctan2(v, x) - angle + np.pi) % (2 * np.pi) - np.pi)
+
+    angles = np.linspace(0.0, 2 * np.pi, 25)
+    turns = [turn(angle) for angle in angles]
+    roots = [brentq(turn, a, b, xtol=1e-12) for (a, b), (f, g) in zip(pairwise(angles), pairwise(turns), strict=True)
+             if f * g < 0 and abs(f - g) < 2]  # fmt: skip
+    growths = [float(np.linalg.norm(after_a_period(root))) for root in roots]
+    assert min(abs(growth - 1) for growth in growths) < 1e-8

@@ -95,6 +95,14 @@ class CurveState:
         """Return the state with other values."""
         return CurveState(self.pattern, z, self.fixed)
 
+    def enlarged(self, rate: Array, factor: float) -> CurveState:
+        """Return the state extrapolated along dz/dr, r = |x|, to r -> inf, with states of the size ``factor`` r."""
+        count = len(self._parts(self.z)[0])
+        r = float(np.linalg.norm(self.z[:count]))
+        z = self.z + r * rate  # to first order in 1 / r
+        z[:count] = factor * r * rate[:count]
+        return self.moved(z)
+
     def phase_column(self, i: int) -> int:
         """Return the entry of z that is the phase of switch i."""
         return len(self.z) - 1 - int(self.pattern.free[i:].sum())
@@ -197,6 +205,46 @@ def tangent_of(J: Array, scale: Array, along: Array) -> Array:
         t = np.linalg.svd(J * scale)[2][-1]
         t = t if t @ along >= 0 else -t
     return t / float(np.linalg.norm(t))
+
+
+ENLARGEMENT = 1e12
+"""Factor of a motion after which gaps, loads and prescribed displacements are rounding."""
+
+MAX_TURN_TO_INFINITY, MAX_CHANGE_TO_INFINITY = 0.3, 0.02
+"""Largest distance of the direction of the states, and relative distance of the parameter, from their extrapolation to
+infinity, up to which an asymptote is searched."""
+
+MAX_ASYMPTOTE_MISS, ASYMPTOTE_ROUNDING = 0.2, 1e-9
+"""Largest distance of an asymptote from its extrapolation, over the extrapolated distance, and its rounding."""
+
+
+def asymptote_ahead(family: Family, state: CurveState, tangent: Array, width: float) -> float | None:
+    """Return the value of the parameter at which motions grow without bound ahead of a point, else None.
+
+        x = r y(r),   y and p have limits for r = |x| -> inf:   y = dx/dr,   p + r dp/dr   to first order in 1/r
+
+    The equations are solved for a motion 1e12 times as large, for which gaps and loads are rounding. A finite resonance
+    has no such solution. ``tangent`` is dz/ds.
+    """
+    count = len(state.z) - 1 - state.pattern.free_count
+    x, r = state.z[:count], float(np.linalg.norm(state.z[:count]))
+    growth = float(x @ tangent[:count]) / r
+    if not growth > 0:
+        return None
+    rate = tangent / growth
+    change, size = r * float(rate[-1]), abs(state.value)
+    turn = float(np.linalg.norm(rate[:count] - x / r))
+    if turn > MAX_TURN_TO_INFINITY or abs(change) > MAX_CHANGE_TO_INFINITY * size:
+        return None
+    far = state.enlarged(rate, ENLARGEMENT)
+    scale = far.scale(width)
+    row = np.append(far.z[:count], np.zeros(len(scale) - count)) / scale
+    try:
+        found = correct(family, far, row / float(np.linalg.norm(row)), scale)[0].value
+    except NoConvergence:
+        return None
+    allowed = MAX_ASYMPTOTE_MISS * abs(change) + ASYMPTOTE_ROUNDING * size
+    return found if abs(found - far.value) < allowed else None
 
 
 # ---- order of switches

@@ -137,7 +137,12 @@ def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tupl
     def test(s: float) -> float:
         return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
 
-    return float(scipy.optimize.brentq(test, *bracket, xtol=1e-13, rtol=1e-14, maxiter=60))
+    s, found = scipy.optimize.brentq(
+        test, *bracket, xtol=1e-13, rtol=1e-14, maxiter=60, full_output=True, disp=False
+    )  # fmt: skip
+    if not found.converged:
+        raise NoConvergence(f"the zero of the test function of {kind} was not located", a.state.z, {}, [])
+    return float(s)
 
 
 def _root_beside(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singular: float) -> float:

@@ -23,7 +23,14 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import CurveState, Family, departed, exchanges_of, with_exchange
+from hbgear.harmonic.instants.corrector import (
+    CurveState,
+    Family,
+    asymptote_ahead,
+    departed,
+    exchanges_of,
+    with_exchange,
+)  # fmt: skip
 from hbgear.harmonic.instants.critical import (
     ExactPoint,
     SpecialExactPoint,
@@ -80,6 +87,9 @@ step, and the step from which it is limited."""
 PREDICTED_CHANGE = 0.9
 """Part of the largest change of the characteristic polynomial that a step is chosen for."""
 
+UNBOUNDED_GROWTH = 10.0
+"""Size of a motion, over the smallest one of the curve, from which an asymptote is searched."""
+
 SAME_POINT = 1e-5
 """Relative difference of two branch points up to which they are the same point; they are located to 1e-7."""
 
@@ -106,6 +116,7 @@ class ExactCurve:
     marks: list[CurveMark] = field(default_factory=list)
     status: Status = Status.STEP_TOO_SMALL
     message: str = ""
+    asymptote: float | None = None
 
 
 class _Step(NamedTuple):
@@ -142,6 +153,7 @@ class Follower:
         self.family, self.name, self.span = family, name, span
         self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
         self.curve, self.step = ExactCurve(), FIRST_STEP
+        self.smallest = math.inf  # size of the motions of the curve
         self.origin: CurveState | None = None
 
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
@@ -204,6 +216,7 @@ class Follower:
             self._finish(last, point)
             return
         self._add(point, samples, length, found)
+        self._search_asymptote(point)
         vanishing = [] if self.curve.message else self._vanishing(point)
         if vanishing:
             self._close(point, vanishing)
@@ -328,6 +341,18 @@ class Follower:
                  if a < SIMULTANEOUS_DURATION * period and b < a]  # fmt: skip
         limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
         return [visit for visit, a in short if a < limit]
+
+    def _search_asymptote(self, point: ExactPoint) -> None:
+        """End the curve if its motions grow without bound."""
+        state = point.state
+        size = float(np.abs(state.iterate.x).max())
+        self.smallest = min(self.smallest, size)
+        if self.curve.message or size < UNBOUNDED_GROWTH * self.smallest:
+            return
+        found = asymptote_ahead(self.family, state, point.tangent * point.scale, self.width)
+        if found is not None and min(self.span) <= found <= max(self.span):
+            self.curve.status, self.curve.asymptote = Status.UNBOUNDED, found
+            self.curve.message = f"the curve runs off to infinity towards {self.name} = {found:.6g}"
 
     # ---- acceptance
 
