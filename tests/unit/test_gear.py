@@ -332,3 +332,37 @@ def test_numbers_of_the_example():
     path = sqrt(40.5**2 - 35.2384732**2) + sqrt(63**2 - 56.3815572**2) - 97.5 * sin(radians(20))
     assert p.contact_ratio == pytest.approx(path / (pi * 3 * cos(radians(20))), rel=1e-7)
     assert degrees(p.working_pressure_angle) == pytest.approx(20, rel=1e-12)
+
+
+def overlap(pair: hb.GearPair, phase: float, points: int = 60) -> float:
+    """Largest overlap [module] of a pinion that is moved radially into its ring, which it enters at one phase."""
+    p, w = pair.pinion, pair.wheel
+    outlines = []
+    for g, low, high in ((p, max(p.base_diameter, p.root_diameter), p.tip_diameter_used),
+                         (w, w.tip_diameter_used, w.root_diameter)):  # fmt: skip
+        d = np.linspace(low, high, points)
+        half = np.array([g.tooth_thickness(one) / one for one in d])
+        radii, angles = np.append(d, d[::-1]) / 2, np.append(-half, half[::-1])
+        first = phase if g is p else (phase * p.teeth + pi) / w.teeth
+        centres = first + 2 * pi * np.arange(g.teeth) / g.teeth
+        outlines.append(radii * np.exp(1j * (centres[:, None] + angles)))
+    teeth, ring = pair.working_center_distance + outlines[0], outlines[1].ravel()
+    ring, found = ring[ring.real > 0], 0.0
+    for tooth in teeth:
+        x, y = tooth.real, tooth.imag
+        for one in ring[(ring.imag > y.min()) & (ring.imag < y.max())]:
+            k = np.flatnonzero((y[:-1] > one.imag) != (y[1:] > one.imag))
+            reached = x[k] + (one.imag - y[k]) / (y[k + 1] - y[k]) * (x[k + 1] - x[k])
+            if reached.max() > one.real:  # the tooth has passed this point of the ring
+                found = max(found, min(one.imag - y.min(), y.max() - one.imag) / p.module)
+    return found
+
+
+@pytest.mark.parametrize(("teeth", "difference"), [(22, 14), (25, 15), (18, 13), (35, 14), (38, 13)])
+def test_a_pinion_is_moved_radially_into_its_ring(teeth, difference):
+    """The condition holds if no tooth of the pinion sweeps a tooth of the ring, at any phase of both gears."""
+    ring = hb.gears.Gear(teeth + difference, "2 mm", "20 mm", internal=True)
+    pair = hb.GearPair(hb.gears.Gear(teeth, "2 mm", "20 mm"), ring, "0 um")
+    largest = max(overlap(pair, 2 * pi / teeth * k / 12) for k in range(12))
+    assert largest == 0 if pair.engagement.radial_assembly else largest > 0.005
+    assert pair.engagement.radial_assembly is (difference > 14 or (teeth < 25 and difference == 14))
