@@ -157,3 +157,26 @@ def test_a_curve_that_the_harmonics_do_not_resolve_has_each_point_once():
     assert "contact instants" in stopped.message
     assert [point.label for point in stopped.special if point.kind == "PD"] == ["PD1", "PD2"]
     assert stopped["PD1"].parameters["Omega"] < 0.55 < stopped["PD2"].parameters["Omega"]
+
+
+@pytest.mark.parametrize("span", [(1.36, 1.6), (1.6, 1.36)])
+def test_a_pair_that_is_real_for_a_while_is_located_next_to_a_doubling(span):
+    """A pair collides on the real axis, one of both meets a third multiplier that passed -1, and this pair returns."""
+    elements = [
+        hb.Element([0.0, -1.0], hb.Unilateral(k=27.177, gap=0.408), name="stop"),
+        hb.Element([-1.0, 1.0], hb.Backlash(b=0.4, k=0.522), name="backlash"),
+    ]
+    model = hb.System(
+        np.diag([1.741, 0.582]), [[0.125, -0.059], [-0.059, 0.11]], [[1.558, -0.995], [-0.995, 1.667]], elements,
+        hb.Load(constant=[-0.033, -0.076], cosine={1: [0.0, 0.382]}),
+        speed=hb.mechanics.SpeedTerms(gyroscopic=[[0.0, 0.096], [-0.096, 0.0]]),
+    )  # fmt: skip
+    curves = (
+        hb.trace(problem, "Omega", span) for problem in (hb.HarmonicBalance(model, 48), hb.ContactInstants(model))
+    )
+    balance, exact = ([p for p in curve.special if p.kind in ("NS", "PD")] for curve in curves)
+    order = ["NS", "PD", "NS"]
+    assert [p.kind for p in balance] == [p.kind for p in exact] == order
+    for one, other in zip(balance, exact, strict=True):
+        assert one.parameters["Omega"] == pytest.approx(other.parameters["Omega"], abs=5e-6)
+        assert abs(one.parameters["Omega"] - other.parameters["Omega"]) < 3 * one.error

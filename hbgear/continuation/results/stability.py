@@ -71,6 +71,26 @@ MAX_DETERMINANT_MODULUS = 1e6
 """Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
 
 
+def product_of_pairs(multipliers: ComplexArray) -> float:
+    """Return the product of mu_i mu_j - 1 over all pairs i < j of multipliers, with factors limited to 1.
+
+    It is zero where a complex pair is on the unit circle, and at neutral saddles, where the pair is real.
+
+    Parameters
+    ----------
+    multipliers : ndarray of complex, shape (r,)
+        Multipliers of a solution.
+
+    Returns
+    -------
+    float
+        The product.
+    """
+    first, second = np.triu_indices(len(multipliers), 1)
+    factors = multipliers[first] * multipliers[second] - 1
+    return float((factors / np.maximum(np.abs(factors), 1.0)).prod().real)
+
+
 def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:
     """Return the code of the stability of each solution.
 

@@ -21,6 +21,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import STABILITY_TOLERANCE, scaled_determinant
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE, product_of_pairs, scaled_determinant
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
@@ -59,6 +60,7 @@ from hbgear.harmonic.bifurcations.monitored import (
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_collisions import (
+    MIN_MULTIPLIERS,
     collisions,
     exchanges,
     extrapolated_crossings,
@@ -75,6 +77,10 @@ PAIR_LOCATION_TOLERANCE = 1e-10
 MAX_TRUNCATION_SHIFT = 5e-3
 """Scaled arc length by which the multipliers of a truncated motion may pass -1 before or after the true doubling."""
 
+
+PARTS, MIN_COLLIDING_MODULUS = 8, 0.8
+"""Number of parts of a segment on which a pair is searched that is real for a while, and the least modulus of
+multipliers that collide there."""
 
 DOUBLE_MULTIPLIER_DISTANCE = 1e-6
 """Distance up to which two multipliers on the unit circle are equal."""
@@ -264,7 +270,7 @@ class NeimarkSackerEvent(Event):
             )  # else the pair became real outside the circle
             if found.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
                 located.append(self._refine(segment, found))
-        return located or self._locate_pair_becoming_real(segment, ends)
+        return located or self._locate_pair_becoming_real(segment, ends) or self._locate_on_parts(segment, ends)
 
     def _locate_pair_becoming_real(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate a pair that passes the circle and becomes a positive real pair, on the same segment as a doubling."""
@@ -281,6 +287,33 @@ class NeimarkSackerEvent(Event):
         return (
             [self._refine(segment, found)] if found.located and abs(passing - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
         )
+
+    def _locate_on_parts(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+        """Locate pairs that pass the circle on parts of a segment on which they are real for a while.
+
+        The product of mu_i mu_j - 1 over all pairs passes zero there, as at a neutral saddle, whose pair is real.
+        """
+        near = np.count_nonzero(is_complex(ends) & (np.abs(ends) > MIN_COLLIDING_MODULUS), axis=1)
+        if near[0] == near[1] or ends.shape[1] < MIN_MULTIPLIERS:
+            return []
+        fractions = np.linspace(0.0, 1.0, PARTS + 1).tolist()
+        try:
+            points = [segment.a, *(segment.at(s) for s in fractions[1:-1]), segment.b]
+        except (NoConvergence, np.linalg.LinAlgError):
+            return []
+        values = [product_of_pairs(multipliers_at(segment, point)) for point in points]
+        located = []
+        for low, (a, b), (first, second) in zip(fractions, pairwise(points), pairwise(values), strict=False):
+            if first * second >= 0:
+                continue
+            part = segment.part(a, b)
+            found = locate_root(
+                part, self, lambda point: product_of_pairs(multipliers_at(segment, point)), fine=PAIR_LOCATION_TOLERANCE
+            )
+            pairs = np.abs(complex_multipliers(multipliers_at(segment, found.point)))
+            if found.located and np.abs(pairs - 1).min(initial=math.inf) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(self._refine(segment, replace(found, s=low + found.s / PARTS)))
+        return located
 
     def _locate_crossing(self, segment: Segment, rank: int) -> LocatedEvent:
         """Locate where the complex multiplier of this rank, from the largest, passes the unit circle."""

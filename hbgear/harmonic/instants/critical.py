@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.results.stability import product_of_pairs
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, Family, correct, jacobian, tangent_of
 from hbgear.harmonic.instants.shooting import Linearisation
@@ -69,7 +70,7 @@ class ExactPoint:
         return {
             "LP": float(self.tangent[-1]),
             "PD": float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min()),
-            "NS": _pairs_beyond_the_circle(mu) if len(mu) > 2 else 1.0,
+            "NS": product_of_pairs(mu) if len(mu) > 2 else 1.0,
             "BP": _singularity(self.J * self.scale, self.tangent),
         }
 
@@ -90,12 +91,6 @@ def _singularity(J: Array, row: Array) -> float:
     """Return the smallest singular value of [F_u F_p; row^T] with the sign of its determinant."""
     bordered = np.vstack([J, row])
     return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
-
-
-def _pairs_beyond_the_circle(mu: ComplexArray) -> float:
-    """Return the product of mu_i mu_j - 1 over all pairs i < j."""
-    first, second = np.triu_indices(len(mu), 1)
-    return float(np.prod(mu[first] * mu[second] - 1).real)
 
 
 def exact_point(family: Family, state: CurveState, row: Array, scale: Array, along: Array) -> ExactPoint:
