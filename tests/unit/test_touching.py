@@ -43,3 +43,13 @@ def test_unknown_values_and_few_points():
     assert near_zeros(np.full((4, 2), np.nan), np.ones(3)) == []
     assert near_zeros(np.ones((2, 1)), np.ones(1)) == []
     assert near_zeros(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a change of sign is no dip
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("where", [0.07, 0.28, 0.74, 1.28, 1.8])
+def test_the_minimum_of_a_parabola_between_unequal_steps_is_exact(where, sign):
+    """Three points determine a parabola; its minimum lies on the first, an inner or the last segment."""
+    x = np.array([0.0, 0.1, 0.35, 0.5, 1.0, 1.15, 1.7, 2.0])
+    places = dict(near_zeros(sign * ((x - where) ** 2 + 1e-4)[:, None], np.diff(x)))
+    segment = int(np.searchsorted(x, where)) - 1
+    assert x[segment] + places[segment] * (x[segment + 1] - x[segment]) == pytest.approx(where, abs=1e-9)
