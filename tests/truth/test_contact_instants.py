@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import hbgear as hb
+from hbgear.continuation.events.residual_form import RESIDUAL_FORM_ACCURACY, in_residual_form
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 
 SPECIAL_POINTS = [
@@ -616,3 +617,17 @@ def test_motions_without_bound_end_at_their_asymptote() -> None:
              if f * g < 0 and abs(f - g) < 2]  # fmt: skip
     growths = [float(np.linalg.norm(after_a_period(root))) for root in roots]
     assert min(abs(growth - 1) for growth in growths) < 1e-8
+
+
+def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(curve: hb.Branch) -> None:
+    """The number of harmonics is doubled until the fold of the balance is at the same Omega within 1e-5."""
+    point = curve["LP2"]
+    balance, resolved = in_residual_form(point.problem, point, "Omega", point.event)
+
+    def distance(H: int) -> float:
+        problem = hb.HarmonicBalance(stop(), H)
+        u = np.append(problem.from_point(resolved), Omega := point.parameters["Omega"])
+        fold = hb.continuation.FoldProblem(problem, "Omega").with_borders_at(u, {})
+        return abs(float(fold.located(u, {}).X[-1]) / Omega - 1)
+
+    assert balance.H == 128 and distance(128) < RESIDUAL_FORM_ACCURACY < distance(64)
