@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.analysis.parameter_sensitivity.exact_point import is_exact, slopes_of, slopes_of_motion
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, Units, base_problem, measured_along
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean
@@ -33,6 +34,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
+from hbgear.harmonic.contact_instants import ContactInstants
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import MESH, PINION
@@ -42,8 +44,13 @@ Row = tuple[str, float, Array]
 """Name, value and derivatives of a quantity."""
 
 
-def differentiable(point: Point) -> Point:
-    """Return a point in a problem whose residual can be differentiated; see `in_residual_form`."""
+def differentiable(point: Point, exact: bool = False) -> Point:
+    """Return a point in a problem whose residual can be differentiated; see `in_residual_form`.
+
+    With ``exact``, a special point in contact instants is returned as it is.
+    """
+    if exact and is_exact(point.problem, point):
+        return point
     if point.problem is None:
         return point
     problem, parameter = as_problem(point.problem), list(point.parameters)[-1]
@@ -91,7 +98,12 @@ def with_cache_size(problem: ContinuationProblem, point: Point, sets: int) -> Co
 def expanded_at(
     problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int
 ) -> ContinuationProblem:
-    """Return `with_cache_size` with receptances expanded about the parameters of the point."""
+    """Return `with_cache_size` with receptances expanded about the parameters of the point.
+
+    Points in contact instants have their problem without a change.
+    """
+    if isinstance(problem, ContactInstants):
+        return problem
     return _with_balance(problem, point, lambda balance: balance.perturbed(here, sets))
 
 
@@ -134,6 +146,8 @@ class PointSensitivity:
 
     def slopes(self) -> Slopes:
         """Return the derivatives of the unknowns and of the parameter of the branch."""
+        if isinstance(self.problem, ContactInstants) and isinstance(self.point, SpecialPoint):
+            return slopes_of(self.problem, self.point, self.here, self.parameter, self.names)
         if not isinstance(self.point, SpecialPoint):
             return of_solution(self.problem, self.X, self.here, self.names)
         if self.point.kind == "BP":
@@ -244,13 +258,16 @@ class PointSensitivity:
         problem = _at_resolution(self.problem, after)
         here = {**self.here, self.parameter: self.parameter_value}
         at = PointSensitivity(problem, after, here, self.parameter, self.names)
+        if isinstance(problem, ContactInstants):
+            X_a, X_p = slopes_of_motion(problem, after, here, self.parameter, self.names)
+            return at, X_a + p_a[:, None] * X_p
         t = tangent(problem, at.X, here, self.parameter)
         return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t
 
     def largest_multiplier(self, slopes: Slopes) -> Row:
         """Return the largest modulus of the multipliers with its derivatives along the derivatives of the point."""
         problem = self.problem
-        if not isinstance(problem, HarmonicBalance):
+        if not isinstance(problem, HarmonicBalance) or isinstance(problem, ContactInstants):
             raise ValueError("multipliers=True needs a point of a HarmonicBalance, without further unknowns")
         mu = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))[0]
         value = self._modulus_nearest_to(mu)

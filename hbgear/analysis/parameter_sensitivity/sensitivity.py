@@ -99,7 +99,7 @@ def sensitivity(
         raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or give None for all")
     if isinstance(point, CriticalParameter):
         point = point.point
-    one = differentiable(point.before if isinstance(point, Jump) else point)
+    one = differentiable(point.before if isinstance(point, Jump) else point, exact=True)
     problem, here, parameter = problem_and_parameters(one)
     names = parameter_names(problem, here, parameter, parameters)
     cached = expanded_at(problem, one, here, 2 * len(names) + _EXTRA_PARAMETER_SETS)

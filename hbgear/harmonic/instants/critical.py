@@ -119,6 +119,37 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[Special
     return sorted(found, key=lambda one: one[1])
 
 
+RELOCATION_STEP, RELOCATION_DOUBLINGS = 1e-7, 14
+"""First distance along a curve at which a test function changes its sign, in scaled unknowns, and the largest number of
+times that it is doubled."""
+
+
+def relocated(family: Family, point: ExactPoint, kind: str) -> ExactPoint:
+    """Return the special point of neighbouring equations near that of a curve: LP, PD or NS.
+
+    Raises
+    ------
+    NoConvergence
+        If there is no such point nearby.
+    """
+    scale, along = point.scale, point.tangent
+    start = exact_point(family, point.state, along, scale, along)
+
+    def at(s: float) -> ExactPoint:
+        return exact_point(family, start.state.moved(start.state.z + s * along * scale), along, scale, along)
+
+    def test(s: float) -> float:
+        return (at(s) if s else start).tests[kind]
+
+    step, here = RELOCATION_STEP, start.tests[kind]
+    for _ in range(RELOCATION_DOUBLINGS):
+        for end in (step, -step):
+            if test(end) * here <= 0:
+                return at(float(scipy.optimize.brentq(test, 0.0, end, xtol=1e-16, rtol=1e-14)))
+        step *= 2
+    raise NoConvergence(f"{kind} is not near its place on the curve", point.state.z, {}, [])
+
+
 def _coincide(point: ExactPoint, crossing: SpecialExactPoint | None) -> bool:
     """Return whether a point is a branch point, at which the parameter of a branch turns, too."""
     if crossing is None:
