@@ -12,7 +12,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import Slopes
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.harmonic.contact_instants import ContactInstants
+from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, ContactInstants
 from hbgear.harmonic.instants.corrector import Family, correct, jacobian, tangent_of
 from hbgear.harmonic.instants.critical import ExactPoint, relocated
 from hbgear.harmonic.instants.sampling import coefficients
@@ -26,6 +26,11 @@ def is_exact(problem: Any, point: Point) -> bool:
     if not isinstance(problem, ContactInstants) or not isinstance(point, SpecialPoint):
         return False
     return point.kind in DIFFERENTIABLE_KINDS and bool(problem.nearest_states(point.X, point.parameters))
+
+
+def is_small(problem: ContactInstants) -> bool:
+    """Return whether a structure has so few coordinates that exact points are located in milliseconds."""
+    return bool(problem.compiled({}).system.n <= MAX_HARD_COORDINATES)
 
 
 def slopes_of(

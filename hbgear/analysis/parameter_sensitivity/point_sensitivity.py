@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity.exact_point import is_exact, slopes_of, slopes_of_motion
+from hbgear.analysis.parameter_sensitivity.exact_point import is_exact, is_small, slopes_of, slopes_of_motion
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, Units, base_problem, measured_along
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean
@@ -47,15 +47,20 @@ Row = tuple[str, float, Array]
 def differentiable(point: Point, exact: bool = False) -> Point:
     """Return a point in a problem whose residual can be differentiated; see `in_residual_form`.
 
-    With ``exact``, a special point in contact instants is returned as it is.
+    With ``exact``, a special point in contact instants is returned as it is. For structures with many coordinates this
+    takes minutes, and the residual form is used if it is accurate enough.
     """
-    if exact and is_exact(point.problem, point):
-        return point
-    if point.problem is None:
+    exact = exact and is_exact(point.problem, point)
+    if point.problem is None or (exact and is_small(point.problem)):
         return point
     problem, parameter = as_problem(point.problem), list(point.parameters)[-1]
     event = event_at(problem, parameter, point) if isinstance(point, SpecialPoint) else None
-    return in_residual_form(problem, point, parameter, event)[1]
+    try:
+        return in_residual_form(problem, point, parameter, event)[1]
+    except NoConvergence:
+        if exact:
+            return point
+        raise
 
 
 def problem_and_parameters(point: Point) -> tuple[ContinuationProblem, dict[str, float], str]:
