@@ -137,7 +137,7 @@ def test_motions_that_are_no_limit_cycles_are_refused(hunting):
     cycles = partial(hb.analysis.limit_cycles, servo())
     with pytest.raises(ValueError, match=r"give parameter=, the name of a parameter of the model \(gain, backlash\)"):
         cycles(hunting, (0.3, 0.5))
-    with pytest.raises(ValueError, match="no parameter 'gains'; did you mean 'gain'"):
+    with pytest.raises(KeyError, match="no parameter 'gains'; did you mean 'gain'"):
         cycles(hunting, (0.3, 0.5), parameter="gains")
     with pytest.raises(ValueError, match=r"the model has gain = 0.4, outside the span \(0.5, 0.6\)"):
         cycles(hunting, (0.5, 0.6), parameter="gain")

@@ -22,7 +22,6 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
@@ -175,8 +174,10 @@ def limit_cycles(
     NoConvergence
         If no limit cycle is found near the start: the Hopf point may be degenerate, ``length`` too large, or the
         motion not settled.
+    KeyError
+        If the model has no such parameter.
     ValueError
-        If the start lies outside the span, the parameter is unknown, or the motion does not repeat.
+        If the start lies outside the span, or the motion does not repeat.
 
     Examples
     --------
@@ -223,8 +224,7 @@ def _parameter_of(start: HopfPoint | SampledMotion, parameter: str, problem: Lim
     if not name:
         known = ", ".join(problem.parameters)
         raise ValueError(f"a motion has no parameter: give parameter=, the name of a parameter of the model ({known})")
-    if name not in problem.parameters:
-        raise ValueError(f"no parameter '{name}'{did_you_mean(name, tuple(problem.parameters))}")
+    problem.check_parameter(name)
     return name
 
 
