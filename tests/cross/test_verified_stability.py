@@ -206,6 +206,16 @@ def test_contradictions_of_a_branch_are_warnings():
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
 
 
+@pytest.mark.parametrize(("first", "warned"), [(1.0008, False), (1.1, True)])
+def test_the_first_point_of_a_branch_is_a_special_point(first, warned):
+    """The multiplier +1 of a branch point is 1 + 8e-4 by truncation, which is no loss of stability behind it."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 0.9))
+    mu = curve.multipliers.copy()
+    mu[0] = first, 0.5
+    warnings = " ".join(replace(curve, multipliers=mu).warnings)
+    assert ("stability changes between Omega = 0.8 " in warnings) is warned
+
+
 def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_its_point():
     """The change of stability lies where the point is, two rows after the row of the coarse balance."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))

@@ -78,6 +78,10 @@ def _undecided_points(branch: BranchData) -> list[str]:
     return [f"stability undecided at {undecided.size} points with {branch.parameter} {where}"]
 
 
+START_DISTANCE = 1e-3
+"""Distance of a multiplier from +1 up to which the first point of a branch is a special point, within truncation."""
+
+
 def _contradictions(branch: BranchData) -> list[str]:
     """Return a warning for each contradiction between the special points and the stability of the points."""
     if branch.multipliers is None or not branch.meta.get("trace", {}).get("special", True):
@@ -86,6 +90,8 @@ def _contradictions(branch: BranchData) -> list[str]:
     for point in branch.special:
         if point.kind in (*STABILITY_CHANGING_KINDS, "EP"):  # multipliers of an end point are those of both branches
             kinds.setdefault(point.index, []).append(point.kind)
+    if np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE:
+        kinds.setdefault(0, [])  # a branch begins at a special point of another one
     codes, name = branch.stability_codes, branch.parameter
     out = [
         f"stability changes between {name} = {branch.values[a]:.9g} and {branch.values[b]:.9g} without a special point"
