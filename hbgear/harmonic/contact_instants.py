@@ -40,6 +40,7 @@ from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
+from hbgear.harmonic.instants.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.following import ExactCurve, Follower
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
@@ -60,6 +61,12 @@ MAX_REFINEMENT_DISTANCE = 0.3
 NEIGHBOURS = 3
 """Number of known points from which Newton's method starts."""
 
+
+RELOCATED_KINDS = ("LP", "PD", "NS")
+"""Kinds of special points that are located again along a curve of other equations."""
+
+SAME_PLACE = 1e-9
+"""Relative distance of a special point from its place in a file, up to which it is the same one."""
 
 SHORTEST_RESOLVED_CONTACT = 3.0
 """Duration of a contact [rad] times the number of harmonics from which derivatives by all parameters are those of the
@@ -277,6 +284,34 @@ class ContactInstants(HarmonicBalance):
             raise NoConvergence(f"no exact motion found: {error}", X, dict(parameters), []) from error
         return CurveState.of(iterate, float(parameters[name]))
 
+    def special_state(self, point: SpecialPoint) -> CurveState:
+        """Return the state of a fold, period doubling or Neimark-Sacker point of a curve.
+
+        A curve from a file does not have its states. There the exact motion nearest to the point is computed with a
+        free Omega, and the special point is located along the curve.
+
+        Raises
+        ------
+        NoConvergence
+            If the motion is not found at the place of the point, as with contacts that its harmonics do not show.
+        """
+        known = self.nearest_states(point.X, point.parameters)
+        if known:
+            return known[0]
+        name = list(point.parameters)[-1]
+        value = float(point.parameters[name])
+        try:
+            at, iterate = exact_iterate(self, point.X, point.parameters, name == "Omega")
+        except InconsistentPatternError as error:
+            raise NoConvergence(str(error), point.X, dict(point.parameters), []) from error
+        state = CurveState.of(iterate, at.Omega if name == "Omega" else value)
+        family = self.family(name, {key: x for key, x in point.parameters.items() if key != name})
+        near = point_on_curve(family, state, state.scale(abs(value) or 1.0))
+        found = relocated(family, near, point.kind, reach=0.2).state
+        if abs(found.value - value) > SAME_PLACE * abs(value):
+            raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
+        return found
+
     @property
     def known_parameter(self) -> str:
         """Name of the parameter of the known points; empty without them."""
@@ -319,11 +354,14 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If the shortest contact of the motion is too short for the harmonics.
         """
-        known = self.nearest_states(point.X, point.parameters)
-        try:
-            state = known[0] if known else self.exact_state(point.X, "Omega", point.parameters)
-        except NoConvergence:
-            return form.from_point(point)
+        if getattr(point, "kind", "") in RELOCATED_KINDS:
+            state = self.special_state(cast(SpecialPoint, point))
+        else:
+            known = self.nearest_states(point.X, point.parameters)
+            try:
+                state = known[0] if known else self.exact_state(point.X, "Omega", point.parameters)
+            except NoConvergence:
+                return form.from_point(point)
         at = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
         visits = state.pattern.visits
         shortest = float(state.iterate.visit_durations(visits, at.period).min()) if visits else math.inf

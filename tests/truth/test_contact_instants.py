@@ -645,3 +645,17 @@ def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(cur
         return abs(float(fold.located(u, {}).X[-1]) / Omega - 1)
 
     assert balance.H == 128 and distance(128) < RESIDUAL_FORM_ACCURACY < distance(64)
+
+
+def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> None:
+    """A file has 32 harmonics of each motion; the contacts that have just begun at PD1 and LP4 are not among them."""
+    problem = hb.ContactInstants(stop_of(k=1e3), 32)
+    curve = hb.trace(problem, "Omega", (0.5, 2.0))
+    curve.save(tmp_path / "curve.npz")
+    again = hb.load(tmp_path / "curve.npz", problem=problem)
+    for label in ("LP1", "LP3", "PD3"):
+        known, found = (hb.analysis.sensitivity(one[label], ["gap"]).of("Omega")["gap"] for one in (curve, again))
+        assert found == pytest.approx(known, rel=1e-6)
+    for label in ("PD1", "LP4"):
+        with pytest.raises(hb.NoConvergence, match=f"{label} is not known to HarmonicBalance"):
+            hb.analysis.sensitivity(again[label], ["gap"])

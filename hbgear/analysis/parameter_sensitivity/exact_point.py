@@ -12,20 +12,24 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import Slopes
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, ContactInstants
-from hbgear.harmonic.instants.corrector import Family, correct, jacobian, tangent_of
-from hbgear.harmonic.instants.critical import ExactPoint, relocated
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, RELOCATED_KINDS, ContactInstants
+from hbgear.harmonic.instants.corrector import Family, correct
+from hbgear.harmonic.instants.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.sampling import coefficients
-
-DIFFERENTIABLE_KINDS = ("LP", "PD", "NS")
-"""Kinds of special points that are located again with other parameters."""
 
 
 def is_exact(problem: Any, point: Point) -> bool:
-    """Return whether a point is a special point of a curve in contact instants, with the states of the curve."""
+    """Return whether a point is a special point of a curve in contact instants whose exact motion is known."""
     if not isinstance(problem, ContactInstants) or not isinstance(point, SpecialPoint):
         return False
-    return point.kind in DIFFERENTIABLE_KINDS and bool(problem.nearest_states(point.X, point.parameters))
+    if point.kind not in RELOCATED_KINDS:
+        return False
+    try:
+        problem.special_state(point)
+    except NoConvergence:
+        return False
+    return True
 
 
 def is_small(problem: ContactInstants) -> bool:
@@ -62,11 +66,8 @@ def slopes_of(
         If a neighbouring model does not have the point.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    state, family = problem.nearest_states(point.X, point.parameters)[0], problem.family(parameter, fixed)
-    scale = state.scale(abs(state.value) or 1.0)
-    now, J = jacobian(family, state)
-    along = np.linalg.svd(J * scale)[2][-1]
-    known = ExactPoint(state, now, J, scale, tangent_of(J, scale, along))
+    state, family = problem.special_state(point), problem.family(parameter, fixed)
+    known = point_on_curve(family, state, state.scale(abs(state.value) or 1.0))
 
     def located(at: Mapping[str, float], name: str) -> tuple[Array, float]:
         moved = _family(problem, parameter, {**fixed, name: at[name]})

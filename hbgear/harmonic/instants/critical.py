@@ -99,6 +99,12 @@ def exact_point(family: Family, state: CurveState, row: Array, scale: Array, alo
     return ExactPoint(state, now, J, scale, tangent_of(J, scale, along), iterations)
 
 
+def point_on_curve(family: Family, state: CurveState, scale: Array) -> ExactPoint:
+    """Return the point of a state on a curve, with its tangent in one of both directions."""
+    now, J = jacobian(family, state)
+    return ExactPoint(state, now, J, scale, tangent_of(J, scale, np.linalg.svd(J * scale)[2][-1]))
+
+
 def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[SpecialExactPoint]:
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
     changed = {kind for kind, value in a.tests.items() if value * b.tests[kind] < 0}
@@ -119,13 +125,14 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[Special
     return sorted(found, key=lambda one: one[1])
 
 
-RELOCATION_STEP, RELOCATION_DOUBLINGS = 1e-7, 14
-"""First distance along a curve at which a test function changes its sign, in scaled unknowns, and the largest number of
-times that it is doubled."""
+RELOCATION_STEP = 1e-7
+"""First distance along a curve at which a change of sign of a test function is searched, in scaled unknowns."""
 
 
-def relocated(family: Family, point: ExactPoint, kind: str) -> ExactPoint:
-    """Return the special point of neighbouring equations near that of a curve: LP, PD or NS.
+def relocated(family: Family, point: ExactPoint, kind: str, reach: float = 1e-3) -> ExactPoint:
+    """Return the special point LP, PD or NS of neighbouring equations near a point of a curve.
+
+    reach : distance along the curve, in scaled unknowns, within which it is searched.
 
     Raises
     ------
@@ -142,7 +149,7 @@ def relocated(family: Family, point: ExactPoint, kind: str) -> ExactPoint:
         return (at(s) if s else start).tests[kind]
 
     step, here = RELOCATION_STEP, start.tests[kind]
-    for _ in range(RELOCATION_DOUBLINGS):
+    while step < reach:
         for end in (step, -step):
             if test(end) * here <= 0:
                 return at(float(scipy.optimize.brentq(test, 0.0, end, xtol=1e-16, rtol=1e-14)))
