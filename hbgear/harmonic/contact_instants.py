@@ -284,34 +284,6 @@ class ContactInstants(HarmonicBalance):
             raise NoConvergence(f"no exact motion found: {error}", X, dict(parameters), []) from error
         return CurveState.of(iterate, float(parameters[name]))
 
-    def special_state(self, point: SpecialPoint) -> CurveState:
-        """Return the state of a fold, period doubling or Neimark-Sacker point of a curve.
-
-        A curve from a file does not have its states. There the exact motion nearest to the point is computed with a
-        free Omega, and the special point is located along the curve.
-
-        Raises
-        ------
-        NoConvergence
-            If the motion is not found at the place of the point, as with contacts that its harmonics do not show.
-        """
-        known = self.nearest_states(point.X, point.parameters)
-        if known:
-            return known[0]
-        name = list(point.parameters)[-1]
-        value = float(point.parameters[name])
-        try:
-            at, iterate = exact_iterate(self, point.X, point.parameters, name == "Omega")
-        except InconsistentPatternError as error:
-            raise NoConvergence(str(error), point.X, dict(point.parameters), []) from error
-        state = CurveState.of(iterate, at.Omega if name == "Omega" else value)
-        family = self.family(name, {key: x for key, x in point.parameters.items() if key != name})
-        near = point_on_curve(family, state, state.scale(abs(value) or 1.0))
-        found = relocated(family, near, point.kind, reach=0.2).state
-        if abs(found.value - value) > SAME_PLACE * abs(value):
-            raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
-        return found
-
     @property
     def known_parameter(self) -> str:
         """Name of the parameter of the known points; empty without them."""
@@ -355,7 +327,7 @@ class ContactInstants(HarmonicBalance):
             If the shortest contact of the motion is too short for the harmonics.
         """
         if getattr(point, "kind", "") in RELOCATED_KINDS:
-            state = self.special_state(cast(SpecialPoint, point))
+            state = special_state(self, cast(SpecialPoint, point))
         else:
             known = self.nearest_states(point.X, point.parameters)
             try:
@@ -496,6 +468,35 @@ class ContactInstants(HarmonicBalance):
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
         return self.exact_state(self.resized(X), name, here), None
+
+
+def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
+    """Return the state of a fold, period doubling or Neimark-Sacker point of a curve.
+
+    A curve from a file does not have its states. There the exact motion nearest to the point is computed with a
+    free Omega, and the special point is located along the curve.
+
+    Raises
+    ------
+    NoConvergence
+        If the motion is not found at the place of the point, as with contacts that its harmonics do not show.
+    """
+    known = problem.nearest_states(point.X, point.parameters)
+    if known:
+        return known[0]
+    name = list(point.parameters)[-1]
+    value = float(point.parameters[name])
+    try:
+        at, iterate = exact_iterate(problem, point.X, point.parameters, name == "Omega")
+    except InconsistentPatternError as error:
+        raise NoConvergence(str(error), point.X, dict(point.parameters), []) from error
+    state = CurveState.of(iterate, at.Omega if name == "Omega" else value)
+    family = problem.family(name, {key: x for key, x in point.parameters.items() if key != name})
+    near = point_on_curve(family, state, state.scale(abs(value) or 1.0))
+    found = relocated(family, near, point.kind, reach=0.2).state
+    if abs(found.value - value) > SAME_PLACE * abs(value):
+        raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
+    return found
 
 
 MAX_START_DOUBLINGS = 3

@@ -13,7 +13,7 @@ from hbgear.continuation.augmented.sensitivity import Slopes
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, RELOCATED_KINDS, ContactInstants
+from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, RELOCATED_KINDS, ContactInstants, special_state
 from hbgear.harmonic.instants.corrector import Family, correct
 from hbgear.harmonic.instants.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.sampling import coefficients
@@ -26,7 +26,7 @@ def is_exact(problem: Any, point: Point) -> bool:
     if point.kind not in RELOCATED_KINDS:
         return False
     try:
-        problem.special_state(point)
+        special_state(problem, point)
     except NoConvergence:
         return False
     return True
@@ -66,7 +66,7 @@ def slopes_of(
         If a neighbouring model does not have the point.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    state, family = problem.special_state(point), problem.family(parameter, fixed)
+    state, family = special_state(problem, point), problem.family(parameter, fixed)
     known = point_on_curve(family, state, state.scale(abs(state.value) or 1.0))
 
     def located(at: Mapping[str, float], name: str) -> tuple[Array, float]:
