@@ -326,14 +326,12 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If the shortest contact of the motion is too short for the harmonics.
         """
-        if getattr(point, "kind", "") in RELOCATED_KINDS:
-            state = special_state(self, cast(SpecialPoint, point))
-        else:
-            known = self.nearest_states(point.X, point.parameters)
-            try:
-                state = known[0] if known else self.exact_state(point.X, "Omega", point.parameters)
-            except NoConvergence:
-                return form.from_point(point)
+        try:
+            state = _state_of(self, point)
+        except NoConvergence:
+            if getattr(point, "kind", "") in RELOCATED_KINDS:
+                raise
+            return form.from_point(point)
         at = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
         visits = state.pattern.visits
         shortest = float(state.iterate.visit_durations(visits, at.period).min()) if visits else math.inf
@@ -497,6 +495,14 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
     if abs(found.value - value) > SAME_PLACE * abs(value):
         raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
     return found
+
+
+def _state_of(problem: ContactInstants, point: Point) -> CurveState:
+    """Return the exact motion of a point as the state of a curve."""
+    if isinstance(point, SpecialPoint) and point.kind in RELOCATED_KINDS:
+        return special_state(problem, point)
+    known = problem.nearest_states(point.X, point.parameters)
+    return known[0] if known else problem.exact_state(point.X, "Omega", point.parameters)
 
 
 MAX_START_DOUBLINGS = 3
