@@ -43,6 +43,7 @@ from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
 from hbgear.harmonic.instants.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
 from hbgear.harmonic.instants.following import ExactCurve, Follower
+from hbgear.harmonic.instants.grazing import Grazing
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch, regime_of
@@ -74,13 +75,17 @@ exact motion to 1e-3; with 1.2 one of them was 13 percent off, although the fold
 
 
 class KnownStates(NamedTuple):
-    """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states."""
+    """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states.
+
+    contacts : those that graze at a point, by its number.
+    """
 
     name: str
     fixed: dict[str, float]
     values: Array
     X: Array
     states: list[CurveState]
+    contacts: dict[int, tuple[Grazing, ...]]
 
 
 class ExactStart(NamedTuple):
@@ -446,7 +451,8 @@ class ContactInstants(HarmonicBalance):
         )
         problem = copy.copy(self)
         states = [point.state for point in curve.points]
-        problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states)
+        contacts = {mark.index: mark.contacts for mark in curve.marks if mark.contacts}
+        problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states, contacts)
         special = tuple(replace(point, problem=problem) for point in branch.special if point.kind in kinds)
         meta = with_asymptotes(branch.meta, last=curve.asymptote)
         branch = replace(branch, problem=problem, special=special, meta=meta)
@@ -495,6 +501,14 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
     if abs(found.value - value) > SAME_PLACE * abs(value):
         raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
     return found
+
+
+def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:
+    """Return the contacts that graze at a point of the curve of a problem; empty for a curve from a file."""
+    known, states = problem.known, problem.nearest_states(point.X, point.parameters)
+    if known is None or not states:
+        return ()
+    return next((known.contacts.get(i, ()) for i, state in enumerate(known.states) if state is states[0]), ())
 
 
 def _state_of(problem: ContactInstants, point: Point) -> CurveState:

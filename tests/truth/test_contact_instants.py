@@ -513,7 +513,7 @@ def test_sensitivities_are_those_of_curves_of_neighbouring_models(label: str) ->
         models = (replace(stop_of(), **{name: getattr(stop_of(), name) + side * h}) for side in (1, -1))
         up, down = (hb.trace(hb.ContactInstants(model, 32), "Omega", (0.5, 2.0)) for model in models)
         slope = (up[label].parameters["Omega"] - down[label].parameters["Omega"]) / (2 * h)
-        assert found[name] == pytest.approx(slope, rel=1e-3 if label == "GR1" else 1e-6)  # GR1: of a balance
+        assert found[name] == pytest.approx(slope, rel=1e-6)
 
 
 def test_folds_of_exact_motions_are_followed() -> None:

@@ -13,9 +13,16 @@ from hbgear.continuation.augmented.sensitivity import Slopes
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.contact_instants import MAX_HARD_COORDINATES, RELOCATED_KINDS, ContactInstants, special_state
+from hbgear.harmonic.contact_instants import (
+    MAX_HARD_COORDINATES,
+    RELOCATED_KINDS,
+    ContactInstants,
+    grazing_contacts,
+    special_state,
+)  # fmt: skip
 from hbgear.harmonic.instants.corrector import Family, correct
 from hbgear.harmonic.instants.critical import point_on_curve, relocated
+from hbgear.harmonic.instants.grazing import locate_grazing
 from hbgear.harmonic.instants.sampling import coefficients
 
 
@@ -24,7 +31,7 @@ def is_exact(problem: Any, point: Point) -> bool:
     if not isinstance(problem, ContactInstants) or not isinstance(point, SpecialPoint):
         return False
     if point.kind not in RELOCATED_KINDS:
-        return False
+        return bool(point.kind == "GR" and grazing_contacts(problem, point))
     try:
         special_state(problem, point)
     except NoConvergence:
@@ -66,12 +73,17 @@ def slopes_of(
         If a neighbouring model does not have the point.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    state, family = special_state(problem, point), problem.family(parameter, fixed)
-    known = point_on_curve(family, state, state.scale(abs(state.value) or 1.0))
+    contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
+    state = problem.nearest_states(point.X, point.parameters)[0] if contacts else special_state(problem, point)
+    scale = state.scale(abs(state.value) or 1.0)
+    known = None if contacts else point_on_curve(problem.family(parameter, fixed), state, scale)
 
     def located(at: Mapping[str, float], name: str) -> tuple[Array, float]:
         moved = _family(problem, parameter, {**fixed, name: at[name]})
-        found = relocated(moved, known, point.kind).state
+        if known is None:
+            found = locate_grazing(moved, state, contacts, scale).state
+        else:
+            found = relocated(moved, known, point.kind).state
         return coefficients(moved(found.value), found.iterate, problem.H)[0].ravel(), found.value
 
     X, p = np.zeros((len(names), len(point.X))), np.zeros(len(names))
