@@ -331,11 +331,8 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If the shortest contact of the motion is too short for the harmonics.
         """
-        try:
-            state = _state_of(self, point)
-        except NoConvergence:
-            if getattr(point, "kind", "") in RELOCATED_KINDS:
-                raise
+        state = _state_of(self, point)
+        if state is None:
             return form.from_point(point)
         at = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
         visits = state.pattern.visits
@@ -511,12 +508,14 @@ def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Gra
     return next((known.contacts.get(i, ()) for i, state in enumerate(known.states) if state is states[0]), ())
 
 
-def _state_of(problem: ContactInstants, point: Point) -> CurveState:
-    """Return the exact motion of a point as the state of a curve."""
+def _state_of(problem: ContactInstants, point: Point) -> CurveState | None:
+    """Return the exact motion of a point as the state of a curve; None if it is not found and not required."""
     if isinstance(point, SpecialPoint) and point.kind in RELOCATED_KINDS:
         return special_state(problem, point)
     known = problem.nearest_states(point.X, point.parameters)
-    return known[0] if known else problem.exact_state(point.X, "Omega", point.parameters)
+    with suppress(NoConvergence):
+        return known[0] if known else problem.exact_state(point.X, "Omega", point.parameters)
+    return None
 
 
 MAX_START_DOUBLINGS = 3

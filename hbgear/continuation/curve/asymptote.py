@@ -44,6 +44,11 @@ SOLUTION_RESIDUAL = 1e-11
 """Residual of a solution of the limit equations, as a relative parameter change. Finite resonances leave more."""
 
 
+def unbounded_message(name: str, value: float) -> str:
+    """Return the message of a curve that ends at an asymptote."""
+    return f"the curve runs off to infinity towards {name} = {value:.6g}"
+
+
 def vertical_asymptote(
     problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
 ) -> float | None:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hbgear.continuation.curve.asymptote import unbounded_message
 from hbgear.continuation.curve.segment import CurvePoint, Points
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.columns import unknowns
@@ -88,8 +89,7 @@ class ContinuationLoop:
                 return ended
             if asymptote is not None:
                 state.asymptote = asymptote
-                name = state.setup.name
-                return Status.UNBOUNDED, f"the curve runs off to infinity towards {name} = {asymptote:.6g}"
+                return Status.UNBOUNDED, unbounded_message(state.setup.name, asymptote)
             if self._has_stalled():
                 where = f"{MAX_SMALLEST_STEPS} steps in succession needed the smallest size {state.location_text()}"
                 return Status.STEP_TOO_SMALL, where

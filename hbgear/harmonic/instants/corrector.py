@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.curve.asymptote import MAX_TANGENT_MISS
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern
@@ -214,8 +215,8 @@ MAX_TURN_TO_INFINITY, MAX_CHANGE_TO_INFINITY = 0.3, 0.02
 """Largest distance of the direction of the states, and relative distance of the parameter, from their extrapolation to
 infinity, up to which an asymptote is searched."""
 
-MAX_ASYMPTOTE_MISS, ASYMPTOTE_ROUNDING = 0.2, 1e-9
-"""Largest distance of an asymptote from its extrapolation, over the extrapolated distance, and its rounding."""
+ASYMPTOTE_ROUNDING = 1e-9
+"""Relative rounding of an asymptote."""
 
 
 def asymptote_ahead(family: Family, state: CurveState, tangent: Array, width: float) -> float | None:
@@ -243,7 +244,7 @@ def asymptote_ahead(family: Family, state: CurveState, tangent: Array, width: fl
         found = correct(family, far, row / float(np.linalg.norm(row)), scale)[0].value
     except NoConvergence:
         return None
-    allowed = MAX_ASYMPTOTE_MISS * abs(change) + ASYMPTOTE_ROUNDING * size
+    allowed = MAX_TANGENT_MISS * abs(change) + ASYMPTOTE_ROUNDING * size
     return found if abs(found - far.value) < allowed else None
 
 

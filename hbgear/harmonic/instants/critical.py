@@ -10,6 +10,7 @@ point without truncation, and its zero is bracketed between two points of a curv
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -152,7 +153,7 @@ def relocated(family: Family, point: ExactPoint, kind: str, reach: float = 1e-3)
     while step < reach:
         for end in (step, -step):
             if test(end) * here <= 0:
-                return at(float(scipy.optimize.brentq(test, 0.0, end, xtol=1e-16, rtol=1e-14)))
+                return at(_zero(test, 0.0, end, 1e-16, kind, point))
         step *= 2
     raise NoConvergence(f"{kind} is not near its place on the curve", point.state.z, {}, [])
 
@@ -170,11 +171,14 @@ def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tupl
     def test(s: float) -> float:
         return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
 
-    s, found = scipy.optimize.brentq(
-        test, *bracket, xtol=1e-13, rtol=1e-14, maxiter=60, full_output=True, disp=False
-    )  # fmt: skip
+    return _zero(test, *bracket, 1e-13, kind, a)
+
+
+def _zero(test: Callable[[float], float], low: float, high: float, xtol: float, kind: str, point: ExactPoint) -> float:
+    """Return the zero of the test function of a kind between two fractions or distances."""
+    s, found = scipy.optimize.brentq(test, low, high, xtol=xtol, rtol=1e-14, maxiter=60, full_output=True, disp=False)
     if not found.converged:
-        raise NoConvergence(f"the zero of the test function of {kind} was not located", a.state.z, {}, [])
+        raise NoConvergence(f"the zero of the test function of {kind} was not located", point.state.z, {}, [])
     return float(s)
 
 

@@ -363,6 +363,7 @@ class EquationsAt:
         return found
 
     def _compute_forcing(self, section: int) -> Array:
+        """Compute `_forcing_coefficients` of a section."""
         equations, structure = self.equations, self.structure
         f = np.zeros((equations.system.n, equations.count))
         for load in equations.system.loads:

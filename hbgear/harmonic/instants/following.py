@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.curve.asymptote import unbounded_message
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import (
@@ -352,7 +353,7 @@ class Follower:
         found = asymptote_ahead(self.family, state, point.tangent * point.scale, self.width)
         if found is not None and min(self.span) <= found <= max(self.span):
             self.curve.status, self.curve.asymptote = Status.UNBOUNDED, found
-            self.curve.message = f"the curve runs off to infinity towards {self.name} = {found:.6g}"
+            self.curve.message = unbounded_message(self.name, found)
 
     # ---- acceptance
 
