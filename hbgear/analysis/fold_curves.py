@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
@@ -88,7 +91,7 @@ def folds_of(curve: Branch) -> list[Point]:
     return [point for one in curve.curves for point in one.special if point.kind == "LP" and point.located]
 
 
-def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[FoldProblem, Point]:
+def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
     """Return the equations of a fold of a response curve, and the fold in their unknowns.
 
     Parameters
@@ -100,8 +103,8 @@ def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[FoldProblem,
 
     Returns
     -------
-    (FoldProblem, Point)
-        Equations and fold.
+    (FoldProblem or ContinuationProblem, Point)
+        Equations and fold; for exact motions those of `ContinuationProblem.special_point_equations`.
 
     Raises
     ------
@@ -109,13 +112,16 @@ def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[FoldProblem,
         If the contacts of the fold are too short for harmonics.
     """
     source = problem if point.problem is None else as_problem(point.problem)
+    exact = source.special_point_equations("Omega", point)
+    if exact is not None:
+        return exact, point
     own, here = in_residual_form(source, point, "Omega", FoldEvent())
     return FoldProblem(problem if own is source else own), here
 
 
-def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> FoldProblem:
+def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> Any:
     """Return the equations of a fold curve, whose number of harmonics may be larger than that of the problem."""
-    return FoldProblem(getattr(fold.problem, "problem", problem))
+    return fold.problem if isinstance(fold.problem, SpecialPointProblem) else FoldProblem(problem)
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,6 @@ from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import csv_table
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
-from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.results.branch import Branch
@@ -371,9 +371,7 @@ def _spread(low: float, high: float, count: int) -> list[float]:
     return [low, high, *map(float, inner)]
 
 
-def _fold_curve(
-    equations: FoldProblem, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
-) -> Branch:
+def _fold_curve(equations: Any, parameter: str, span: tuple[float, float], point: Point, steps: StepControl) -> Branch:
     """Trace the curve of a fold in both directions to the ends of the span."""
     ends = span[::-1] if point.parameters[parameter] == span[1] else span
     return raise_if_interrupted(trace_to_both_ends(equations, parameter, ends, point, steps=steps))

@@ -56,7 +56,8 @@ def follow(
     GPD   PD                  generalised period doubling: the doubled branch turns over
     ====  ==================  ======================================================================================
 
-    All but CP and IC need a harmonic balance whose laws have slopes, without friction and contacts with dampers.
+    All but CP and IC need a harmonic balance whose laws have slopes, without friction and contacts with dampers. Points
+    of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
 
     Parameters
     ----------
@@ -113,6 +114,9 @@ def follow(
         )
     if chosen.kind != here.kind:
         raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
+    exact = problem.special_point_equations(branch.parameter, here)
+    if exact is not None:
+        return trace_to_both_ends(exact, parameter, span, here, **options)
     own, start = in_residual_form(problem.at_resolution_of(here), here, branch.parameter, chosen)
     equations = chosen.equations(as_problem(own).original, branch.parameter, start)
     if equations is None:

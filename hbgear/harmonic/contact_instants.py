@@ -21,7 +21,6 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.common.process.progress import Progress
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import events_of
@@ -37,18 +36,21 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
+from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
-from hbgear.harmonic.instants.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
-from hbgear.harmonic.instants.following import ExactCurve, Follower
-from hbgear.harmonic.instants.grazing import Grazing
+from hbgear.harmonic.instants.following import Follower
+from hbgear.harmonic.instants.observables import regime_of, reporter
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
-from hbgear.harmonic.instants.results import build_exact_branch, regime_of
+from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
+from hbgear.harmonic.instants.special_points.grazing import Grazing
+from hbgear.harmonic.instants.special_points.problem import ExactSpecialPointProblem, KnownPoint
 from hbgear.harmonic.stability.exact_motion import exact_iterate
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
@@ -198,8 +200,7 @@ class ContactInstants(HarmonicBalance):
     Notes
     -----
     ``evaluate(X, ...)`` returns X minus the coefficients of the exact motion near X, with the unit matrix as its
-    derivative, so that Newton's method returns an exact motion. `follow` uses the equations of the harmonic balance
-    with H harmonics.
+    derivative, so that Newton's method returns an exact motion.
 
     References
     ----------
@@ -372,13 +373,16 @@ class ContactInstants(HarmonicBalance):
         others = (event for event in super().events(parameter) if event.kind not in ("PD", "BP"))
         return ExactPeriodDoubling(), ExactBranchPoint(), *others
 
+    def special_point_equations(self, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
+        """Return the problem of a special point LP, PD, NS or GR whose exact motion is known."""
+        return exact_special_point(self, parameter, point)
+
     # ---- curves
 
     def family(self, name: str, fixed: Mapping[str, float]) -> Family:
         """Return the equations as a function of a parameter, the others fixed."""
         if name == "Omega":
-            equations = self.compiled(dict(fixed)).contact_equations
-            return _stored(equations.at, name)
+            return _stored(Equations(self.model_at(fixed).system(), self.nu).at, name)
 
         def equations_at(value: float) -> EquationsAt:
             model = self.model_at({**fixed, name: value})
@@ -439,7 +443,7 @@ class ContactInstants(HarmonicBalance):
         kinds = LOCATED_KINDS if settings.special else tuple(event.kind for event in settings.events)
         follower = Follower(
             self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, bool(kinds),
-            _reporter(settings.progress, setup.name, span),
+            reporter(settings.progress, setup.name, span),
         )  # fmt: skip
         curve = follower.run(state, direction)
         events = {event.kind: event for event in events_of(self, setup.name)}
@@ -500,6 +504,22 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
     return found
 
 
+def exact_special_point(problem: ContactInstants, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
+    """Return the problem of a special point whose exact motion is known, with a curve in a second parameter."""
+    if not isinstance(point, SpecialPoint) or point.kind not in (*RELOCATED_KINDS, "GR"):
+        return None
+    contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
+    if point.kind == "GR" and not contacts:
+        return None
+    try:
+        known = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
+    except NoConvergence:
+        return None
+    here = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
+    resonances = FirstResonanceEvent(), SecondResonanceEvent()
+    return ExactSpecialPointProblem(problem, parameter, point.kind, here, resonances)
+
+
 def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:
     """Return the contacts that graze at a point of the curve of a problem; empty for a curve from a file."""
     known, states = problem.known, problem.nearest_states(point.X, point.parameters)
@@ -536,19 +556,6 @@ def _stored(make: Callable[[float], EquationsAt], name: str) -> Family:
             raise NoConvergence(str(error), np.empty(0), {name: value}, []) from error
 
     return equations_at
-
-
-def _reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[ExactCurve], None]:
-    """Return a function that reports the progress of a curve."""
-
-    def report(curve: ExactCurve) -> None:
-        if progress is not None:
-            value, step = curve.points[-1].state.value, curve.steps[-1]
-            done = min(max((value - span[0]) / (span[1] - span[0]), 0.0), 1.0)
-            text = f"{name} = {value:.5f}, {len(curve.points)} points, step {step:.1e}"
-            progress(Progress(done, text, {"value": value, "points": len(curve.points), "step": step}))
-
-    return report
 
 
 UNRESOLVED_CONTACT = 2.0

@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.continuation.events.residual_form import RESIDUAL_FORM_ACCURACY, in_residual_form
+from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 
 SPECIAL_POINTS = [
@@ -516,16 +517,144 @@ def test_sensitivities_are_those_of_curves_of_neighbouring_models(label: str) ->
         assert found[name] == pytest.approx(slope, rel=1e-6)
 
 
-def test_folds_of_exact_motions_are_followed() -> None:
-    """The curve of the fold passes the folds of curves of other gaps; a fold 1e-6 next to its grazing is refused."""
-    curve = hb.trace(hb.ContactInstants(stop_of(k=1e3), 32), "Omega", (0.5, 2.0))
-    folds = hb.follow(curve, "LP2", "gap", (0.49, 0.51))
-    assert folds.status is hb.Status.REACHED_END
+@pytest.fixture(scope="module")
+def hard() -> hb.Branch:
+    """Return the curve of a hard stop."""
+    return hb.trace(hb.ContactInstants(stop_of(k=1e3), 32), "Omega", (0.5, 2.0))
+
+
+@pytest.mark.parametrize("label", ["GR1", "LP1", "LP2", "GR2", "PD1", "PD2", "LP4", "PD3", "LP6"])
+def test_special_points_of_exact_motions_are_followed(hard: hb.Branch, label: str) -> None:
+    """The curve ends at the points of curves of other gaps; LP1, LP4 and LP6 are 1e-6 next to grazing points."""
+    found = hb.follow(hard, label, "gap", (0.49, 0.51))
+    assert found.status is hb.Status.REACHED_END
     for i in (0, -1):
-        other = hb.trace(hb.ContactInstants(stop_of(k=1e3, gap=float(folds.values[i])), 32), "Omega", (0.5, 2.0))
-        assert abs(folds.tracked["Omega"][i] - other["LP2"].parameters["Omega"]) < 1e-5
-    with pytest.raises(hb.NoConvergence, match=r"LP1 is not known to HarmonicBalance\(.*its contacts are too short"):
-        hb.follow(curve, "LP1", "gap", (0.49, 0.51))
+        other = hb.trace(hb.ContactInstants(stop_of(k=1e3, gap=float(found.values[i])), 32), "Omega", (0.5, 2.0))
+        assert found.tracked["Omega"][i] == pytest.approx(other[label].parameters["Omega"], rel=1e-10)
+
+
+def folds_at(F: float) -> int:
+    """Return the number of folds near .65 at a load."""
+    curve = hb.trace(hb.ContactInstants(stop_of(k=1e3, F=F), 16), "Omega", (0.64, 0.675))
+    return sum(point.kind == "LP" for one in curve.curves for point in one.special)
+
+
+def test_cusps_and_isola_centres_are_where_folds_meet(hard: hb.Branch) -> None:
+    """The equation is similar: Omega depends on F / gap only. Two folds appear at the cusp."""
+    over_load = hb.follow(hard, "LP1", "F", (0.3, 0.28))
+    over_gap = hb.follow(hard, "LP1", "gap", (0.5, 0.53))
+    assert [point.kind for point in over_load.special] == [point.kind for point in over_gap.special] == ["CP", "IC"]
+    for one, other in zip(over_load.special, over_gap.special, strict=True):
+        ratio = one.parameters["F"] / one.parameters["gap"]
+        assert other.parameters["F"] / other.parameters["gap"] == pytest.approx(ratio, rel=1e-8)
+        assert one.parameters["Omega"] == pytest.approx(other.parameters["Omega"], rel=1e-7)
+    F = over_load["CP1"].parameters["F"]
+    assert folds_at(F * (1 + 1e-5)) == folds_at(F * (1 - 1e-5)) + 2
+    centre = over_load["IC1"].parameters
+    at = [crossing.interpolate(over_load.tracked["Omega"]) for crossing in crossings_at(over_load, centre["F"] - 1e-5)]
+    near = [float(Omega) for Omega in at if abs(Omega - centre["Omega"]) < 2e-3]
+    assert len(near) == 2 and min(near) < centre["Omega"] < max(near)
+
+
+def test_curves_in_two_parameters_agree_with_a_balance() -> None:
+    exact, balance = hb.ContactInstants(hb.SpurPair(), 32), hb.HarmonicBalance(hb.SpurPair(), 48)
+    curves = [hb.trace(problem, "Omega", (0.4, 1.2)) for problem in (exact, balance)]
+    for label, name, span in (("LP1", "zeta", (0.04, 0.12)), ("GR1", "F_m", (0.08, 0.12))):
+        found, other = (hb.follow(curve, label, name, span) for curve in curves)
+        np.testing.assert_allclose(found.values[[0, -1]], other.values[[0, -1]], rtol=1e-12)
+        np.testing.assert_allclose(found.tracked["Omega"][[0, -1]], other.tracked["Omega"][[0, -1]], rtol=1e-7)
+        assert [point.kind for point in found.special] == [point.kind for point in other.special]
+        for one, two in zip(found.special, other.special, strict=True):
+            assert one.parameters[name] == pytest.approx(two.parameters[name], rel=1e-6)
+
+
+@hb.mechanics.model
+def two_stops(left: float = 0.8) -> hb.System:
+    """Return a mass between two stops."""
+    stops = [hb.Element([1.0], hb.Unilateral(k=20.0, gap=0.5), name="right")]
+    stops += [hb.Element([-1.0], hb.Unilateral(k=20.0, gap=left), name="left")]
+    return hb.System([[1.0]], [[0.1]], [[1.0]], stops, hb.Load(cosine={1: [0.3]}))
+
+
+def test_the_curve_of_a_fold_passes_the_begin_and_the_end_of_a_contact() -> None:
+    """Without the left contact the fold is that of one stop; with it the curve has a cusp. Both ways are one curve."""
+    near, far = (hb.trace(hb.ContactInstants(two_stops(left), 16), "Omega", (0.8, 3.5)) for left in (0.8, 3.0))
+    out, back = hb.follow(near, "LP1", "left", (0.8, 3.0)), hb.follow(far, "LP1", "left", (3.0, 0.8))
+    for curve in (out, back):
+        assert curve.status is hb.Status.REACHED_END and [point.kind for point in curve.special] == ["CP"]
+        assert {*curve.regime[:, 1].tolist()} == {0, 1}
+    alone = out.tracked["Omega"][out.regime[:, 1] == 0]
+    np.testing.assert_allclose(alone, far["LP1"].parameters["Omega"], rtol=1e-8)
+    assert out["CP1"].parameters["left"] == pytest.approx(back["CP1"].parameters["left"], rel=1e-9)
+    assert back.tracked["Omega"][-1] == pytest.approx(near["LP1"].parameters["Omega"], rel=1e-10)
+    value = 2.6  # between the corner, where the left contact begins, and the cusp: two folds with it, one without
+    special = hb.trace(hb.ContactInstants(two_stops(value), 16), "Omega", (0.8, 3.5)).special
+    folds = [p.parameters["Omega"] for p in special if p.kind == "LP" and p.parameters["Omega"] > 1.4]
+    Omega = sorted(float(one.interpolate(out.tracked["Omega"])) for one in crossings_at(out, value))
+    assert len(Omega) == 3
+    np.testing.assert_allclose(Omega, sorted(folds), rtol=1e-4)
+
+
+@hb.mechanics.model
+def masses_with_a_stop(f: float = 1.0) -> hb.System:
+    """Return two masses with a stop between them, whose stiffness jumps twice in a period."""
+    stiffness = hb.mechanics.Periodic(phases=(0.1257, 3.8956), coefficients=((1.2,), (0.8,)))
+    stop = hb.Element([1.0, -1.0], hb.Unilateral(k=27.184, gap=0.08576, stiffness=stiffness), name="stop")
+    M, C = np.diag([1.9252, 0.7154]), [[0.07282, -0.02998], [-0.02998, 0.0705]]
+    return hb.System(M, C, [[1.0544, -0.6202], [-0.6202, 1.2904]], [stop], hb.Load(cosine={1: [0.0, 0.30036 * f]}))
+
+
+def test_a_curve_of_neimark_sacker_points_ends_on_a_curve_of_folds() -> None:
+    """At a 1:1 resonance the multipliers are a double +1: a fold has the same Omega."""
+    curve = hb.trace(hb.ContactInstants(masses_with_a_stop(), 16), "Omega", (0.53, 0.58))
+    pairs = hb.follow(curve, "NS2", "f", (1.0, 0.6))
+    end = pairs["RI1"]
+    assert pairs.status is hb.Status.EVENT and "1:1 resonance" in pairs.message
+    fold = hb.follow(curve, "LP1", "f", (1.0, end.parameters["f"]))
+    assert fold.tracked["Omega"][-1] == pytest.approx(end.parameters["Omega"], rel=1e-9)
+
+
+def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
+    """A gap equal to the static displacement grazes at Omega = 0."""
+    found = hb.follow(hard, "GR1", "gap", (0.5, 0.25))
+    assert found.status is hb.Status.EVENT and "Omega = 0.0" in found.message and "end of its range" in found.message
+    assert found.values[-1] == pytest.approx(0.3, abs=1e-4)
+
+
+def test_the_curve_of_a_fold_is_a_problem_of_its_own(hard: hb.Branch, tmp_path: Path) -> None:
+    """A point of the curve is a start, also at other fixed parameters; a file has the curve as one of folds."""
+    folds = hb.follow(hard, "LP2", "gap", (0.49, 0.51))
+    middle = len(folds) // 2
+    part = hb.follow(hard, "LP2", "gap", (0.5, 0.51), steps=hb.StepControl(max_points=5))
+    whole = hb.extend(part)
+    assert (part.status, whole.status) == (hb.Status.MAX_POINTS, hb.Status.REACHED_END)
+    assert whole.tracked["Omega"][-1] == pytest.approx(folds.tracked["Omega"][-1], rel=1e-11)
+    again = hb.trace(folds.problem, "gap", (float(folds.values[middle]), 0.51), folds[middle])
+    assert again.tracked["Omega"][-1] == pytest.approx(folds.tracked["Omega"][-1], rel=1e-11)
+    moved = hb.trace(folds.problem, "gap", (0.49, 0.51), folds[0], at={"F": 0.31})
+    curve = hb.trace(hb.ContactInstants(stop_of(k=1e3, gap=0.51, F=0.31), 32), "Omega", (0.5, 2.0))
+    assert moved.tracked["Omega"][-1] == pytest.approx(curve["LP2"].parameters["Omega"], rel=1e-10)
+    folds.save(tmp_path / "folds.npz")
+    loaded = hb.load(tmp_path / "folds.npz")
+    np.testing.assert_array_equal(loaded.tracked["Omega"], folds.tracked["Omega"])
+    assert loaded.meta["curve"] == {"of": "FoldProblem", "in": "Omega"}
+    with pytest.raises(ValueError, match="needs a start"):
+        hb.trace(folds.problem, "gap", (0.49, 0.51))
+
+
+def test_an_interrupted_trace_keeps_its_points() -> None:
+    """Ctrl-C after some points of a response curve, and of a curve of folds."""
+
+    def stop(progress: Any) -> None:
+        if progress.numbers.get("points", 0) >= 9:
+            raise KeyboardInterrupt
+
+    problem = hb.ContactInstants(stop_of(k=1e3), 16)
+    curve = hb.trace(problem, "Omega", (0.5, 2.0), progress=stop)
+    assert curve.status is hb.Status.INTERRUPTED and len(curve) == 9
+    whole = hb.trace(problem, "Omega", (1.8, 2.0))
+    folds = hb.follow(hb.trace(problem, "Omega", (0.5, 0.7)), "LP1", "gap", (0.5, 0.52), progress=stop)
+    assert folds.status is hb.Status.INTERRUPTED and len(folds) == 9 and whole.status.complete
 
 
 def test_sensitivities_of_jumps_at_folds_next_to_a_grazing() -> None:
@@ -550,16 +679,22 @@ def test_jump_maps_and_critical_values_are_those_of_the_balance() -> None:
     maps = [hb.jump_map(one, "F", (0.25, 0.35), frequencies=(0.8, 2.0), seeds=2) for one in (exact, balance)]
     assert len(maps[0].folds) == len(maps[1].folds) == 2
     for fold, other in zip(maps[0].folds, maps[1].folds, strict=True):
-        assert fold.values[[0, -1]].tolist() == other.values[[0, -1]].tolist()
+        np.testing.assert_allclose(fold.values[[0, -1]], other.values[[0, -1]], rtol=1e-12)
         np.testing.assert_allclose(fold.tracked["Omega"][[0, -1]], other.tracked["Omega"][[0, -1]], rtol=2e-5)
     values = [hb.analysis.critical_parameter(one, "F", frequencies=(0.8, 2.0)).value for one in (exact, balance)]
     assert values[0] == pytest.approx(values[1], rel=1e-4)
 
 
-def test_a_fold_with_short_contacts_is_named_and_left_out_of_a_map() -> None:
+def test_a_map_of_a_hard_stop_has_the_folds_next_to_grazing_points(hard: hb.Branch) -> None:
     found = hb.jump_map(hb.ContactInstants(stop_of(k=1e3), 16), "gap", (0.49, 0.51), frequencies=(0.5, 2.0), seeds=2)
-    assert len(found.folds) >= 3
-    assert "is not in the map: short contacts" in found.message
+    assert len(found.folds) == 6 and not found.message
+    folds = [point for point in hard.special if point.kind == "LP"]
+    expected = sorted(
+        (p.parameters["Omega"], 1 if hard.values[p.index - 1] < p.parameters["Omega"] else -1) for p in folds
+    )
+    at = sorted(found.jumps_at(0.5))
+    assert [direction for _, direction in at] == [direction for _, direction in expected]
+    np.testing.assert_allclose([Omega for Omega, _ in at], [Omega for Omega, _ in expected], rtol=1e-5)
 
 
 def test_only_the_special_points_of_a_trace_are_located() -> None:

@@ -27,11 +27,11 @@ from hbgear.harmonic.contact_instants import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear
-from hbgear.harmonic.instants.grazing import without_contacts
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import state_at
 from hbgear.harmonic.instants.sampling import sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.special_points.grazing import without_contacts
 from hbgear.harmonic.stability.exact_motion import exact_iterate
 
 DIGITS = 48

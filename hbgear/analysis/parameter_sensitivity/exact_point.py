@@ -21,9 +21,9 @@ from hbgear.harmonic.contact_instants import (
     special_state,
 )  # fmt: skip
 from hbgear.harmonic.instants.corrector import Family, correct
-from hbgear.harmonic.instants.critical import point_on_curve, relocated
-from hbgear.harmonic.instants.grazing import locate_grazing
 from hbgear.harmonic.instants.sampling import coefficients
+from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
+from hbgear.harmonic.instants.special_points.grazing import locate_grazing
 
 
 def is_exact(problem: Any, point: Point) -> bool:

@@ -27,6 +27,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
 | ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
+| ``special_point_equations`` | the same for curves of its special points | those of the event |
 | ``own_trace`` | a continuation of its own, where the equations change along a curve | that of `trace` |
 | ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | one point at a time |
 | ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
@@ -253,10 +254,7 @@ class ContinuationProblem:
         return ()
 
     def codimension_two_events(self, curve: Any) -> tuple[Any, ...]:
-        """Return the events along a curve of special points of this problem; by default none.
-
-        ``curve`` are the `MinimallyAugmentedProblem` equations of the special points.
-        """
+        """Return the events along a curve of special points with `MinimallyAugmentedProblem` equations; none."""
         return ()
 
     def own_trace(
@@ -267,6 +265,10 @@ class ContinuationProblem:
         ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`. With None the curve is traced by `Tracer`.
         It is asked again with ``unresolved`` if the number of unknowns did not resolve the curve.
         """
+        return None
+
+    def special_point_equations(self, parameter: str, point: Any) -> ContinuationProblem | None:
+        """Return a problem for a special point with `own_trace` in a second parameter; None for `Event.equations`."""
         return None
 
     # ---- resolution
@@ -308,8 +310,7 @@ class ContinuationProblem:
 
     def in_residual_form(self, point: Point, form: Any) -> Array:
         """Return the unknowns of a point in a residual form of the problem."""
-        X: Array = form.from_point(point)
-        return X
+        return np.asarray(form.from_point(point))
 
     def resolved(self, X: Array, parameters: Mapping[str, float]) -> Any:
         """Return the problem with the number of samples that a first solution X requires; by default itself."""

@@ -120,6 +120,13 @@ class CurveEnds:
         state.boundary_value = end
         return point
 
+    def left_range(self, point: CurvePoint) -> str:
+        """Return which parameter among the unknowns is outside its admissible range at a point, and the range."""
+        problem = self.state.problem
+        unknown = problem.split(point.X)[1].items() if problem.unknown_parameters else ()
+        return next((f"{name} leaves its range (it must {allowed})" for name, value in unknown
+                     if value not in (allowed := problem.range_of(name))), "")  # fmt: skip
+
     # ---- infinity
 
     def up_to_infinity(self, path: Points) -> tuple[Points, float | None]:

@@ -188,6 +188,9 @@ class ContinuationLoop:
         """Accept a point; return status and message if the curve ends there."""
         state, span = self.state, self.state.setup.span
         last = state.last
+        left = self.ends.left_range(point)
+        if left:
+            return Status.EVENT, f"{left} beyond {state.location_text().removeprefix('at ')}"
         point = self.ends.fold_outside_span(last, point)
         end = span.end_at(point.value)
         if state.boundary_value is not None:

@@ -126,11 +126,15 @@ point, its error of this order changes the direction of the tangent by several h
 
 def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
     """Return the linearised equations at a state, and [F_u F_p]."""
-    iterate, value = state.iterate, state.value
-    now = linearise(family(value), iterate)
+    now = linearise(family(state.value), state.iterate)
+    return now, np.column_stack([now.J, parameter_column(family, state, state.value)])
+
+
+def parameter_column(equations: Family, state: CurveState, value: float) -> Array:
+    """Return the central difference of F in a parameter at a value, for the same states and instants."""
     h = PARAMETER_STEP * max(abs(value), 1e-3)
-    up, down = (linearise(family(value + d), iterate, False).R for d in (h, -h))
-    return now, np.column_stack([now.J, (up - down) / (2 * h)])
+    up, down = (linearise(equations(value + d), state.iterate, False).R for d in (h, -h))
+    return (up - down) / (2 * h)
 
 
 def correct(
@@ -171,7 +175,7 @@ def correct(
             break
         if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
             return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
-        factor = _factor(state, step, at.period)
+        factor = step_factor(state, step, at.period)
         state, before = state.moved(state.z + factor * step), size if factor == 1.0 else math.inf
         moved += factor * size
     raise _failed(state)
@@ -184,7 +188,7 @@ def _failed(state: CurveState) -> NoConvergence:
     )
 
 
-def _factor(state: CurveState, step: Array, period: float) -> float:
+def step_factor(state: CurveState, step: Array, period: float) -> float:
     """Return the factor of a step that takes at most a part of the duration of each contact."""
     pattern, phases = state.pattern, state.phase_steps(step)
     if not pattern.visits:

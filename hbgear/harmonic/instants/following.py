@@ -32,7 +32,10 @@ from hbgear.harmonic.instants.corrector import (
     exchanges_of,
     with_exchange,
 )  # fmt: skip
-from hbgear.harmonic.instants.critical import (
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Visit
+from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
+from hbgear.harmonic.instants.special_points.critical import (
     ExactPoint,
     SpecialExactPoint,
     branch_point_near,
@@ -41,7 +44,7 @@ from hbgear.harmonic.instants.critical import (
     point_between,
     special_points,
 )
-from hbgear.harmonic.instants.grazing import (
+from hbgear.harmonic.instants.special_points.grazing import (
     GRAZING_DURATION,
     SIMULTANEOUS_DURATION,
     Grazing,
@@ -51,9 +54,6 @@ from hbgear.harmonic.instants.grazing import (
     with_contacts,
     without_contacts,
 )
-from hbgear.harmonic.instants.pattern import InconsistentPatternError, Visit
-from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
-from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
 """Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
@@ -144,17 +144,16 @@ class Follower:
     max_points : int
         Largest number of points.
     report : callable
-        Called with the curve after each point.
+        Called with value of the parameter, number of points and step after each point.
     """
 
     def __init__(
         self, family: Family, name: str, span: tuple[float, float], max_points: int, special: bool,
-        report: Callable[[ExactCurve], None],
+        report: Callable[[float, int, float], None],
     ) -> None:  # fmt: skip
         self.family, self.name, self.span = family, name, span
         self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
-        self.curve, self.step = ExactCurve(), FIRST_STEP
-        self.smallest = math.inf  # size of the motions of the curve
+        self.curve, self.step, self.smallest = ExactCurve(), FIRST_STEP, math.inf  # size of the motions of the curve
         self.origin: CurveState | None = None
 
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
@@ -177,9 +176,17 @@ class Follower:
             if not self.curve.points:
                 raise NoConvergence(str(error), state.z[:-1], {self.name: state.value}, []) from error
             reason = error.reason if isinstance(error, _Stop) else str(error)
-            at = self.curve.points[-1].state.value if self.curve.points else state.value
-            self.curve.status, self.curve.message = Status.STEP_TOO_SMALL, f"{reason} at {self.name} = {at:.9g}"
+            self._stop(Status.STEP_TOO_SMALL, reason)
+        except KeyboardInterrupt:
+            if not self.curve.points:
+                raise
+            self._stop(Status.INTERRUPTED, "interrupted")
         return self.curve
+
+    def _stop(self, status: Status, reason: str) -> None:
+        """Set the reason of an early end."""
+        value = self.curve.points[-1].state.value
+        self.curve.status, self.curve.message = status, f"{reason} at {self.name} = {value:.9g}"
 
     # ---- steps
 
@@ -327,8 +334,7 @@ class Follower:
         scale = found.state.scale(self.width)
         direction = -found.gradient * scale if along is None else along
         direction = direction / float(np.linalg.norm(direction))
-        hold = _at_value(len(scale))
-        point = exact_point(self.family, found.state, hold, scale, direction)
+        point = exact_point(self.family, found.state, _at_value(len(scale)), scale, direction)
         if along is None and found.gradient * scale @ point.tangent > 0:
             return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
         return point
@@ -386,7 +392,7 @@ class Follower:
         self.curve.points.append(point)
         self.curve.samples.append(samples)
         self.curve.steps.append(length)
-        self.report(self.curve)
+        self.report(point.state.value, len(self.curve.points), length)
 
     def _gaps(self, point: ExactPoint) -> Samples:
         """Return the gaps over a period at a point."""
@@ -394,8 +400,7 @@ class Follower:
 
     def _leaves(self, point: ExactPoint) -> bool:
         """Return whether a point lies outside the span."""
-        low, high = sorted(self.span)
-        return not low <= point.state.value <= high
+        return not min(self.span) <= point.state.value <= max(self.span)
 
     def _finish(self, last: ExactPoint, point: ExactPoint) -> None:
         """Accept the point at the end of the span, and set the status."""
@@ -421,8 +426,7 @@ class Follower:
         if curve.message:
             return True
         if len(curve.points) >= self.max_points:
-            curve.status = Status.MAX_POINTS
-            curve.message = f"{len(curve.points)} points, at {self.name} = {curve.points[-1].state.value:.6g}"
+            self._stop(Status.MAX_POINTS, f"{len(curve.points)} points,")
         elif _is_closed(curve):
             curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
         return bool(curve.message)

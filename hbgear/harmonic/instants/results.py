@@ -14,11 +14,10 @@ from hbgear.continuation.events.accuracy import PARAMETER_ROUNDING
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.instants.corrector import Family
-from hbgear.harmonic.instants.critical import ExactPoint
 from hbgear.harmonic.instants.following import ExactCurve
-from hbgear.harmonic.instants.pattern import Pattern
-from hbgear.harmonic.instants.sampling import Samples, coefficients
-from hbgear.harmonic.instants.shooting import residual_scale
+from hbgear.harmonic.instants.observables import observed_motion, relative_residual
+from hbgear.harmonic.instants.sampling import Samples
+from hbgear.harmonic.instants.special_points.critical import ExactPoint
 
 EXACT_ERRORS = {"BP": 1e-7, "EP": 1e-7}
 """Relative error of points at which the equations are singular; the others have the error of rounding. Folds, doublings
@@ -87,21 +86,11 @@ def _curve_point(
 ) -> CurvePoint:
     """Return a point of a branch: harmonics, multipliers, regime."""
     at, iterate = family(point.state.value), point.state.iterate
-    rows, rest = coefficients(at, iterate, problem.H)
-    u = np.append(rows.ravel(), point.state.value)
-    observed: dict[str, Any] = {
-        "regime": regime_of(iterate.pattern, at.equations.m), "error": rest, "instants": iterate.tau % at.period,
-        "shortest": float(iterate.durations(at.period).min()),
-    }  # fmt: skip
+    u, observed = observed_motion(at, iterate, problem.H, [point.state.value])
+    observed |= {"instants": iterate.tau % at.period, "shortest": float(iterate.durations(at.period).min())}
     if stability:
         observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
     direction = int(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > 1e-12 else 0
-    residual = float(np.abs(point.now.R).max(initial=0.0)) / residual_scale(iterate)
-    tangent = np.append(np.zeros(rows.size), 1.0)
+    tangent = np.append(np.zeros(len(u) - 1), 1.0)
+    residual = relative_residual(point.now, iterate)
     return CurvePoint(u, tangent, 1, residual, point.iterations, step, direction, observed)
-
-
-def regime_of(pattern: Pattern, m: int) -> Any:
-    """Return the number of breakpoints (m,) that the gap of each element crosses, at most 2."""
-    crossed = {switch[:2] for switch in pattern.switches if not switch.is_fixed}
-    return np.array([min(2, sum(element == j for element, _ in crossed)) for j in range(m)], dtype=np.int8)

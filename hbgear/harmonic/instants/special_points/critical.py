@@ -53,25 +53,20 @@ class ExactPoint:
     @cached_property
     def monodromy(self) -> Array:
         """Monodromy matrix (r, r) of the state."""
-        P = self.now.flows[0]
-        for flow in self.now.flows[1:]:
-            P = flow @ P
-        return P
+        return monodromy_matrix(self.now)
 
     @cached_property
     def multipliers(self) -> ComplexArray:
         """Multipliers (r,), largest modulus first."""
-        mu = np.linalg.eigvals(self.monodromy).astype(complex)
-        return mu[np.argsort(-np.abs(mu), kind="stable")]
+        return multipliers_of(self.monodromy)
 
     @cached_property
     def tests(self) -> dict[str, float]:
         """Values of the test functions."""
-        P, mu = self.monodromy, self.multipliers
         return {
             "LP": float(self.tangent[-1]),
-            "PD": float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min()),
-            "NS": product_of_pairs(mu) if len(mu) > 2 else 1.0,
+            "PD": doubling_test(self.monodromy, self.multipliers),
+            "NS": pair_test(self.multipliers),
             "BP": _singularity(self.J * self.scale, self.tangent),
         }
 
@@ -86,6 +81,30 @@ class ExactPoint:
 
 SpecialExactPoint = tuple[str, float, ExactPoint]
 """Kind of a special point, its fraction of the step, and the point."""
+
+
+def monodromy_matrix(now: Linearisation) -> Array:
+    """Return the product (r, r) of the flows."""
+    P = now.flows[0]
+    for flow in now.flows[1:]:
+        P = flow @ P
+    return P
+
+
+def multipliers_of(P: Array) -> ComplexArray:
+    """Return the multipliers (r,) of a monodromy matrix, largest modulus first."""
+    mu = np.linalg.eigvals(P).astype(complex)
+    return mu[np.argsort(-np.abs(mu), kind="stable")]
+
+
+def doubling_test(P: Array, mu: ComplexArray) -> float:
+    """Return the distance of the nearest multiplier from -1 with the sign of det(P + 1)."""
+    return float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min())
+
+
+def pair_test(mu: ComplexArray) -> float:
+    """Return the product of mu_i mu_j - 1 over all pairs; 1 if there are two multipliers only."""
+    return product_of_pairs(mu) if len(mu) > 2 else 1.0
 
 
 def _singularity(J: Array, row: Array) -> float:
@@ -121,7 +140,7 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[Special
         if not math.isfinite(s):
             continue
         point = point_between(family, a, b, s)
-        if (kind != "NS" or _is_complex_pair(point.multipliers)) and not _coincide(point, crossing):
+        if (kind != "NS" or is_complex_pair(point.multipliers)) and not _coincide(point, crossing):
             found.append((kind, s, point))
     return sorted(found, key=lambda one: one[1])
 
@@ -252,7 +271,7 @@ def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> Exa
     return exact_point(family, guess, row, scale, row)
 
 
-def _is_complex_pair(mu: ComplexArray) -> bool:
+def is_complex_pair(mu: ComplexArray) -> bool:
     """Return whether the multipliers nearest to the unit circle are a complex pair."""
     near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
     return bool(abs(near.imag) > REAL_PAIR_TOLERANCE and abs(abs(near) - 1) < UNIT_CIRCLE_DISTANCE)

@@ -20,11 +20,11 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
-from hbgear.harmonic.instants.critical import ExactPoint
 from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
 from hbgear.harmonic.instants.sampling import MissedCrossing
+from hbgear.harmonic.instants.special_points.critical import ExactPoint
 
 GRAZING_DURATION = 2e-8
 """Shortest contact on a curve, over the period. The parameter differs from that of the grazing by its square."""
@@ -43,6 +43,8 @@ GRAZING_TOLERANCE = 1e-9
 SIMULTANEOUS_DISTANCE = 1e-9
 """Distance, over the size of the gap's motion, up to which other contacts graze at the same point."""
 
+MAX_PHASE_STEP = 0.05
+"""Largest Newton step [rad] of the phase of an extremum."""
 
 SAME_GRAZING_DISTANCE = 0.02
 """Difference of the phases [rad] of two grazings of one gap up to which they are the same; the gap has one maximum."""
@@ -187,14 +189,20 @@ def _is_same_contact(one: Grazing, other: Grazing) -> bool:
 
 def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | None:
     """Return a contact at the extremum of its gap if it grazes at the state, else None."""
+    grazing, distance = highest_point(family, state, grazing)
+    size = float(np.abs(state.iterate.x).max())
+    return grazing if abs(distance) <= SIMULTANEOUS_DISTANCE * size else None
+
+
+def highest_point(family: Family, state: CurveState, near: Grazing) -> tuple[Grazing, float]:
+    """Return the contact at the extremum of its gap near a phase, and the distance beyond the breakpoint there."""
     for _ in range(MAX_GRAZING_ITERATIONS):
-        value, _, _, bend = _distance(family, state, grazing)
+        value, _, _, bend = _distance(family, state, near)
         step = -float(value[1]) / (bend or 1.0)
-        grazing = grazing._replace(t=grazing.t + max(-0.05, min(0.05, step)))
+        near = near._replace(t=near.t + max(-MAX_PHASE_STEP, min(MAX_PHASE_STEP, step)))
         if abs(step) < SIMULTANEOUS_DISTANCE:
             break
-    size = float(np.abs(state.iterate.x).max())
-    return grazing if abs(float(_distance(family, state, grazing)[0][0])) <= SIMULTANEOUS_DISTANCE * size else None
+    return near, float(_distance(family, state, near)[0][0])
 
 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:

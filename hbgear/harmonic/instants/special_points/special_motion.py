@@ -1,0 +1,200 @@
+"""Special points of exact motions in two parameters: corrector, tangents, and the contacts that a motion requires.
+
+    F(u, p, q) = 0,   g(u, p, q) = 0        g test function of the special point, see `surface`
+
+    t = T (-g_2, g_1) / |g'|,   n = T g' / |g'|        g' = (g_1, g_2) derivatives of g along T, by differences
+
+From a prediction w the zero of g is located by secants over the points of the surface through w + c n.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.instants.corrector import CurveState, exchanges_of, with_exchange
+from hbgear.harmonic.instants.sampling import sample_gaps
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
+from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point
+from hbgear.harmonic.instants.special_points.surface import Surface, SurfacePoint, TestFunction
+
+MAX_CORRECTION_OF_POINT = 0.5
+"""Largest distance of a point from its prediction, over the step."""
+
+DIFFERENCE, DIFFERENCE_OF_CONTACT = 1e-5, 1e-2
+"""Step of the derivatives of g in scaled unknowns, and its limit over the shortest contact [rad], the distance on which
+the motion changes."""
+
+SECANT_TOLERANCE, MAX_SECANTS, FAST_SECANTS = 1e-11, 12, 4
+"""Last change of c; largest number of evaluations of g; number up to which the step grows."""
+
+MAX_DISTANCE_OF_GUESS = 0.03
+"""Largest distance of a special point from a guess with another order of contact instants."""
+
+SAME_CONTACT = 1e-3
+"""Duration [rad] of a missed crossing of the grazing contact itself, which is rounding."""
+
+
+PREDICTED_LOSS, MAX_LOSS = 0.55, 0.75
+"""Largest part of its duration that a contact loses in a predicted step, and in a corrected one: motions with a contact
+of no duration are another solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpecialMotion:
+    """Point of a curve of special points.
+
+    Attributes
+    ----------
+    point : SurfacePoint
+        The motion.
+    scale : ndarray, shape (n + 2,)
+        Scales of w.
+    basis : ndarray, shape (n + 2, 2)
+        Tangent plane T of the surface.
+    tangent, normal : ndarray, shape (n + 2,)
+        Unit vectors in the plane, along the curve and in the direction of the gradient.
+    slope : float
+        Size of the gradient of the test function.
+    test : callable
+        Test function near the point.
+    grazing : Grazing or None
+        The contact that grazes.
+    """
+
+    point: SurfacePoint
+    scale: Array
+    basis: Array
+    tangent: Array
+    normal: Array
+    slope: float
+    test: TestFunction
+    grazing: Grazing | None
+
+
+class SpecialMotions:
+    """Special points of one kind on a surface of motions.
+
+    Parameters
+    ----------
+    surface : Surface
+        Motions in two parameters.
+    kind : str
+        LP, PD, NS or GR.
+    width : float
+        Scale of the second parameter.
+    """
+
+    def __init__(self, surface: Surface, kind: str, width: float) -> None:
+        self.surface, self.kind, self.width = surface, kind, width
+
+    def placed(self, point: SurfacePoint, grazing: Grazing | None) -> SpecialMotion:
+        """Return a motion with the tangent plane of the surface and the gradient of the test function there."""
+        scale = self.surface.scale(point.state, self.width)
+        now, J = self.surface.linearised(point.state, point.second)
+        T = self.surface.basis(J, scale)
+        if grazing is not None:
+            grazing = highest_point(self.surface.family(point.second), point.state, grazing)[0]
+        point = point._replace(now=now)
+        test = self.surface.test(self.kind, point, scale, grazing)
+        visits = point.state.pattern.visits
+        durations = point.state.iterate.visit_durations(visits, self.surface.at(point).period)
+        h = min(DIFFERENCE, DIFFERENCE_OF_CONTACT * float(np.abs(durations).min(initial=1.0)))
+        slopes = []
+        for direction in T.T:
+            up, down = (test(self.moved(point, sign * h * direction * scale, T, scale)) for sign in (1, -1))
+            slopes.append((up - down) / (2 * h))
+        size = math.hypot(*slopes)
+        if not size > 0 or not math.isfinite(size):
+            raise NoConvergence("the special point is not isolated", point.state.z, {}, [])
+        tangent, normal = T @ np.array([-slopes[1], slopes[0]]) / size, T @ np.array(slopes) / size
+        return SpecialMotion(point, scale, T, tangent, normal, size, test, grazing)
+
+    def moved(self, point: SurfacePoint, by: Array, T: Array, scale: Array) -> SurfacePoint:
+        """Return the motion of the surface near a motion plus a change of w."""
+        w = point.w + by
+        return self.surface.point(point.state.moved(w[:-1]), float(w[-1]), T, scale)
+
+    def along(self, last: SpecialMotion, length: float) -> tuple[SurfacePoint, int]:
+        """Return the special point at a distance along the tangent, and the number of evaluations of g."""
+        c, slope, before = 0.0, last.slope, (math.nan, math.nan)
+        for count in range(1, MAX_SECANTS + 1):
+            by = (length * last.tangent + c * last.normal) * last.scale
+            point = self.moved(last.point, by, last.basis, last.scale)
+            g = last.test(point)
+            if count > 1 and c != before[0]:
+                slope = (g - before[1]) / (c - before[0])
+            change = -g / slope if slope else math.inf
+            if not abs(c + change) <= (MAX_CORRECTION_OF_POINT * length or MAX_DISTANCE_OF_GUESS):
+                break
+            if abs(change) <= SECANT_TOLERANCE:
+                return point, count
+            before, c = (c, g), c + change
+        raise NoConvergence("the special point is not found", last.point.state.z, {}, [])
+
+    def corrected(self, state: CurveState, second: float, grazing: Grazing | None) -> SpecialMotion:
+        """Return the special point near a guess."""
+        near = self.near(state, second, grazing)
+        return self.placed(self.along(near, 0.0)[0], near.grazing)
+
+    def near(self, state: CurveState, second: float, grazing: Grazing | None) -> SpecialMotion:
+        """Return the motion near a guess, which need not be the special point."""
+        scale = self.surface.scale(state, self.width)
+        J = self.surface.linearised(state, second)[1]
+        return self.placed(self.surface.point(state, second, self.surface.basis(J, scale), scale), grazing)
+
+    def held(self, near: SpecialMotion) -> SpecialMotion:
+        """Return a motion whose normal is the direction in which the shortest contact keeps its duration."""
+        T = near.basis
+        now, _ = self.durations(near.point, near.tangent * near.scale)
+        rates = [self.durations(near.point, column * near.scale)[1][np.argmin(now)] for column in T.T]
+        v = np.array([-rates[1], rates[0]]) / math.hypot(*rates)
+        return replace(near, normal=T @ v, slope=near.slope * float(near.normal @ (T @ v)))
+
+    # ---- contacts
+
+    def limited(self, last: SpecialMotion, length: float) -> float:
+        """Return the length of a step in which no contact loses too much of its duration."""
+        if not last.point.state.pattern.visits:
+            return length
+        now, rate = self.durations(last.point, last.tangent * last.scale)
+        return length / max(1.0, float((-length * rate / (PREDICTED_LOSS * now)).max()))
+
+    def durations(self, point: SurfacePoint, direction: Array) -> tuple[Array, Array]:
+        """Return the durations of all visits, and their rates in a direction of w."""
+        state = point.state
+        i, j = np.array(state.pattern.visits).T
+        phases = state.phase_steps(direction[:-1])
+        period = self.surface.at(point).period
+        return state.iterate.visit_durations(state.pattern.visits, period), phases[j] - phases[i]
+
+    def check_durations(self, last: SpecialMotion, point: SurfacePoint) -> None:
+        """Raise NoConvergence if a contact has lost most of its duration."""
+        period, visits = self.surface.at(point).period, point.state.pattern.visits
+        before, after = (state.iterate.visit_durations(visits, period) for state in (last.point.state, point.state))
+        if (after < (1 - MAX_LOSS) * before).any():
+            raise NoConvergence("a contact vanishes within one step", point.state.z, {}, [])
+
+    def exchanged(self, point: SurfacePoint) -> CurveState | None:
+        """Return the state with switches in the order of their phases; None if they are."""
+        period, state = self.surface.at(point).period, point.state
+        exchanges = exchanges_of(state, period, SIMULTANEOUS_SWITCHES * period)
+        for i in exchanges:
+            state = with_exchange(state, i, period)
+        return state if exchanges else None
+
+    def missed(self, point: SurfacePoint) -> list[Grazing]:
+        """Return the contacts for which a motion has no switches, without the grazing one that is followed."""
+        missed = sample_gaps(self.surface.at(point), point.state.iterate)[1]
+        return [Grazing(0.5 * (one.begin + one.end), one.first) for one in missed
+                if self.kind != "GR" or one.end - one.begin > SAME_CONTACT]  # fmt: skip
+
+    def height(self, point: SurfacePoint, contacts: Sequence[Grazing]) -> float:
+        """Return the largest distance of the gaps of contacts beyond their breakpoints."""
+        family = self.surface.family(point.second)
+        return max(highest_point(family, point.state, contact)[1] for contact in contacts)

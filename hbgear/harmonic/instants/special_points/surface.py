@@ -1,0 +1,189 @@
+"""Exact motions in two parameters: the surface F(u, p, q) = 0, points on it, and test functions of special points.
+
+    [F_u F_p F_q] T = 0,   T^T T = 1        T (n + 2, 2) spans the tangent plane, in scaled unknowns w = (u, p, q)
+
+A point of the surface is computed in the plane through a guess across T. Test functions are zero at special points of
+the curve in p at constant q:
+
+    LP   bordered determinant of F_u, regular where such curves cross        PD, NS   see `critical`
+    GR   largest distance of the gap of the contact beyond its breakpoint
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.lru_cache import LRUCache
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.instants.corrector import (
+    CORRECTOR_TOLERANCE,
+    FORWARD_STEP,
+    MAX_CORRECTOR_ITERATIONS,
+    MAX_FINAL_STEP,
+    VALID_DISTANCE,
+    CurveState,
+    Family,
+    jacobian,
+    parameter_column,
+    step_factor,
+)
+from hbgear.harmonic.instants.equations import EquationsAt
+from hbgear.harmonic.instants.shooting import Linearisation, linearise
+from hbgear.harmonic.instants.special_points.critical import (
+    doubling_test,
+    monodromy_matrix,
+    multipliers_of,
+    pair_test,
+)  # fmt: skip
+from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point
+
+STORED_FAMILIES = 8
+"""Values of the second parameter whose equations are stored: a corrector and its differences use three in turn."""
+
+
+class SurfacePoint(NamedTuple):
+    """Motion in two parameters: state with the first parameter, second parameter, linearised equations."""
+
+    state: CurveState
+    second: float
+    now: Linearisation
+
+    @property
+    def w(self) -> Array:
+        """Unknowns (u, p, q)."""
+        return np.append(self.state.z, self.second)
+
+
+TestFunction = Callable[[SurfacePoint], float]
+"""Function of a motion that changes its sign at a special point."""
+
+
+class Surface:
+    """Exact motions of a machine in two parameters.
+
+    Parameters
+    ----------
+    families : callable
+        Equations as a function of the first parameter, at a value of the second one.
+    """
+
+    def __init__(self, families: Callable[[float], Family]) -> None:
+        self._families = families
+        self._known = LRUCache[Family](STORED_FAMILIES)
+
+    def family(self, second: float) -> Family:
+        """Return the equations as a function of the first parameter."""
+        return self._known.get(second, lambda: self._families(second))
+
+    def at(self, point: SurfacePoint) -> EquationsAt:
+        """Return the equations of a motion."""
+        return self.family(point.second)(point.state.value)
+
+    def scale(self, state: CurveState, width: float) -> Array:
+        """Return the scales of w; ``width`` is that of the second parameter."""
+        return np.append(state.scale(abs(state.value) or 1.0), width)
+
+    def linearised(self, state: CurveState, second: float) -> tuple[Linearisation, Array]:
+        """Return the linearised equations, and [F_u F_p F_q] with central differences in both parameters."""
+        now, J = jacobian(self.family(second), state)
+        return now, np.column_stack([J, parameter_column(lambda q: self.family(q)(state.value), state, second)])
+
+    def basis(self, J: Array, scale: Array) -> Array:
+        """Return T (n + 2, 2)."""
+        return np.linalg.qr((J * scale).T, mode="complete")[0][:, -2:]
+
+    def point(self, near: CurveState, second: float, T: Array, scale: Array) -> SurfacePoint:
+        """Return the motion in the plane across T through a guess.
+
+        Raises
+        ------
+        NoConvergence
+            If Newton's method does not converge.
+        """
+        start = w = np.append(near.z, second)
+        before = moved = math.inf
+        for _ in range(MAX_CORRECTOR_ITERATIONS):
+            state, q = near.moved(w[:-1]), float(w[-1])
+            at = self.family(q)(state.value)
+            now = linearise(at, state.iterate)
+            if moved > VALID_DISTANCE:
+                moved, columns = 0.0, self._parameter_columns(state, q, now)
+            bordered = np.vstack([np.column_stack([now.J, columns]) * scale, T.T])
+            try:
+                step = np.linalg.solve(bordered, -np.append(now.R, T.T @ ((w - start) / scale))) * scale
+            except np.linalg.LinAlgError:
+                break
+            size = float(np.abs(step / scale).max())
+            if not np.isfinite(size) or size > 1e3:
+                break
+            if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
+                w = w + step
+                return SurfacePoint(near.moved(w[:-1]), float(w[-1]), now)
+            factor = step_factor(state, step[:-1], at.period)
+            w, before = w + factor * step, size if factor == 1.0 else math.inf
+            moved += factor * size
+        raise NoConvergence("the corrector in two parameters does not converge", near.z[:-1], {}, [])
+
+    def _parameter_columns(self, state: CurveState, second: float, now: Linearisation) -> Array:
+        """Return [F_p F_q] by forward differences."""
+        h, k = (FORWARD_STEP * max(abs(value), 1e-3) for value in (state.value, second))
+        first = linearise(self.family(second)(state.value + h), state.iterate, False).R
+        other = linearise(self.family(second + k)(state.value), state.iterate, False).R
+        return np.column_stack([(first - now.R) / h, (other - now.R) / k])
+
+    # ---- special points
+
+    def test(self, kind: str, at: SurfacePoint, scale: Array, grazing: Grazing | None) -> TestFunction:
+        """Return the test function of a kind of special points near a motion.
+
+        Parameters
+        ----------
+        kind : str
+            LP, PD, NS or GR.
+        at : SurfacePoint
+            The motion, whose singular vectors are the borders of F_u at a fold.
+        scale : ndarray, shape (n + 2,)
+            Scales of w.
+        grazing : Grazing or None
+            The contact that grazes.
+        """
+        if grazing is not None:
+            return lambda point: highest_point(self.family(point.second), point.state, grazing)[1]
+        if kind == "LP":
+            return self._fold_test(at, scale)
+
+        def multiplier_test(point: SurfacePoint) -> float:
+            P = monodromy_matrix(point.now)
+            mu = multipliers_of(P)
+            return doubling_test(P, mu) if kind == "PD" else pair_test(mu)
+
+        return multiplier_test
+
+    def _fold_test(self, at: SurfacePoint, scale: Array) -> TestFunction:
+        """Return the determinant of F_u, bordered twice, over the duration of the shortest contact.
+
+            [F_u  B] [V]   [0]
+            [C^T  0] [S] = [I]        det S = det F_u / det [F_u B; C^T 0]
+
+        F_u is singular at a contact of no duration as well, which the quotient leaves out. B and C are the singular
+        vectors of the two smallest singular values at the point.
+        """
+        left, _, right = np.linalg.svd(at.now.J * scale[:-2])
+        n, count = len(left), min(2, len(left))
+        bordered = np.zeros((n + count, n + count))
+        bordered[:n, n:], bordered[n:, :n] = left[:, -count:], right[-count:]
+        unit = np.eye(n + count)[:, n:]
+        visits, period = at.state.pattern.visits, self.at(at).period
+        shortest = [visits[int(np.argmin(at.state.iterate.visit_durations(visits, period)))]] if visits else []
+
+        def test(point: SurfacePoint) -> float:
+            bordered[:n, :n] = point.now.J * scale[:-2]
+            duration = float(point.state.iterate.visit_durations(shortest, period)[0]) if shortest else 1.0
+            return float(np.linalg.det(np.linalg.solve(bordered, unit)[n:])) / duration
+
+        return test

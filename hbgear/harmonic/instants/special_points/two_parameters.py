@@ -1,0 +1,337 @@
+"""Curves of special points of exact motions in two parameters: pseudo-arclength continuation on a surface of motions.
+
+    F(u, p, q) = 0,   g(u, p, q) = 0        g test function of the special point, see `surface`
+
+    prediction   w_0 + l t,   t = T (-g_2, g_1) / |g'|        g' = (g_1, g_2) derivatives of g along T, by differences
+    correction   g(c) = 0 over the points of the surface through w_0 + l t + c n,   n = T g' / |g'|
+
+The correction is that of `special_motion`. The curve passes cusps and turning points. Where the order of the contact
+instants changes, it continues with the other order: a further contact begins or vanishes, or contacts of two elements
+exchange their order. A fold near a grazing point ends where its own contact vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import scipy
+
+from hbgear.common.ranges import Range
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.stepping.control import StepControl
+from hbgear.harmonic.instants.corrector import CurveState
+from hbgear.harmonic.instants.pattern import InconsistentPatternError
+from hbgear.harmonic.instants.refine import with_missed_crossings
+from hbgear.harmonic.instants.sampling import MissedCrossing
+from hbgear.harmonic.instants.special_points.critical import monodromy_matrix, multipliers_of
+from hbgear.harmonic.instants.special_points.grazing import (
+    SIMULTANEOUS_DISTANCE,
+    Grazing,
+    highest_point,
+    without_contacts,
+)
+from hbgear.harmonic.instants.special_points.special_motion import FAST_SECANTS, SpecialMotion, SpecialMotions
+from hbgear.harmonic.instants.special_points.surface import Surface
+
+SMALLEST_STEP = 1e-9
+"""Smallest step in scaled unknowns before the curve ends."""
+
+MIN_COSINE_OF_STEP = math.cos(math.radians(25.0))
+"""Cosine of the largest angle of successive tangents."""
+
+EXCHANGE_STEP = 1e-3
+"""Step from which two contacts exchange their order, with the corrector on the other side."""
+
+VANISHING_CONTACT, FIRST_DURATION = 1e-5, 2e-5
+"""Duration over the period of a contact that vanishes, and of one that has begun. Differences of a hundredth of it have
+rounding of 1e-4 by the corrector."""
+
+CLOSED_DISTANCE = 0.5
+"""Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
+
+SMALLEST_RATIO = 1e-2
+"""First parameter over that of the start at which a curve ends if it tends to zero. Motions at so low a frequency have
+thousands of natural periods in one of the excitation."""
+
+MOVING_PARAMETER = 1e-3
+"""Component of the tangent in the first parameter above which it moves; at a cusp it is rounding."""
+
+
+@dataclass(eq=False)
+class SpecialPointCurve:
+    """Points of a curve, points of codimension two as kind and number of the point, and the reason of its end."""
+
+    points: list[SpecialMotion] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)
+    marks: list[tuple[str, int]] = field(default_factory=list)
+    status: Status = Status.STEP_TOO_SMALL
+    message: str = ""
+
+
+class SpecialPointFollower:
+    """Continuation of the curve of a special point in a second parameter.
+
+    Parameters
+    ----------
+    surface : Surface
+        Motions in two parameters.
+    kind : str
+        LP, PD, NS or GR.
+    names : (str, str)
+        Names of the first and the second parameter, for messages.
+    allowed : Range
+        Admissible values of the first parameter.
+    span : (float, float)
+        Section of the second parameter.
+    steps : StepControl
+        First step, largest step and largest number of points.
+    report : callable
+        Called with value, number of points and step after each point.
+    """
+
+    def __init__(
+        self, surface: Surface, kind: str, names: tuple[str, str], allowed: Range, span: tuple[float, float],
+        steps: StepControl, report: Callable[[float, int, float], None],
+    ) -> None:  # fmt: skip
+        self.surface, self.kind, self.span = surface, kind, span
+        (self.first_name, self.name), self.allowed = names, allowed
+        self.motions = SpecialMotions(surface, kind, abs(span[1] - span[0]))
+        self.steps, self.report = steps, report
+        self.curve, self.step = SpecialPointCurve(), steps.first_step
+
+    def run(
+        self, state: CurveState, second: float, grazing: Grazing | None, direction: int = 0
+    ) -> SpecialPointCurve:  # fmt: skip
+        """Follow the curve from a special point in a direction of the second parameter; with 0 along the span."""
+        try:
+            first = self.motions.corrected(state, second, grazing)
+            towards = direction or math.copysign(1.0, self.span[1] - self.span[0])
+            self._accept(_reversed(first) if first.tangent[-1] * towards < 0 else first, 0.0)
+            while not self._ended():
+                self._advance()
+        except (NoConvergence, InconsistentPatternError) as error:
+            if not self.curve.points:
+                raise NoConvergence(str(error), state.z[:-1], {self.name: second}, []) from error
+            self._end(Status.STEP_TOO_SMALL, str(error))
+        except KeyboardInterrupt:
+            if not self.curve.points:
+                raise
+            self._end(Status.INTERRUPTED, "interrupted")
+        return self.curve
+
+    # ---- points
+
+    # ---- steps
+
+    def _advance(self) -> None:
+        """Compute the next point, and pass a change of the order of contact instants."""
+        last = self.curve.points[-1]
+        while True:
+            length = self.motions.limited(last, self.step)
+            try:
+                point, count = self.motions.along(last, length)
+                self.motions.check_durations(last, point)
+                exchanged = self.motions.exchanged(point)
+                if exchanged is not None:
+                    if length > EXCHANGE_STEP:
+                        raise NoConvergence("two contacts exchange their order", last.point.state.z, {}, [])
+                    self._pass(last, exchanged)
+                    return
+                found = self.motions.placed(point, last.grazing)
+                missed = self.motions.missed(point)
+                if missed:
+                    self._open(last, found, length, missed)
+                    return
+                found = _reversed(found) if _cosine(last, found) < 0 else found
+                if _cosine(last, found) < MIN_COSINE_OF_STEP:
+                    raise NoConvergence("the curve turns sharply", last.point.state.z, {}, [])
+            except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
+                self.step = 0.4 * length
+                if self.step < SMALLEST_STEP:
+                    raise NoConvergence(f"{error}; the shortest step was tried", last.point.w, {}, []) from error
+                continue
+            break
+        self.step = min(self.steps.max_step, max(length * (2.0 if count <= FAST_SECANTS else 1.0), self.step))
+        self._add(last, found, length)
+        vanishing = [] if self.curve.message else self._vanishing(found)
+        if vanishing:
+            self._leave(found, vanishing)
+
+    # ---- changes of the order of contact instants
+
+    def _pass(self, last: SpecialMotion, state: CurveState) -> None:
+        """Accept the special point with exchanged switches."""
+        found = self.motions.corrected(state, last.point.second, last.grazing)
+        along = last.tangent[-2:] * last.scale[-2:] @ (found.tangent[-2:] * found.scale[-2:])
+        self._accept(_reversed(found) if along < 0 else found, 0.0)
+
+    def _open(self, last: SpecialMotion, found: SpecialMotion, length: float, contacts: list[Grazing]) -> None:
+        """Accept the point at which contacts begin between two points, and the first one with the contacts.
+
+        The curve has a corner there: test functions change with the duration of a contact, and this with the square
+        root of the distance.
+        """
+        found = _reversed(found) if _cosine(last, found) < 0 else found
+        here = self._root(last, found, length, lambda motion: self.motions.height(motion.point, contacts))
+        if not min(self.span) <= here.point.second <= max(self.span):
+            self._add(last, found, length)
+            return
+        point, at = here.point, self.surface.at(here.point)
+        size = SIMULTANEOUS_DISTANCE * float(np.abs(point.state.iterate.x).max())
+        half = 0.5 * FIRST_DURATION * at.period
+        tops = [highest_point(self.surface.family(point.second), point.state, one) for one in contacts]
+        fresh = [MissedCrossing(one.t - half, one.t + half, one.switch) for one, height in tops if height > -size]
+        iterate = with_missed_crossings(at, point.state.iterate, fresh)
+        near = self.motions.near(CurveState.of(iterate, point.state.value), point.second, last.grazing)
+        first = self.motions.placed(self.motions.along(self.motions.held(near), 0.0)[0], near.grazing)
+        now, rate = self.motions.durations(first.point, first.tangent * first.scale)
+        self._accept(here, length)
+        self._accept(_reversed(first) if rate[np.argmin(now)] < 0 else first, 0.0)
+
+    def _vanishing(self, motion: SpecialMotion) -> list[tuple[int, int]]:
+        """Return the contacts that vanish along the curve."""
+        visits = motion.point.state.pattern.visits
+        if not visits:
+            return []
+        now, rate = self.motions.durations(motion.point, motion.tangent * motion.scale)
+        limit = VANISHING_CONTACT * self.surface.at(motion.point).period
+        return [visit for visit, a, b in zip(visits, now, rate, strict=True) if a < limit and b < 0]
+
+    def _leave(self, motion: SpecialMotion, visits: list[tuple[int, int]]) -> None:
+        """Continue without contacts that vanish; the curve ends with them if there is no such point."""
+        state, point = motion.point.state, motion.point
+        element = self.surface.at(point).equations.system.elements[state.pattern.switches[visits[0][0]].element]
+        try:
+            guess, contacts = without_contacts(self.surface.family(point.second), state, visits)
+            found = self.motions.corrected(guess, point.second, motion.grazing)
+            step = EXCHANGE_STEP * found.tangent * found.scale
+            ahead, behind = (self.motions.moved(found.point, by, found.basis, found.scale) for by in (step, -step))
+            closing = self.motions.height(ahead, contacts) > self.motions.height(behind, contacts)
+            self._accept(_reversed(found) if closing else found, 0.0)
+        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+            self._end(Status.EVENT, f"the {self.kind} ends where its contact of {element.name} vanishes")
+
+    # ---- acceptance
+
+    def _add(self, last: SpecialMotion, found: SpecialMotion, length: float) -> None:
+        """Accept a point after the turning point between the last point and it; the end of the span ends the curve."""
+        low, high = sorted(self.span)
+        if last.tangent[-1] * found.tangent[-1] < 0:
+            here = self._root(last, found, length, lambda motion: float(motion.tangent[-1]))
+            if low <= here.point.second <= high:
+                self._accept(here, 0.0)
+                self.curve.marks.append((self._turning_kind(here), len(self.curve.points) - 1))
+        if self.kind == "NS" and low <= found.point.second <= high and self._ends_at_resonance(last, found, length):
+            return
+        if low <= found.point.second <= high:
+            self._accept(found, length)
+            if self._leaves_range(found):
+                self._end(
+                    Status.EVENT, f"{self.first_name} = {found.point.state.value:.3g} tends to the end of its range"
+                )
+            elif self._is_closed():
+                self._end(Status.CLOSED, f"the curve closed after {len(self.curve.points)} points")
+            return
+        end = high if found.point.second > high else low
+        final = self._root(last, found, length, lambda motion: motion.point.second - end)
+        self._accept(replace(final, point=final.point._replace(second=end)), length)
+        reached = end == self.span[1]
+        text = f"{self.name} = {end:.6g} reached" if reached else f"the curve turned back to {self.name} = {end:.6g}"
+        self.curve.status, self.curve.message = Status.REACHED_END if reached else Status.LEFT_SPAN, text
+
+    def _ends_at_resonance(self, last: SpecialMotion, found: SpecialMotion, length: float) -> bool:
+        """Accept the point at which a Neimark-Sacker pair becomes real, +1 or -1, and return whether there is one.
+
+        Beyond it, the product of two real multipliers is 1, which is no change of the motion.
+        """
+        for kind, name, double in (("RI", "1:1", 1.0), ("RII", "1:2", -1.0)):
+            distance = partial(_distance_of_pair, double=double)
+            if distance(last) * distance(found) < 0:
+                self._accept(self._root(last, found, length, distance), 0.0)
+                self.curve.marks.append((kind, len(self.curve.points) - 1))
+                self._end(Status.EVENT, f"{name} resonance, where the multipliers become real")
+                return True
+        return False
+
+    def _turning_kind(self, motion: SpecialMotion) -> str:
+        """Return the kind of a turning point; those of folds are cusps or isola centres."""
+        if self.kind != "LP":
+            return "LP"
+        return "IC" if abs(motion.tangent[-2]) > MOVING_PARAMETER else "CP"
+
+    def _root(
+        self, last: SpecialMotion, found: SpecialMotion, length: float, test: Callable[[SpecialMotion], float]
+    ) -> SpecialMotion:
+        """Return the point between two points at which a function is zero."""
+        known = {0.0: last, length: found}
+
+        def value(s: float) -> float:
+            if s not in known:
+                here = self.motions.placed(self.motions.along(last, s)[0], last.grazing)
+                known[s] = _reversed(here) if _cosine(last, here) < 0 else here
+            return test(known[s])
+
+        if value(0.0) * value(length) > 0:
+            raise NoConvergence("the order of contact instants changes", last.point.state.z, {}, [])
+        s = float(scipy.optimize.brentq(value, 0.0, length, xtol=1e-13, rtol=1e-14))
+        value(s)
+        return known[s]
+
+    def _accept(self, motion: SpecialMotion, length: float) -> None:
+        """Store a point."""
+        self.curve.points.append(motion)
+        self.curve.steps.append(length)
+        self.report(motion.point.second, len(self.curve.points), length)
+
+    def _leaves_range(self, motion: SpecialMotion) -> bool:
+        """Return whether the first parameter leaves its range, or tends to zero, which it excludes."""
+        value, start = motion.point.state.value, self.curve.points[0].point.state.value
+        return value not in self.allowed or (0.0 not in self.allowed and abs(value) < SMALLEST_RATIO * abs(start))
+
+    def _is_closed(self) -> bool:
+        """Return whether the last step passed the first point in its direction."""
+        points = self.curve.points
+        first, before, last = points[0], points[-2], points[-1]
+        patterns = {motion.point.state.pattern for motion in (first, before, last)}
+        if len(points) < 5 or len(patterns) > 1:
+            return False
+        offset, chord = ((motion.point.w - before.point.w) / last.scale for motion in (first, last))
+        length = float(np.linalg.norm(chord))
+        s = float(offset @ chord) / length**2
+        away = float(np.linalg.norm(offset - s * chord))
+        return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+
+    def _end(self, status: Status, reason: str) -> None:
+        """Set the reason of the end."""
+        last = self.curve.points[-1].point
+        self.curve.status, self.curve.message = status, f"{reason}, at {self.name} = {last.second:.9g}"
+
+    def _ended(self) -> bool:
+        """Return whether the curve has ended."""
+        if not self.curve.message and len(self.curve.points) >= self.steps.max_points:
+            self._end(Status.MAX_POINTS, f"{len(self.curve.points)} points")
+        return bool(self.curve.message)
+
+
+def _reversed(motion: SpecialMotion) -> SpecialMotion:
+    """Return the motion with the opposite direction of the curve."""
+    return replace(motion, tangent=-motion.tangent)
+
+
+def _cosine(last: SpecialMotion, found: SpecialMotion) -> float:
+    """Return the cosine of the angle of the tangents of two points of one order of contact instants."""
+    t = found.tangent * found.scale / last.scale
+    return float(last.tangent @ t) / float(np.linalg.norm(t))
+
+
+def _distance_of_pair(motion: SpecialMotion, double: float) -> float:
+    """Return half the sum of the two multipliers whose product is nearest to 1, minus a double multiplier."""
+    mu = multipliers_of(monodromy_matrix(motion.point.now))
+    i, j = np.triu_indices(len(mu), 1)
+    k = int(np.abs(mu[i] * mu[j] - 1).argmin())
+    return float((mu[i[k]] + mu[j[k]]).real) / 2 - double
