@@ -204,7 +204,7 @@ def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
         assert abs(point.parameters["Omega"] - place) < 3 * point.error < 3e-5
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+@pytest.mark.parametrize("seed", [0, 3])
 def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
     """Two pairs leave within 6e-5 of Omega, one of which came back a step before: whichever rows fall beside them."""
     from studies.random.machines import machine

@@ -621,6 +621,16 @@ def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     assert found.values[-1] == pytest.approx(0.3, abs=1e-4)
 
 
+def test_a_curve_reaches_the_end_of_the_range_of_its_parameter() -> None:
+    """Without damping the gear pair jumps at another Omega; the model refuses a negative damping ratio."""
+    curve = hb.trace(hb.ContactInstants(hb.SpurPair(), 16), "Omega", (0.7, 1.0))
+    found = hb.follow(curve, "LP1", "zeta", (0.05, 0.0))
+    assert found.status is hb.Status.REACHED_END and found.values[-1] == 0.0
+    balance = hb.HarmonicBalance(hb.SpurPair(), 48)
+    other = hb.follow(hb.trace(balance, "Omega", (0.7, 1.0)), "LP1", "zeta", (0.05, 0.0))
+    assert found.tracked["Omega"][-1] == pytest.approx(other.tracked["Omega"][-1], rel=1e-8)
+
+
 def test_the_curve_of_a_fold_is_a_problem_of_its_own(hard: hb.Branch, tmp_path: Path) -> None:
     """A point of the curve is a start, also at other fixed parameters; a file has the curve as one of folds."""
     folds = hb.follow(hard, "LP2", "gap", (0.49, 0.51))

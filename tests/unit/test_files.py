@@ -33,8 +33,9 @@ def curve():
 
 
 def limited(code, size=LIMIT):
-    """Python code run where no file can grow beyond a size."""
-    first = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, resource.RLIM_INFINITY))\n"
+    """Python code run where no file can grow beyond a size, after a short trace that loads the compiled code."""
+    first = "import resource, hbgear as hb; hb.trace(hb.HarmonicBalance(hb.Duffing(), 40), 'Omega', (0.8, 0.81))\n"
+    first += f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, resource.RLIM_INFINITY))\n"
     env = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}
     return subprocess.run([sys.executable, "-c", first + code], capture_output=True, text=True, timeout=600, env=env)
 

@@ -19,8 +19,9 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, exchanges_of, with_exchange
 from hbgear.harmonic.instants.sampling import sample_gaps
-from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
-from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, linearise
+from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
+from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point, locate_grazing
 from hbgear.harmonic.instants.special_points.surface import Surface, SurfacePoint, TestFunction
 
 MAX_CORRECTION_OF_POINT = 0.5
@@ -38,7 +39,6 @@ MAX_DISTANCE_OF_GUESS = 0.03
 
 SAME_CONTACT = 1e-3
 """Duration [rad] of a missed crossing of the grazing contact itself, which is rounding."""
-
 
 PREDICTED_LOSS, MAX_LOSS = 0.55, 0.75
 """Largest part of its duration that a contact loses in a predicted step, and in a corrected one: motions with a contact
@@ -155,6 +155,29 @@ class SpecialMotions:
         rates = [self.durations(near.point, column * near.scale)[1][np.argmin(now)] for column in T.T]
         v = np.array([-rates[1], rates[0]]) / math.hypot(*rates)
         return replace(near, normal=T @ v, slope=near.slope * float(near.normal @ (T @ v)))
+
+    def at_second(self, last: SpecialMotion, second: float, length: float) -> SurfacePoint:
+        """Return the special point at a value of the second parameter, near a distance along the tangent.
+
+        Raises
+        ------
+        NoConvergence
+            If there is no such point nearby, or its contact instants have another order.
+        """
+        family, scale = self.surface.family(second), last.scale[:-1]
+        guess = last.point.state.moved(last.point.state.z + length * (last.tangent * last.scale)[:-1])
+        if last.grazing is not None:
+            state = locate_grazing(family, guess, [last.grazing], scale).state
+        else:
+            reach = MAX_CORRECTION_OF_POINT * length
+            state = relocated(family, point_on_curve(family, guess, scale), self.kind, reach).state
+        point = SurfacePoint(state, second, linearise(family(state.value), state.iterate))
+        self.check_durations(last, point)
+        if self.exchanged(point) is not None or self.missed(point):
+            raise NoConvergence("the order of contact instants changes", state.z, {}, [])
+        if np.linalg.norm((state.z - guess.z) / scale) > MAX_CORRECTION_OF_POINT * length:
+            raise NoConvergence("the special point is another one", state.z, {}, [])
+        return point
 
     # ---- contacts
 

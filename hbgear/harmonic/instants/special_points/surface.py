@@ -77,8 +77,11 @@ class Surface:
         self._known = LRUCache[Family](STORED_FAMILIES)
 
     def family(self, second: float) -> Family:
-        """Return the equations as a function of the first parameter."""
-        return self._known.get(second, lambda: self._families(second))
+        """Return the equations as a function of the first parameter; a refused value ends an iteration."""
+        try:
+            return self._known.get(second, lambda: self._families(second))
+        except ValueError as error:
+            raise NoConvergence(str(error), np.empty(0), {}, []) from error
 
     def at(self, point: SurfacePoint) -> EquationsAt:
         """Return the equations of a motion."""

@@ -124,8 +124,6 @@ class SpecialPointFollower:
             self._end(Status.INTERRUPTED, "interrupted")
         return self.curve
 
-    # ---- points
-
     # ---- steps
 
     def _advance(self) -> None:
@@ -133,6 +131,8 @@ class SpecialPointFollower:
         last = self.curve.points[-1]
         while True:
             length = self.motions.limited(last, self.step)
+            if self._reaches_end(last, length):
+                return
             try:
                 point, count = self.motions.along(last, length)
                 self.motions.check_durations(last, point)
@@ -140,7 +140,7 @@ class SpecialPointFollower:
                 if exchanged is not None:
                     if length > EXCHANGE_STEP:
                         raise NoConvergence("two contacts exchange their order", last.point.state.z, {}, [])
-                    self._pass(last, exchanged)
+                    self._pass(last, exchanged, point.second)
                     return
                 found = self.motions.placed(point, last.grazing)
                 missed = self.motions.missed(point)
@@ -162,11 +162,34 @@ class SpecialPointFollower:
         if vanishing:
             self._leave(found, vanishing)
 
+    def _reaches_end(self, last: SpecialMotion, length: float) -> bool:
+        """Accept the point at an end of the span before the next step, and return whether there is one.
+
+        It is located at the constant second parameter, beyond which the model may refuse values.
+        """
+        rate = float(last.tangent[-1] * last.scale[-1])
+        end = max(self.span) if rate > 0 else min(self.span)
+        if not rate or not 0 < (end - last.point.second) / rate <= length:
+            return False
+        try:
+            point = self.motions.at_second(last, end, (end - last.point.second) / rate)
+        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+            return False
+        self._accept(replace(last, point=point), length)
+        self._finish(end)
+        return True
+
+    def _finish(self, end: float) -> None:
+        """Set status and message of a curve that has reached an end of the span."""
+        reached = end == self.span[1]
+        text = f"{self.name} = {end:.6g} reached" if reached else f"the curve turned back to {self.name} = {end:.6g}"
+        self.curve.status, self.curve.message = Status.REACHED_END if reached else Status.LEFT_SPAN, text
+
     # ---- changes of the order of contact instants
 
-    def _pass(self, last: SpecialMotion, state: CurveState) -> None:
+    def _pass(self, last: SpecialMotion, state: CurveState, second: float) -> None:
         """Accept the special point with exchanged switches."""
-        found = self.motions.corrected(state, last.point.second, last.grazing)
+        found = self.motions.corrected(state, second, last.grazing)
         along = last.tangent[-2:] * last.scale[-2:] @ (found.tangent[-2:] * found.scale[-2:])
         self._accept(_reversed(found) if along < 0 else found, 0.0)
 
@@ -240,9 +263,7 @@ class SpecialPointFollower:
         end = high if found.point.second > high else low
         final = self._root(last, found, length, lambda motion: motion.point.second - end)
         self._accept(replace(final, point=final.point._replace(second=end)), length)
-        reached = end == self.span[1]
-        text = f"{self.name} = {end:.6g} reached" if reached else f"the curve turned back to {self.name} = {end:.6g}"
-        self.curve.status, self.curve.message = Status.REACHED_END if reached else Status.LEFT_SPAN, text
+        self._finish(end)
 
     def _ends_at_resonance(self, last: SpecialMotion, found: SpecialMotion, length: float) -> bool:
         """Accept the point at which a Neimark-Sacker pair becomes real, +1 or -1, and return whether there is one.
@@ -277,7 +298,7 @@ class SpecialPointFollower:
             return test(known[s])
 
         if value(0.0) * value(length) > 0:
-            raise NoConvergence("the order of contact instants changes", last.point.state.z, {}, [])
+            raise NoConvergence("a function has no zero between two points", last.point.state.z, {}, [])
         s = float(scipy.optimize.brentq(value, 0.0, length, xtol=1e-13, rtol=1e-14))
         value(s)
         return known[s]
