@@ -12,6 +12,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
+from hbgear.plot.labels import labels_of
 from hbgear.plot.style import COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
 
 if TYPE_CHECKING:
@@ -90,18 +91,16 @@ def special_curves(
 
 def _mark(
     ax: Axes, points: Sequence[SpecialPoint], plane: tuple[str, str], scale: float,
-    span: tuple[float, float] | None = None, unit: str = "",
+    with_values: bool = False, unit: str = "",
 ) -> None:  # fmt: skip
-    """Mark special points in the plane of two parameters, with their values if the span of the first one is given."""
+    """Mark special points in the plane of two parameters, with their values on request."""
     for point in map(named, points):
         at = point.parameters[plane[0]], scale * point.parameters[plane[1]]
-        ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(point),
-                gid=point.label)  # fmt: skip
-        if span is None:
-            continue
-        fraction = (at[0] - span[0]) / (span[1] - span[0])
-        side = "left" if fraction < 0.1 else "right" if fraction > 0.9 else "center"
-        ax.annotate("{:.5g}, {:.4g}".format(*at) + unit, at, (0, 8), textcoords="offset points", fontsize=8, ha=side)
+        (symbol,) = ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white",
+                            label=legend_entry(point), gid=point.label)  # fmt: skip
+        if with_values:
+            text = "{:.5g}, {:.4g}".format(*at) + unit
+            labels_of(ax).add(symbol, 0, text, text, True, (0, 1))
 
 
 def _add_legend(ax: Axes) -> None:
@@ -154,7 +153,7 @@ def jump_map(
             name, style = names[arm.direction]
             ax.plot(arm.values, across.scale * arm.Omega, style, color=COLOURS["no_impact"], label=name)
         unit = " r/min" if across.is_speed else ""
-        _mark(ax, jumps.special, (jumps.parameter, "Omega"), across.scale, jumps.span, unit)
+        _mark(ax, jumps.special, (jumps.parameter, "Omega"), across.scale, True, unit)
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
