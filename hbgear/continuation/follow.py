@@ -114,7 +114,7 @@ def follow(
         )
     if chosen.kind != here.kind:
         raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
-    exact = problem.special_point_equations(branch.parameter, here)
+    exact = problem.special_point_equations(branch.parameter, here, branch)
     if exact is not None:
         return trace_to_both_ends(exact, parameter, span, here, **options)
     own, start = in_residual_form(problem.at_resolution_of(here), here, branch.parameter, chosen)

@@ -36,6 +36,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
+from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -373,9 +374,10 @@ class ContactInstants(HarmonicBalance):
         others = (event for event in super().events(parameter) if event.kind not in ("PD", "BP"))
         return ExactPeriodDoubling(), ExactBranchPoint(), *others
 
-    def special_point_equations(self, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
-        """Return the problem of a special point LP, PD, NS or GR whose exact motion is known."""
-        return exact_special_point(self, parameter, point)
+    def special_point_equations(self, parameter: str, point: Point, branch: Branch | None = None) -> Any:
+        """Return the problem of a special point LP, PD, NS or GR whose exact motion is known, or traced again."""
+        again = point if branch is None else point_of_known_motion(self, branch, point)
+        return exact_special_point(again.problem or self, parameter, again)
 
     # ---- curves
 
@@ -518,6 +520,22 @@ def exact_special_point(problem: ContactInstants, parameter: str, point: Point) 
     here = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
     resonances = FirstResonanceEvent(), SecondResonanceEvent()
     return ExactSpecialPointProblem(problem, parameter, point.kind, here, resonances)
+
+
+def point_of_known_motion(problem: ContactInstants, branch: Branch, point: Point) -> Point:
+    """Return a special point of a curve from a file on the same curve traced again; itself if that has no such point.
+
+    The file has the harmonics of each motion, which do not show short contacts.
+    """
+    span = branch.meta.get("trace", {}).get("span")
+    if problem.known is not None or span is None or exact_special_point(problem, branch.parameter, point) is not None:
+        return point
+    value = point.parameters[branch.parameter]
+    with suppress(NoConvergence, ValueError):
+        curve = trace(problem, branch.parameter, tuple(span), at=dict(branch.fixed), stability=False)
+        return next((p for one in curve.curves for p in one.special if p.kind == getattr(point, "kind", "")
+                     and abs(p.parameters[branch.parameter] - value) <= SAME_PLACE * abs(value)), point)  # fmt: skip
+    return point
 
 
 def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:

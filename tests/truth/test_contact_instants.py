@@ -621,6 +621,15 @@ def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     assert found.values[-1] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.parametrize("label", ["LP2", "GR2"])
+def test_points_of_a_curve_from_a_file_are_followed(hard: hb.Branch, label: str, tmp_path: Path) -> None:
+    """Its 32 harmonics do not show the shorter contact of LP2, nor the contact that begins at GR2."""
+    hard.save(tmp_path / "curve.npz")
+    again = hb.load(tmp_path / "curve.npz", problem=hb.ContactInstants(stop_of(k=1e3), 32))
+    known, found = (hb.follow(curve, label, "gap", (0.5, 0.51)) for curve in (hard, again))
+    assert found.tracked["Omega"][-1] == pytest.approx(known.tracked["Omega"][-1], rel=1e-10)
+
+
 def test_a_curve_reaches_the_end_of_the_range_of_its_parameter() -> None:
     """Without damping the gear pair jumps at another Omega; the model refuses a negative damping ratio."""
     curve = hb.trace(hb.ContactInstants(hb.SpurPair(), 16), "Omega", (0.7, 1.0))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.layout import LayoutProtocol
@@ -25,7 +25,7 @@ Units = tuple[dict[str, float], dict[str, Array]]
 
 def base_problem(problem: ContinuationProblem) -> ContinuationProblem:
     """Return the problem of periodic motions inside augmented equations."""
-    return base_problem(problem.problem) if isinstance(problem, MinimallyAugmentedProblem) else problem
+    return base_problem(problem.problem) if isinstance(problem, SpecialPointProblem) else problem
 
 
 def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Sequence[str]) -> Units:

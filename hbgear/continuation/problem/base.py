@@ -267,7 +267,7 @@ class ContinuationProblem:
         """
         return None
 
-    def special_point_equations(self, parameter: str, point: Any) -> ContinuationProblem | None:
+    def special_point_equations(self, parameter: str, point: Any, branch: Any = None) -> ContinuationProblem | None:
         """Return a problem for a special point with `own_trace` in a second parameter; None for `Event.equations`."""
         return None
 
