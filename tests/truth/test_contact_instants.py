@@ -614,6 +614,20 @@ def test_a_curve_of_neimark_sacker_points_ends_on_a_curve_of_folds() -> None:
     assert fold.tracked["Omega"][-1] == pytest.approx(end.parameters["Omega"], rel=1e-9)
 
 
+def test_a_grazing_point_is_located_with_its_own_order_of_contact_instants() -> None:
+    """Before it, the end of the other contact passes a jump of the stiffness; a long step located it 4e-7 off."""
+    stiffness = hb.mechanics.Periodic(phases=(0.0379, 3.8078), coefficients=((1.2,), (0.8,)))
+    law = hb.Backlash(b=0.3375, k=5.495, stiffness=stiffness)
+    gap = hb.Element([1.0], law, hb.mechanics.Series(0.0, (0.00816,)), name="gap")
+    load = hb.Load(constant=[-0.0893], cosine={1: [0.146]})
+    model = hb.System([[1.552]], [[0.05074]], [[0.9387]], [gap], load)
+    problem = hb.ContactInstants(model, 16)
+    values = [hb.trace(problem, "Omega", span)["GR1"].parameters["Omega"] for span in ((0.7, 1.26), (0.79, 0.83))]
+    assert values[0] == pytest.approx(values[1], rel=1e-12)
+    exact = hb.trace(hb.HarmonicBalance(model, 96), "Omega", (0.79, 0.83))["GR1"]
+    assert abs(values[0] - exact.parameters["Omega"]) < 3 * exact.error < 1e-7
+
+
 def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     """A gap equal to the static displacement grazes at Omega = 0."""
     found = hb.follow(hard, "GR1", "gap", (0.5, 0.25))

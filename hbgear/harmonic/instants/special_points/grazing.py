@@ -19,11 +19,19 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, jacobian
+from hbgear.harmonic.instants.corrector import (
+    PARAMETER_STEP,
+    CurveState,
+    Family,
+    correct,
+    exchanges_of,
+    jacobian,
+)
 from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings
 from hbgear.harmonic.instants.sampling import MissedCrossing
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
 from hbgear.harmonic.instants.special_points.critical import ExactPoint
 
 GRAZING_DURATION = 2e-8
@@ -125,7 +133,7 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
     Raises
     ------
     NoConvergence
-        If Newton's method does not converge.
+        If Newton's method does not converge, or the switches are not in the order of their phases at the point.
     """
     grazing = contacts[0]
     scales = np.append(scale, 1.0)
@@ -144,11 +152,19 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
             break
         state, grazing = state.moved(state.z + step[:-1]), grazing._replace(t=grazing.t + float(step[-1]))
         if size <= GRAZING_TOLERANCE:
+            _require_order(family, state)
             _, gradient = _equations(family, state, grazing)
             others = [_touching(family, state, other) for other in contacts[1:]]
             touching = [other for other in others if other is not None]
             return GrazingPoint(state, [grazing, *touching], gradient[0, :-1])
     raise NoConvergence("the grazing point does not converge", state.z[:-1], {}, [])
+
+
+def _require_order(family: Family, state: CurveState) -> None:
+    """Raise NoConvergence if switches are not in the order of their phases: the state solves other equations."""
+    period = family(state.value).period
+    if exchanges_of(state, period, SIMULTANEOUS_SWITCHES * period):
+        raise NoConvergence("contact instants are exchanged before the grazing point", state.z[:-1], {}, [])
 
 
 def first_grazing(

@@ -34,11 +34,11 @@ the motion changes."""
 SECANT_TOLERANCE, MAX_SECANTS, FAST_SECANTS = 1e-11, 12, 4
 """Last change of c; largest number of evaluations of g; number up to which the step grows."""
 
+SAME_EXTREMUM = 1e-6
+"""Difference of the phases [rad] of two extrema of a gap, up to which they are the same one."""
+
 MAX_DISTANCE_OF_GUESS = 0.03
 """Largest distance of a special point from a guess with another order of contact instants."""
-
-SAME_CONTACT = 1e-3
-"""Duration [rad] of a missed crossing of the grazing contact itself, which is rounding."""
 
 PREDICTED_LOSS, MAX_LOSS = 0.55, 0.75
 """Largest part of its duration that a contact loses in a predicted step, and in a corrected one: motions with a contact
@@ -173,7 +173,7 @@ class SpecialMotions:
             state = relocated(family, point_on_curve(family, guess, scale), self.kind, reach).state
         point = SurfacePoint(state, second, linearise(family(state.value), state.iterate))
         self.check_durations(last, point)
-        if self.exchanged(point) is not None or self.missed(point):
+        if self.exchanged(point) is not None or self.missed(point, last.grazing):
             raise NoConvergence("the order of contact instants changes", state.z, {}, [])
         if np.linalg.norm((state.z - guess.z) / scale) > MAX_CORRECTION_OF_POINT * length:
             raise NoConvergence("the special point is another one", state.z, {}, [])
@@ -211,11 +211,22 @@ class SpecialMotions:
             state = with_exchange(state, i, period)
         return state if exchanges else None
 
-    def missed(self, point: SurfacePoint) -> list[Grazing]:
-        """Return the contacts for which a motion has no switches, without the grazing one that is followed."""
-        missed = sample_gaps(self.surface.at(point), point.state.iterate)[1]
-        return [Grazing(0.5 * (one.begin + one.end), one.first) for one in missed
-                if self.kind != "GR" or one.end - one.begin > SAME_CONTACT]  # fmt: skip
+    def missed(self, point: SurfacePoint, own: Grazing | None) -> list[Grazing]:
+        """Return the contacts for which a motion has no switches, without the grazing one that is followed.
+
+        Rounding makes that one a crossing around its extremum.
+        """
+        at, family = self.surface.at(point), self.surface.family(point.second)
+        found = [Grazing(0.5 * (one.begin + one.end), one.first) for one in sample_gaps(at, point.state.iterate)[1]]
+        if own is None or not found:
+            return found
+        extremum = highest_point(family, point.state, own)[0].t
+
+        def is_own(contact: Grazing) -> bool:
+            distance = highest_point(family, point.state, contact)[0].t - extremum
+            return contact.switch == own.switch and abs(math.remainder(distance, at.period)) < SAME_EXTREMUM
+
+        return [contact for contact in found if not is_own(contact)]
 
     def height(self, point: SurfacePoint, contacts: Sequence[Grazing]) -> float:
         """Return the largest distance of the gaps of contacts beyond their breakpoints."""

@@ -143,7 +143,7 @@ class SpecialPointFollower:
                     self._pass(last, exchanged, point.second)
                     return
                 found = self.motions.placed(point, last.grazing)
-                missed = self.motions.missed(point)
+                missed = self.motions.missed(point, last.grazing)
                 if missed:
                     self._open(last, found, length, missed)
                     return
