@@ -5,7 +5,7 @@
 A point of the surface is computed in the plane through a guess across T. Test functions are zero at special points of
 the curve in p at constant q:
 
-    LP   bordered determinant of F_u, regular where such curves cross        PD, NS   see `critical`
+    LP   bordered determinant of F_u, regular where such curves cross        PD   det(P + 1)      NS   see `critical`
     GR   largest distance of the gap of the contact beyond its breakpoint
 """
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
+from hbgear.continuation.results.stability import scaled_determinant
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import (
     CORRECTOR_TOLERANCE,
@@ -35,7 +36,6 @@ from hbgear.harmonic.instants.corrector import (
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.shooting import Linearisation, linearise
 from hbgear.harmonic.instants.special_points.critical import (
-    doubling_test,
     monodromy_matrix,
     multipliers_of,
     pair_test,
@@ -161,9 +161,8 @@ class Surface:
             return self._fold_test(at, scale)
 
         def multiplier_test(point: SurfacePoint) -> float:
-            P = monodromy_matrix(point.now)
-            mu = multipliers_of(P)
-            return doubling_test(P, mu) if kind == "PD" else pair_test(mu)
+            mu = multipliers_of(monodromy_matrix(point.now))
+            return float(scaled_determinant(mu[None], -1.0)[0]) if kind == "PD" else pair_test(mu)
 
         return multiplier_test
 
