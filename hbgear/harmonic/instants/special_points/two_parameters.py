@@ -270,12 +270,13 @@ class SpecialPointFollower:
 
         Beyond it, the product of two real multipliers is 1, which is no change of the motion.
         """
-        for kind, name, double in (("RI", "1:1", 1.0), ("RII", "1:2", -1.0)):
+        for kind, name, double in (("RI", "1:1", 1), ("RII", "1:2", -1)):
             distance = partial(_distance_of_pair, double=double)
             if distance(last) * distance(found) < 0:
                 self._accept(self._root(last, found, length, distance), 0.0)
                 self.curve.marks.append((kind, len(self.curve.points) - 1))
-                self._end(Status.EVENT, f"{name} resonance, where the multipliers become real")
+                where = f"a {name} resonance: a double multiplier {double:+d}"
+                self._end(Status.EVENT, f"the curve of Neimark-Sacker points ends at {where}")
                 return True
         return False
 
