@@ -329,11 +329,10 @@ def jump_map(
                 where = f"fold at Omega = {point.parameters['Omega']:.5g}"
                 report_progress(progress, f"{where}, followed in {parameter}")
                 try:
-                    equations, start = fold_equations(problem, point)
+                    fold = _fold_curve(*fold_equations(problem, point), parameter, (low, high), steps)
                 except NoConvergence:
                     refused.append(f"the {where} at {parameter} = {value:.5g} is not in the map: short contacts")
                     continue
-                fold = _fold_curve(equations, parameter, (low, high), start, steps)
                 folds += [(fold, _arms(problem, fold))]
                 ending.merge(fold, f"the curve of the {where}")
         gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *refused) if text)
@@ -371,7 +370,7 @@ def _spread(low: float, high: float, count: int) -> list[float]:
     return [low, high, *map(float, inner)]
 
 
-def _fold_curve(equations: Any, parameter: str, span: tuple[float, float], point: Point, steps: StepControl) -> Branch:
+def _fold_curve(equations: Any, point: Point, parameter: str, span: tuple[float, float], steps: StepControl) -> Branch:
     """Trace the curve of a fold in both directions to the ends of the span."""
     ends = span[::-1] if point.parameters[parameter] == span[1] else span
     return raise_if_interrupted(trace_to_both_ends(equations, parameter, ends, point, steps=steps))

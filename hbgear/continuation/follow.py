@@ -5,6 +5,7 @@ R(X, p) = 0,   g(X, p) = 0        X and p unknown, a second parameter varies
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
 
 
@@ -116,7 +118,8 @@ def follow(
         raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
     exact = problem.special_point_equations(branch.parameter, here, branch)
     if exact is not None:
-        return trace_to_both_ends(exact, parameter, span, here, **options)
+        with suppress(NoConvergence):  # of the first point
+            return trace_to_both_ends(exact, parameter, span, here, **options)
     own, start = in_residual_form(problem.at_resolution_of(here), here, branch.parameter, chosen)
     equations = chosen.equations(as_problem(own).original, branch.parameter, start)
     if equations is None:

@@ -48,7 +48,7 @@ from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
-from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate
 from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.special_points.grazing import Grazing
 from hbgear.harmonic.instants.special_points.problem import ExactSpecialPointProblem, KnownPoint
@@ -507,15 +507,22 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
 
 
 def exact_special_point(problem: ContactInstants, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
-    """Return the problem of a special point whose exact motion is known, with a curve in a second parameter."""
+    """Return the problem of a special point whose exact motion is known, with a curve in a second parameter.
+
+    None is returned for structures with many coordinates, which take seconds a point, and for contacts of a symmetric
+    machine that switch at the same instant, where the equations are nearly singular: there harmonics are better.
+    """
     if not isinstance(point, SpecialPoint) or point.kind not in (*RELOCATED_KINDS, "GR"):
         return None
     contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
-    if point.kind == "GR" and not contacts:
+    if problem.compiled({}).system.n > MAX_HARD_COORDINATES or (point.kind == "GR" and len(contacts) != 1):
         return None
     try:
         known = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
     except NoConvergence:
+        return None
+    period = math.tau * problem.nu
+    if np.abs(known[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
         return None
     here = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
     resonances = FirstResonanceEvent(), SecondResonanceEvent()

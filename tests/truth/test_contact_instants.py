@@ -628,6 +628,25 @@ def test_a_grazing_point_is_located_with_its_own_order_of_contact_instants() -> 
     assert abs(values[0] - exact.parameters["Omega"]) < 3 * exact.error < 1e-7
 
 
+@hb.mechanics.model
+def equal_masses(gap: float = 0.5) -> hb.System:
+    """Return two coupled masses with equal stops and loads."""
+    stops = [hb.Element(row, hb.Unilateral(k=10.0, gap=gap), name=f"stop {i + 1}") for i, row in enumerate(np.eye(2))]
+    K = [[1.5, -0.5], [-0.5, 1.5]]
+    return hb.System(np.eye(2), 0.1 * np.eye(2), K, stops, hb.Load(cosine={1: [0.3, 0.3]}))
+
+
+def test_folds_of_contacts_that_switch_at_the_same_instant_are_followed() -> None:
+    """The symmetric motion is that of one mass: Omega of the fold depends on F / gap only."""
+    curve = hb.trace(hb.ContactInstants(equal_masses(), 16), "Omega", (0.8, 2.2))
+    label = next(point.label for point in curve.special if point.kind == "LP")
+    found = hb.follow(curve, label, "gap", (0.5, 0.52))
+    alone = hb.trace(hb.ContactInstants(stop_of(k=10.0, gap=0.52), 16), "Omega", (0.8, 2.2))
+    folds = [point.parameters["Omega"] for point in alone.special if point.kind == "LP"]
+    assert found.status is hb.Status.REACHED_END
+    assert min(abs(found.tracked["Omega"][-1] - Omega) for Omega in folds) < 1e-5
+
+
 def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     """A gap equal to the static displacement grazes at Omega = 0."""
     found = hb.follow(hard, "GR1", "gap", (0.5, 0.25))
