@@ -376,8 +376,7 @@ class ContactInstants(HarmonicBalance):
 
     def special_point_equations(self, parameter: str, point: Point, branch: Branch | None = None) -> Any:
         """Return the problem of a special point LP, PD, NS or GR whose exact motion is known, or traced again."""
-        again = point if branch is None else point_of_known_motion(self, branch, point)
-        return exact_special_point(again.problem or self, parameter, again)
+        return exact_or_traced_again(self, parameter, point, branch)
 
     # ---- curves
 
@@ -529,20 +528,26 @@ def exact_special_point(problem: ContactInstants, parameter: str, point: Point) 
     return ExactSpecialPointProblem(problem, parameter, point.kind, here, resonances)
 
 
-def point_of_known_motion(problem: ContactInstants, branch: Branch, point: Point) -> Point:
-    """Return a special point of a curve from a file on the same curve traced again; itself if that has no such point.
+def exact_or_traced_again(
+    problem: ContactInstants, parameter: str, point: Point, branch: Branch | None
+) -> ExactSpecialPointProblem | None:
+    """Return `exact_special_point`; for a point of a curve from a file, also on the same curve traced again.
 
     The file has the harmonics of each motion, which do not show short contacts.
     """
-    span = branch.meta.get("trace", {}).get("span")
-    if problem.known is not None or span is None or exact_special_point(problem, branch.parameter, point) is not None:
-        return point
-    value = point.parameters[branch.parameter]
+    found = exact_special_point(problem, parameter, point)
+    span = branch.meta.get("trace", {}).get("span") if branch is not None else None
+    large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
+    if found is not None or branch is None or span is None or problem.known is not None or large:
+        return found
+    value = point.parameters[parameter]
     with suppress(NoConvergence, ValueError):
-        curve = trace(problem, branch.parameter, tuple(span), at=dict(branch.fixed), stability=False)
-        return next((p for one in curve.curves for p in one.special if p.kind == getattr(point, "kind", "")
-                     and abs(p.parameters[branch.parameter] - value) <= SAME_PLACE * abs(value)), point)  # fmt: skip
-    return point
+        curve = trace(problem, parameter, tuple(span), at=dict(branch.fixed), stability=False)
+        for one in (special for part in curve.curves for special in part.special):
+            same = abs(one.parameters[parameter] - value) <= SAME_PLACE * abs(value)
+            if same and one.kind == getattr(point, "kind", ""):
+                return exact_special_point(one.problem, parameter, one)
+    return None
 
 
 def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:

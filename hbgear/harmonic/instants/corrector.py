@@ -39,6 +39,12 @@ MAX_FINAL_STEP = 1e-10
 PARAMETER_STEP = 1e-6
 """Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
 
+PREDICTED_LOSS = 0.55
+"""Largest part of its duration that a contact loses in a predicted step."""
+
+CLOSED_DISTANCE = 0.5
+"""Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
+
 MAX_SEGMENT_LOSS = 0.6
 """Largest part of the duration of a contact that one Newton step may take."""
 
@@ -250,6 +256,14 @@ def asymptote_ahead(family: Family, state: CurveState, tangent: Array, width: fl
         return None
     allowed = MAX_TANGENT_MISS * abs(change) + ASYMPTOTE_ROUNDING * size
     return found if abs(found - far.value) < allowed else None
+
+
+def chord_passes(first: Array, before: Array, last: Array) -> bool:
+    """Return whether the chord from the point before to the last one passes the first point, in scaled unknowns."""
+    offset, chord = first - before, last - before
+    length = float(np.linalg.norm(chord))
+    s = float(offset @ chord) / length**2
+    return 0 < s <= 1 and float(np.linalg.norm(offset - s * chord)) < CLOSED_DISTANCE * length**2
 
 
 # ---- order of switches

@@ -25,9 +25,11 @@ from hbgear.continuation.curve.asymptote import unbounded_message
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import (
+    PREDICTED_LOSS,
     CurveState,
     Family,
     asymptote_ahead,
+    chord_passes,
     departed,
     exchanges_of,
     with_exchange,
@@ -68,9 +70,6 @@ MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
 
-PREDICTED_LOSS = 0.55
-"""Largest part of its duration that a contact loses in a predicted step."""
-
 FAST_ITERATIONS = 6
 """Number of corrector iterations up to which the step grows."""
 
@@ -93,9 +92,6 @@ UNBOUNDED_GROWTH = 10.0
 
 SAME_POINT = 1e-5
 """Relative difference of two branch points up to which they are the same point; they are located to 1e-7."""
-
-CLOSED_DISTANCE = 0.5
-"""Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -465,12 +461,9 @@ def _is_closed(curve: ExactCurve) -> bool:
         points[-2].state.pattern != points[-1].state.pattern
     ):  # fmt: skip
         return False
-    first, last, before = points[0], points[-1], points[-2]
-    offset, chord = ((p.state.z - before.state.z) / last.scale for p in (first, last))
-    length = float(np.linalg.norm(chord))
-    s = float(offset @ chord) / length**2
-    away = float(np.linalg.norm(offset - s * chord))
-    return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+    first, last = points[0], points[-1]
+    passes = chord_passes(*(point.state.z / last.scale for point in (first, points[-2], last)))
+    return passes and float(first.tangent @ last.tangent) > 0.5
 
 
 def _at_value(size: int) -> Array:

@@ -26,9 +26,9 @@ from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.observables import observed_motion, relative_residual, reporter
 from hbgear.harmonic.instants.sampling import coefficients
-from hbgear.harmonic.instants.special_points.critical import ExactPoint, exact_point, point_on_curve, relocated
-from hbgear.harmonic.instants.special_points.grazing import Grazing, locate_grazing
-from hbgear.harmonic.instants.special_points.special_motion import SpecialMotion
+from hbgear.harmonic.instants.special_points.critical import ExactPoint, exact_point, point_on_curve
+from hbgear.harmonic.instants.special_points.grazing import Grazing
+from hbgear.harmonic.instants.special_points.special_motion import SpecialMotion, state_near
 from hbgear.harmonic.instants.special_points.surface import Surface
 from hbgear.harmonic.instants.special_points.two_parameters import SpecialPointCurve, SpecialPointFollower
 
@@ -141,10 +141,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         parameters = {**known.parameters, name: value}
         family = self._surface(known, name).family(value)
         scale = known.state.scale(abs(known.state.value) or 1.0)
-        if known.grazing is not None:
-            found = locate_grazing(family, known.state, [known.grazing], scale).state
-        else:
-            found = relocated(family, point_on_curve(family, known.state, scale), self.kind).state
+        found = state_near(family, known.state, self.kind, known.grazing, scale, MAX_RELOCATION)
         return known._replace(state=found, parameters={**parameters, self.parameter: found.value})
 
     def _known_point(self, motion: SpecialMotion, start: KnownPoint, name: str) -> KnownPoint:
@@ -178,11 +175,11 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         durations = state.iterate.visit_durations(visits, family(state.value).period)
         step = DISTANCE_FROM_FOLD * min(1.0, float(np.abs(durations).min(initial=1.0)))
 
-        def beside(by: float) -> ExactPoint:
+        def at_distance(by: float) -> ExactPoint:
             near = state.moved(state.z + by * here.tangent * here.scale)
             return exact_point(family, near, here.tangent, here.scale, here.tangent)
 
-        return 1 if beside(step).tangent[-1] < beside(-step).tangent[-1] else -1
+        return 1 if at_distance(step).tangent[-1] < at_distance(-step).tangent[-1] else -1
 
     # ---- the curve
 
@@ -230,6 +227,9 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         tangent = np.append(np.zeros(len(u) - 1), 1.0)
         return CurvePoint(u, tangent, 1, relative_residual(point.now, iterate), 0, step, direction, observed)
 
+
+MAX_RELOCATION = 1e-3
+"""Largest distance along a curve, in scaled unknowns, of a point from its place at a value that differs by rounding."""
 
 NEXT_VALUE = 1e-9
 """Change of a parameter, over its unit, up to which a special point is located at the new value without a curve."""

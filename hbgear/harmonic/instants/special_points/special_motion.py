@@ -17,7 +17,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import CurveState, exchanges_of, with_exchange
+from hbgear.harmonic.instants.corrector import PREDICTED_LOSS, CurveState, Family, exchanges_of, with_exchange
 from hbgear.harmonic.instants.sampling import sample_gaps
 from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, linearise
 from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
@@ -40,9 +40,9 @@ SAME_EXTREMUM = 1e-6
 MAX_DISTANCE_OF_GUESS = 0.03
 """Largest distance of a special point from a guess with another order of contact instants."""
 
-PREDICTED_LOSS, MAX_LOSS = 0.55, 0.75
-"""Largest part of its duration that a contact loses in a predicted step, and in a corrected one: motions with a contact
-of no duration are another solution."""
+MAX_LOSS = 0.75
+"""Largest part of its duration that a contact loses in a corrected step: motions with a contact of no duration are
+another solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +166,7 @@ class SpecialMotions:
         """
         family, scale = self.surface.family(second), last.scale[:-1]
         guess = last.point.state.moved(last.point.state.z + length * (last.tangent * last.scale)[:-1])
-        if last.grazing is not None:
-            state = locate_grazing(family, guess, [last.grazing], scale).state
-        else:
-            reach = MAX_CORRECTION_OF_POINT * length
-            state = relocated(family, point_on_curve(family, guess, scale), self.kind, reach).state
+        state = state_near(family, guess, self.kind, last.grazing, scale, MAX_CORRECTION_OF_POINT * length)
         point = SurfacePoint(state, second, linearise(family(state.value), state.iterate))
         self.check_durations(last, point)
         if self.exchanged(point) is not None or self.missed(point, last.grazing):
@@ -232,3 +228,12 @@ class SpecialMotions:
         """Return the largest distance of the gaps of contacts beyond their breakpoints."""
         family = self.surface.family(point.second)
         return max(highest_point(family, point.state, contact)[1] for contact in contacts)
+
+
+def state_near(
+    family: Family, guess: CurveState, kind: str, grazing: Grazing | None, scale: Array, reach: float
+) -> CurveState:
+    """Return the special point of a curve in the first parameter near a guess; see `relocated` and `locate_grazing`."""
+    if grazing is not None:
+        return locate_grazing(family, guess, [grazing], scale).state
+    return relocated(family, point_on_curve(family, guess, scale), kind, reach).state

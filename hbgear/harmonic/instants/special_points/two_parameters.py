@@ -24,7 +24,7 @@ from hbgear.common.ranges import Range
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.stepping.control import StepControl
-from hbgear.harmonic.instants.corrector import CurveState
+from hbgear.harmonic.instants.corrector import CurveState, chord_passes
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import with_missed_crossings
 from hbgear.harmonic.instants.sampling import MissedCrossing
@@ -50,9 +50,6 @@ EXCHANGE_STEP = 1e-3
 VANISHING_CONTACT, FIRST_DURATION = 1e-5, 2e-5
 """Duration over the period of a contact that vanishes, and of one that has begun. Differences of a hundredth of it have
 rounding of 1e-4 by the corrector."""
-
-CLOSED_DISTANCE = 0.5
-"""Distance from the first point, over the step, at which the chord passes it: the curve is closed."""
 
 SMALLEST_RATIO = 1e-2
 """First parameter over that of the start at which a curve ends if it tends to zero. Motions at so low a frequency have
@@ -322,11 +319,8 @@ class SpecialPointFollower:
         patterns = {motion.point.state.pattern for motion in (first, before, last)}
         if len(points) < 5 or len(patterns) > 1:
             return False
-        offset, chord = ((motion.point.w - before.point.w) / last.scale for motion in (first, last))
-        length = float(np.linalg.norm(chord))
-        s = float(offset @ chord) / length**2
-        away = float(np.linalg.norm(offset - s * chord))
-        return 0 < s <= 1 and away < CLOSED_DISTANCE * length**2 and float(first.tangent @ last.tangent) > 0.5
+        passes = chord_passes(*(motion.point.w / last.scale for motion in (first, before, last)))
+        return passes and float(first.tangent @ last.tangent) > 0.5
 
     def _end(self, status: Status, reason: str) -> None:
         """Set the reason of the end."""
