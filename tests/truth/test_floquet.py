@@ -3,17 +3,22 @@
 det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
 """
 
+import copy
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import scipy
 from cross.shooting import integrate, state
 
-from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.equations.motion import with_driven_harmonics
+from hbgear.harmonic.multipliers import constant_flow
 from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
-from hbgear.mechanics import Law, Parallel, Series
+from hbgear.harmonic.structure.modes import SymmetricPair
+from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series
 from hbgear.mechanics.series.fourier import evaluate
 
 
@@ -79,6 +84,126 @@ CASES = {
     "velocity-dependent": (lambda rng: dragged(), 1.1),
     "steps of several parts": (lambda rng: chain(), 1.6),
 }
+
+
+def beam(law, n=2):
+    """A cantilever of n finite elements, whose end touches a stop or rubs: its highest mode is 60 times its lowest."""
+    h, (K, M) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
+    for e in range(n):
+        at = slice(2 * e, 2 * e + 4)
+        K[at, at] += [[12 / h**3, 6 / h**2, -12 / h**3, 6 / h**2], [6 / h**2, 4 / h, -6 / h**2, 2 / h],
+                      [-12 / h**3, -6 / h**2, 12 / h**3, -6 / h**2], [6 / h**2, 2 / h, -6 / h**2, 4 / h]]  # fmt: skip
+        M[at, at] += np.multiply(
+            h / 420,
+            [
+                [156, 22 * h, 54, -13 * h],
+                [22 * h, 4 * h**2, 13 * h, -3 * h**2],
+                [54, 13 * h, 156, -22 * h],
+                [-13 * h, -3 * h**2, -22 * h, 4 * h**2],
+            ],
+        )
+    M, K, end = M[2:, 2:], K[2:, 2:], np.eye(2 * n)[-2]  # clamped
+    return System(M, 2e-4 * K + 0.05 * M, K, [Element(end, law)], Load(cosine={1: 0.2 * end}))
+
+
+def flow_between(system, stiffness, begin, end, Omega):
+    """Flow of the variational equation in physical coordinates; the stiffness of the element over the phase."""
+    M, (w,) = np.asarray(system.M), system.W.T
+    C, K, n = np.asarray(system.C), np.asarray(system.K), len(M)
+
+    def matrix(tau):
+        full = K + stiffness(tau) * np.outer(w, w)
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, full), -np.linalg.solve(M, C)]])
+
+    if stiffness(begin) == stiffness(0.5 * (begin + end)):
+        return scipy.linalg.expm(matrix(begin) * (end - begin) / Omega)
+    flow = scipy.integrate.solve_ivp(
+        lambda t, y: (matrix(begin + Omega * t) @ y.reshape(2 * n, -1)).ravel(), (0, (end - begin) / Omega),
+        np.eye(2 * n).ravel(), method="DOP853", rtol=1e-12, atol=1e-12,
+    )  # fmt: skip
+    return flow.y[:, -1].reshape(2 * n, -1)
+
+
+@pytest.mark.parametrize("varying", [0.0, 0.3])
+@pytest.mark.parametrize("k", [2.0, 200.0])
+def test_modes_much_faster_than_the_springs(k, varying):
+    """The steps must resolve modes that a soft spring excites; they were up to 2e-2 off.
+
+    The reference propagates the disturbance in physical coordinates, by matrix exponentials or DOP853.
+    """
+    law = (
+        PiecewiseLinear((0.05,), (0.0, 1.0), stiffness=Series(k, (varying * k,)))
+        if varying
+        else Unilateral(k, gap=0.05)
+    )
+    system = beam(law)
+    problem = HarmonicBalance(system, 24)
+    X, Omega = problem.start(3.3), np.array([3.3])
+    compiled = problem.compiled({})
+    wide = with_driven_harmonics(compiled, X[None], Omega)
+
+    def gap(tau):
+        return float(evaluate(wide, np.array([tau]))[0, 0]) - 0.05
+
+    grid = np.linspace(0.0, 2 * np.pi, 400)
+    signs = np.sign([gap(tau) for tau in grid])
+    theta = [scipy.optimize.brentq(gap, *grid[i : i + 2], xtol=1e-14) for i in np.flatnonzero(np.diff(signs))]
+    assert len(theta) >= 2
+    Phi = np.eye(8)
+    for begin, end in itertools.pairwise([*theta, theta[0] + 2 * np.pi]):
+        touch = k * (gap(0.5 * (begin + end)) > 0)
+        Phi = flow_between(system, lambda tau, k=touch: k * (1 + varying * np.cos(tau)), begin, end, 3.3) @ Phi
+    expected = np.linalg.eigvals(Phi)
+    found = floquet_multipliers(compiled, wide, Omega)[0]
+    assert np.abs(found[:, None] - expected).min(axis=1).max() < 3e-9
+    assert np.sort(np.abs(expected))[-4] > 0.3
+
+
+@pytest.mark.parametrize("k", [2.0, 200.0])
+def test_exact_flows_of_friction_are_the_limit_of_short_steps(k):
+    problem = HarmonicBalance(beam(Jenkins(k, 0.1), 5), 24)
+    X = problem.start(3.3)
+    compiled = problem.compiled({})
+    exact, steps = (
+        floquet_multipliers(compiled, X[None], np.array([3.3]), points=points)[0] for points in (None, 8)
+    )  # fmt: skip
+    assert np.abs(exact[:, None] - steps).min(axis=1).max() < 1e-8
+    assert np.abs(exact[2]) > 0.3
+
+
+def test_truncated_modes_change_multipliers_of_friction_little():
+    """The displacement at which a slider begins to stick has the static part of the truncated modes."""
+    problem = HarmonicBalance(beam(Jenkins(20.0, 0.1), 20), 24)
+    X, Omega = problem.start(3.3), np.array([3.3])
+    reduced = problem.compiled({})
+    full = copy.copy(reduced)
+    full.reduce = False
+    few, all_ = (floquet_multipliers(one, X[None], Omega)[0] for one in (reduced, full))
+    assert np.abs(few[:4, None] - all_).min(axis=1).max() < 2e-5
+
+
+def test_exact_flow_is_that_of_the_matrix_exponential(rng):
+    for q, g, columns in ((2, 1, 3), (5, 3, 13), (10, 5, 25)):
+        poles = -0.1 + 1j * rng.uniform(1, 200, q)
+        output, input_ = (
+            scale * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+            for scale, shape in ((1.0, (g, q)), (0.01, (q, g)))
+        )
+        rest, D, pull = rng.standard_normal((g, g)) / 10, rng.standard_normal(g), rng.standard_normal((g, columns))
+        modes = SymmetricPair(poles, output, input_, np.arange(g), rest)
+        C, B = np.hstack([output.real, -output.imag]), np.vstack([input_.real, input_.imag])
+        turn = np.block([[np.diag(poles.real), -np.diag(poles.imag)], [np.diag(poles.imag), np.diag(poles.real)]])
+        ports = np.linalg.inv(np.eye(g) + D[:, None] * rest)
+        F, b = turn - B @ ports @ (D[:, None] * C), B @ ports @ pull
+        flow, state = constant_flow.flow_workspace(g, q, columns), rng.standard_normal((2 * q, columns))
+        constant_flow.fill_flow(modes, D, pull, 0.7, flow)
+        whole = scipy.linalg.expm(0.7 * np.block([[F, b], [np.zeros((columns, 2 * q + columns))]]))
+        expected = whole[: 2 * q, : 2 * q] @ state + whole[: 2 * q, 2 * q :]
+        u = ports @ (D[:, None] * (C @ state) - pull)
+        constant_flow.fill_displacements(modes, D, state, pull, flow)
+        np.testing.assert_allclose(flow.displacements, C @ state - rest @ u, atol=1e-12)
+        constant_flow.apply_flow(flow, state)
+        np.testing.assert_allclose(state, expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -11,8 +11,9 @@ collocation at s Gauss points,
     d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
 
-The integrals are known in closed form, so stiff supports and fast modes do not limit the step. The order is 2s. No
-saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. The
+The integrals are known in closed form. The order is 2s. The steps resolve the vibration of the springs, and that of the
+modes that are coupled to the elements: the free vibration of a mode is no polynomial in a step of several of its
+periods. No saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. The
 exception are contacts with dampers (`Law.damped`), whose force jumps by c d'. A disturbance moves the instant by
 -d / d', so that z jumps by -+ input c d at the begin and at the end of a contact.
 
@@ -21,7 +22,9 @@ modulations at the Gauss points, u = D (R z_0 - A u), and
 
     z_1 = [e^{poles h} - B (1 + D A)^-1 D R] z_0
 
-A, R and B belong to a segment, D to a step. The loops over segments, steps and modes are in `monodromy_kernels`.
+A, R and B belong to a segment, D to a step. The loops over segments, steps and modes are in `monodromy_kernels`. If the
+stiffness of all elements is constant between breakpoints, as of stops, backlash and dry friction, the flow over a
+segment is a matrix exponential (`constant_flow`), which replaces the collocation unless that takes less time.
 
 A law of several displacements has a full matrix of slopes. Each entry off the diagonal is one more modulation, of the
 displacement of one element and the force of another.
@@ -70,6 +73,13 @@ LONG_PERIOD_RADIANS = 12.0
 
 TEN_POINT_STEP, REDUCED_TEN_POINT_STEP = 3.5, 4.5
 """Longest step [rad] with ten Gauss points: with all modes, and with truncated modes, whose error is larger."""
+
+
+MODE_TURN_PER_SQUARED_POINTS = 0.085
+"""Angle [rad] by which the fastest coupled mode turns in a step, over the square of the number of Gauss points.
+
+The error constant of s Gauss points, s!^4 / ((2 s + 1) (2 s)!^3), times the power 2 s + 1 of the angle is below 1e-9.
+"""
 
 
 MAX_UNREDUCED_POLES = 60
@@ -336,24 +346,35 @@ def monodromies(
     short = points or 6
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
-    schemes = ((*gauss_nodes(short), width or short / 5.0), (*gauss_nodes(10), width or usual), long)
+    schemes = (_scheme(short, width or short / 5.0), _scheme(10, width or usual), long, _MIDPOINT)
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
+        packed = compiled.packed_of(X)
+        constant = np.bool_(points is None and width is None and _has_constant_segments(packed))
         count = monodromy_kernels.monodromies(
-            compiled.packed_of(X),
-            part.modes,
-            X,
-            Omega,
-            mobility,
-            schemes,
-            MAX_STEP_OVER_PERIOD,
-            float(MAX_STEPS_PER_PERIOD),
-            out,
-        )
+            packed, part.modes, X, Omega, mobility, schemes, constant, MAX_STEP_OVER_PERIOD,
+            float(MAX_STEPS_PER_PERIOD), out,
+        )  # fmt: skip
         _check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
         _monodromy_with_python_laws(compiled, part, mobility, motion, frequency, schemes, matrix)
     return out
+
+
+def _has_constant_segments(packed: Any) -> bool:
+    """Return whether the stiffness of all elements is constant between breakpoints."""
+    laws, piecewise = packed.laws, packed.piecewise
+    constant = not laws.cubic[:, 1].any() and len(laws.shifts) == 1
+    return constant and (piecewise is None or not piecewise.weight[:, 1:].any())
+
+
+def _scheme(points: int, width: float) -> tuple[Array, Array, float, float]:
+    """Return a scheme of `monodromy_kernels.monodromies` with Gauss points."""
+    return *gauss_nodes(points), width, MODE_TURN_PER_SQUARED_POINTS * points**2
+
+
+_MIDPOINT = np.array([0.5]), np.ones((1, 1))
+"""Scheme with one point, at which the constant stiffness of a segment is evaluated."""
 
 
 def _check_steps(count: float) -> None:
@@ -385,10 +406,11 @@ def _monodromy_with_python_laws(
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     known = monodromy_kernels.steps_per_segment(packed, rows, mobility, coarse, space.waves, *buffers)
     which, longest = monodromy_kernels.step_of(
-        max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD
-    )
+        max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, part.modes,
+        mobility, float(MAX_STEPS_PER_PERIOD),
+    )  # fmt: skip
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, part.modes.poles)
-    x, L, _ = schemes[which]
+    x, L, *_ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
     count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
@@ -402,8 +424,11 @@ def _monodromy_with_python_laws(
     work.D[1] = dv.transpose(1, 2, 0)
     _fill_coupled_modulation(compiled, rows, omega, points, work.D)
     _add_slip_modulation(compiled, space.slides, points, work.D)
+    constant = np.bool_(False)
     if not jumps:
-        monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, segments, count, omega, x, L, work, out)
+        monodromy_kernels.monodromy(
+            packed.sliders, space.slides, part.modes, segments, count, omega, x, L, constant, work, out
+        )
         return
     D, first = work.D, np.concatenate([[0], np.cumsum(segments[:, 2])]).astype(int)
     product, flow = np.eye(len(out)), np.empty_like(out)
@@ -412,7 +437,9 @@ def _monodromy_with_python_laws(
             product = _saltation(part, j, impulse, len(out)) @ product
         piece = work._replace(D=np.ascontiguousarray(D[:, first[i] : first[i + 1]]))
         one = segments[i : i + 1]
-        monodromy_kernels.monodromy(packed.sliders, space.slides, part.modes, one, 1, omega, x, L, piece, flow)
+        monodromy_kernels.monodromy(
+            packed.sliders, space.slides, part.modes, one, 1, omega, x, L, constant, piece, flow
+        )
         product = flow @ product
     out[:] = product
 

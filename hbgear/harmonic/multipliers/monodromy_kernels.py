@@ -6,6 +6,8 @@ In a step of length h from the state z_0 of the modes, with u = D d at s Gauss p
     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
     z_1 = e^{poles h} z_0 - sum_j (int_0^h e^{poles (h - x)} input L_j(x) dx) u_j
 
+If D is constant in each segment, the exact flow of `constant_flow` replaces the collocation.
+
 A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
 constant. While it slips, its force does not change, or is proportional to the displacement d_n of a normal force. Where
 it begins to stick, y = d + lean d_n (`SliderWorkspace.lean`); no other saltation is needed, because the force is
@@ -33,6 +35,7 @@ from hbgear.harmonic.forces.piecewise_kernels import (
 )
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, insert_events, interval_at, sticks_at
+from hbgear.harmonic.multipliers.constant_flow import apply_flow, fill_displacements, fill_flow, flow_workspace
 from hbgear.harmonic.multipliers.phi_functions import moments
 
 MODULATION_SAMPLES = 32
@@ -71,6 +74,8 @@ class MonodromyWorkspace(NamedTuple):
         Disturbances of the sliders, and their constant forces k y in a step.
     stuck : ndarray, shape (Q,)
         Whether each slider sticks.
+    flow : FlowWorkspace
+        Exact flow of a segment, and the displacements of the ports at its end.
     """
 
     phases: Array
@@ -91,6 +96,7 @@ class MonodromyWorkspace(NamedTuple):
     memory: Array
     pull: Array
     stuck: np.ndarray
+    flow: Any
 
 
 @kernel
@@ -103,7 +109,7 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int, 
         np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
         np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q)), np.empty((2 * q, s * g)),
         np.empty((s * g, s * g + size)), np.empty((s * g, 2 * q)), np.empty((s * g, size)),
-        np.empty((number, size)), np.zeros((g, size)), np.empty(number, np.bool_),
+        np.empty((number, size)), np.zeros((g, size)), np.empty(number, np.bool_), flow_workspace(g, q, size),
     )  # fmt: skip
 
 
@@ -277,7 +283,7 @@ def steps_per_segment(packed: Any, coefficients: Any, mobility: Any, coarse: Any
     """Return an estimate of the largest natural frequency due to the modulations [rad per unit of time]; 0 if none.
 
     Its square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
-    at the phases ``coarse``. c (H + 1,), work (6, T) and k (T,) are overwritten.
+    at the phases ``coarse``, with all sliders. c (H + 1,), work (6, T) and k (T,) are overwritten.
     """
     most, T = 0.0, coarse.shape[1]
     for j in range(coefficients.shape[0]):
@@ -288,8 +294,20 @@ def steps_per_segment(packed: Any, coefficients: Any, mobility: Any, coarse: Any
         largest = packed.linear.springs[0, j]
         for i in range(T):
             largest = max(largest, abs(k[i]))
+        largest += _slider_stiffness(packed.sliders, j)
         most = max(most, mobility[j] * largest)
     return math.sqrt(most)
+
+
+@kernel
+def _slider_stiffness(sliders: Any, j: int) -> float:
+    """Return the stiffness of the sliders of element j that stick."""
+    total = 0.0
+    if sliders is not None:
+        for i in range(sliders.element.shape[0]):
+            if sliders.element[i] == j:
+                total += sliders.k[i]
+    return total
 
 
 @kernel
@@ -354,14 +372,19 @@ def _middle(segments: Any, i: int) -> float:
 
 
 @kernel
-def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, workspace: Any) -> None:
-    """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors."""
+def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, modes: Any, D: Any, workspace: Any) -> None:
+    """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors.
+
+    D (g,) : modulations at the end of the period, which determine the displacements of the ports.
+    """
     if sliders is None:
         return
     workspace.memory[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         workspace.stuck[i] = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
         workspace.memory[i, r + i] = 1.0 if slides.slips[i] else 0.0
+    _fill_pull(sliders, modes, workspace)
+    fill_displacements(modes, D, workspace.state, workspace.pull, workspace.flow)
 
 
 @kernel
@@ -369,19 +392,23 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
     """Set the states of the sliders in a segment, and their forces on the ports."""
     if sliders is None:
         return
-    workspace.pull[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         now = interval_at(slides.number[i], slides.begin[i], phase)
         sticks = slides.kind[i, now] == STICK
-        p = _port_of(modes.ports, sliders.element[i])
         if sticks and not workspace.stuck[i]:
-            workspace.memory[i, :] = 0.0
-            _add_observed(modes.output, p, 1.0, workspace.state, workspace.memory[i])
-            if slides.lean[i, now] != 0.0:
-                port = _port_of(modes.ports, sliders.normal[i])
-                _add_observed(modes.output, port, slides.lean[i, now], workspace.state, workspace.memory[i])
+            normal = _port_of(modes.ports, sliders.normal[i])
+            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.lean[i, now])
         workspace.stuck[i] = sticks
-        for n in range(workspace.pull.shape[1] if sticks and p >= 0 else 0):
+    _fill_pull(sliders, modes, workspace)
+
+
+@kernel
+def _fill_pull(sliders: Any, modes: Any, workspace: Any) -> None:
+    """Compute the forces k y of the sliders that stick on the ports."""
+    workspace.pull[:, :] = 0.0
+    for i in range(sliders.element.shape[0]):
+        p = _port_of(modes.ports, sliders.element[i])
+        for n in range(workspace.pull.shape[1] if workspace.stuck[i] and p >= 0 else 0):
             workspace.pull[p, n] += sliders.k[i] * workspace.memory[i, n]
 
 
@@ -395,13 +422,11 @@ def _port_of(ports: Any, j: int) -> int:
 
 
 @kernel
-def _add_observed(output: Any, p: int, factor: float, state: Any, out: Any) -> None:
-    """Add a multiple of the displacement of a port to ``out`` in all columns of the state."""
-    q = output.shape[1]
-    for k in range(q if p >= 0 else 0):
-        a, b = factor * output[p, k].real, factor * output[p, k].imag
-        for n in range(out.shape[0]):
-            out[n] += a * state[k, n] - b * state[q + k, n]
+def _set_memory(workspace: Any, i: int, p: int, normal: int, lean: float) -> None:
+    """Set the disturbance of slider i to d + lean d_n, from the displacements of ports p and normal (-1: none)."""
+    d, memory = workspace.flow.displacements, workspace.memory
+    for n in range(memory.shape[1]):
+        memory[i, n] = (d[p, n] if p >= 0 else 0.0) + (lean * d[normal, n] if normal >= 0 and lean != 0.0 else 0.0)
 
 
 @kernel
@@ -413,27 +438,24 @@ def _end_memory(
         return
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
-            workspace.memory[i, :] = 0.0
-            p = _port_of(modes.ports, sliders.element[i])
-            _add_observed(modes.output, p, 1.0, workspace.state, workspace.memory[i])
             now = interval_at(slides.number[i], slides.begin[i], phase)
-            gain = sliders.gain[i, slides.zone[i, now]]
-            if slides.kind[i, now] != OPEN and gain != 0.0:
-                port = _port_of(modes.ports, sliders.normal[i])
-                lean = -slides.kind[i, now] * gain / sliders.k[i]
-                _add_observed(modes.output, port, lean, workspace.state, workspace.memory[i])
+            gain = 0.0 if slides.kind[i, now] == OPEN else sliders.gain[i, slides.zone[i, now]]
+            normal = _port_of(modes.ports, sliders.normal[i])
+            lean = -slides.kind[i, now] * gain / sliders.k[i]
+            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, lean)
         for n in range(out.shape[1]):
             out[r + i, n] = factor * workspace.memory[i, n]
 
 
 @inlined
 def monodromy(
-    sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, workspace: Any,
-    out: Any,
+    sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, exact: Any,
+    workspace: Any, out: Any,
 ) -> None:  # fmt: skip
     """Compute the real monodromy matrix (r + Q, r + Q) of r modal states and Q sliders into ``out``.
 
-    D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps. Where disturbances
+    D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps; with ``exact`` it
+    is constant in each segment. Where disturbances
     grow beyond 1e300 the matrix is scaled, so that its largest entry is about that number; not with sliders.
     """
     s, q, size = x.shape[0], modes.poles.shape[0], out.shape[0]
@@ -446,19 +468,29 @@ def monodromy(
         for n in range(size):
             state[k, n] = 1.0 if k == n and n < r else 0.0
     step: Any = np.int64(0)
-    log = 0.0
-    _begin_memory(sliders, slides, _middle(segments, count - 1), r, workspace)
+    log, last = 0.0, -1
+    for i in range(count):
+        last += int(segments[i, 2])
+    _begin_memory(sliders, slides, _middle(segments, count - 1), r, modes, workspace.D[0, last, s - 1], workspace)
     for i in range(count):
         _enter_segment(sliders, slides, _middle(segments, i), modes, workspace)
-        moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
-        _fill_step_matrices(modes, L, workspace)
+        if exact:
+            fill_flow(modes, workspace.D[0, step, 0], workspace.pull, segments[i, 1] / omega, workspace.flow)
+        else:
+            moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
+            _fill_step_matrices(modes, L, workspace)
         for _ in range(int(segments[i, 2])):
-            _solve_collocation(workspace, step)
-            _propagate(turns[s], state)
-            add_product(workspace.B, workspace.u, -1.0, state)
+            if exact:
+                apply_flow(workspace.flow, state)
+            else:
+                _solve_collocation(workspace, step)
+                _propagate(turns[s], state)
+                add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
             if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0 and size == r:
                 log += _rescale(state, STATE_SCALING_THRESHOLD)
+        if size > r:
+            fill_displacements(modes, workspace.D[0, step - 1, s - 1], state, workspace.pull, workspace.flow)
     if size == r:
         log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
     factor = math.exp(min(log, math.log(MAX_MONODROMY_ENTRY))) if log > 0.0 else 1.0
@@ -560,14 +592,44 @@ def _propagate(factors: Any, state: Any) -> None:
 
 
 @kernel
-def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
+def step_of(
+    fast: float, omega: float, nu: int, schemes: Any, share: float, modes: Any, mobility: Any, most: float
+) -> tuple[int, float]:
     """Return the scheme (0 short period, 1 long period) and its longest step [rad]; see `monodromies`.
 
-    ``fast`` is the rate at which springs turn the state.
+    ``fast`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / most.
     """
-    which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1
-    width = schemes[0][2] if which == 0 else schemes[1][2]
-    return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
+    period = 2 * math.pi / omega
+    which = 0 if fast * period <= schemes[2] else 1
+    width, turn = (schemes[0][2], schemes[0][3]) if which == 0 else (schemes[1][2], schemes[1][3])
+    highest = _highest_coupled_mode(modes, mobility, fast, period)
+    resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / most)
+    return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu, resolved)
+
+
+MODE_ERROR = 1e-9
+"""Error of a multiplier by a mode that is not resolved by the steps, up to which it does not limit them."""
+
+
+@kernel
+def _highest_coupled_mode(modes: Any, mobility: Any, fast: float, period: float) -> float:
+    """Return the largest modulus of the poles whose modes the steps must resolve, 0 without such modes.
+
+    The free vibration of a mode is no polynomial in a step that it turns by several radians. Let c be the stiffness of
+    the elements times the flexibility of the mode, times the angle that the mode turns in a period. The error is then c
+    for the multiplier of the mode itself, and c^2 for those of slow modes, which excite it and which it excites.
+    """
+    highest = 0.0
+    for k in range(modes.poles.shape[0]):
+        size, share = abs(modes.poles[k]), 0.0
+        for p in range(modes.ports.shape[0]):
+            j = modes.ports[p]
+            if j >= 0 and mobility[j] > 0.0:
+                share = max(share, size * abs(modes.output[p, k] * modes.input[k, p]) / mobility[j])
+        c = fast * fast * share * period / max(size, 1e-300)
+        if size > highest and c * max(c, math.exp(min(0.0, modes.poles[k].real * period))) > MODE_ERROR:
+            highest = size
+    return highest
 
 
 MAX_GROWTH_EXPONENT = 10.0
@@ -610,14 +672,30 @@ def _rescale(state: Any, limit: float) -> float:
     return math.log(most)
 
 
+PRODUCTS_PER_EXPONENTIAL = 35
+"""Products of matrices of a typical `fill_flow`: the terms of its series, and ten doublings."""
+
+
+@kernel
+def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, columns: int) -> bool:
+    """Return whether exact flows take fewer operations than collocation with s points, for q modes and g ports."""
+    m, n = s * g, 2 * q
+    exact = segments * PRODUCTS_PER_EXPONENTIAL * 2 * n**3
+    step = m**3 // 2 + 2 * m * columns * (m + 2 * n)
+    return exact <= max(steps, float(segments)) * step + segments * 2 * m * m * q
+
+
 @kernel
 def monodromies(
-    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
-) -> float:
+    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, constant: Any, share: float, most: float,
+    out: Any,
+) -> float:  # fmt: skip
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
-    ``schemes`` holds (x, L, width) of a motion with a short period, the same of one with a long period, and the angle
-    [rad] that separates them. Return 0, or the number of steps of a period if it exceeds ``most``.
+    ``schemes`` holds (x, L, width, turn) of a motion with a short period, the same of one with a long period, the angle
+    [rad] that separates them, and (x, L) of exact flows; in a step, springs turn the state by ``width`` and modes by
+    ``turn`` [rad] at most. With ``constant``, the stiffness of all elements is constant in each segment. Return 0, or
+    the number of steps of a period if it exceeds ``most``.
     """
     nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
     space, samples = (
@@ -627,19 +705,27 @@ def monodromies(
     work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
     theta, segments = segment_arrays(packed, space)
     number = slider_count(packed.sliders)
+    typical = 1 + 2 * packed.laws.level.shape[0] + 4 * number
     workspace = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     for p in range(X.shape[0]):
         coefficients, omega = X[p].reshape(m, -1), Omega[p] / nu
         rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
-        which, longest = step_of(rate, omega, nu, schemes, share)
+        which, longest = step_of(rate, omega, nu, schemes, share, modes, mobility, most)
+        x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
+        exact = constant and _exact_is_faster(
+            typical, 2 * math.pi / longest, x.shape[0], modes.ports.shape[0], modes.poles.shape[0], size
+        )
+        if exact:
+            x, L, longest = schemes[3][0], schemes[3][1], 2 * math.pi
         longest = limit_step_by_growth(longest, omega, modes.poles)
         count: float = 2 * math.pi / longest
         if count > most:
             return count
         segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)
-        x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
         if steps > workspace.D.shape[1] or x.shape[0] != workspace.D.shape[2]:
             workspace = monodromy_workspace(modes, size, x.shape[0], 2 * steps, 1, number)
         fill_stiffness_modulation(packed, coefficients, modes.ports, segments, segment_count, x, space, workspace)
-        monodromy(packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, workspace, out[p])
+        monodromy(
+            packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, exact, workspace, out[p]
+        )  # fmt: skip
     return 0.0
