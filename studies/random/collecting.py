@@ -40,6 +40,9 @@ STORE = Path(__file__).parent / ".store"
 SECONDS = 600.0
 """Processor time [s] after which a machine is interrupted, and counts as one that does not end."""
 
+ASYMPTOTE_TOLERANCE = 3e-3
+"""Distance from +1 of a multiplier of the machine without gaps [-], in the direction of the last point of a curve."""
+
 
 @dataclass(frozen=True)
 class TraceEnd:
@@ -122,12 +125,14 @@ def _ending(it: Machine, one: Branch) -> Iterator[str]:
         yield f"left_span at {last:.6g}"
     if status is Status.CLOSED and np.linalg.norm(one.X[-1] - one.X[0]) > 1e-6 * np.linalg.norm(one.X[0]):
         yield "closed, but does not end where it began"
-    for far in one.asymptotes.values():
+    for end, far in one.asymptotes.items():
+        direction = one.X[0 if end == "first" else -1]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # nothing excites it
-            linear = hb.HarmonicBalance(Receded(it.model), one.problem.H)
-        apart = np.abs(linear.multipliers(np.zeros(linear.size), Omega=far) - 1).min()
-        if apart > 1e-3:
+            far_off = hb.HarmonicBalance(Receded(it.model), one.problem.H)
+        mu = far_off.multipliers(direction / np.abs(direction).max(), Omega=far)
+        apart = np.abs(mu - 1).min()
+        if apart > ASYMPTOTE_TOLERANCE:
             yield f"runs off to infinity at {far:.6g}, where the nearest multiplier is {apart:.1e} from +1"
     if not status.complete:
         yield f"{status}: {one.message}"
