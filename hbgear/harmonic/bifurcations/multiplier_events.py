@@ -163,9 +163,9 @@ def _without_clean_passages(
 def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
     """Refine a root of a function of the multipliers by Newton's method on more accurate equations.
 
-    The rough root is returned if the refined one is not near.
+    The rough root is returned if the refined one is not near, or if the ends of the segment are one point.
     """
-    if not rough.located:
+    if not rough.located or segment.length == 0.0:
         return rough
     try:
         refined = locate_by_newton(

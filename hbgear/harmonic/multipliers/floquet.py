@@ -13,9 +13,9 @@ collocation at s Gauss points,
 
 The integrals are known in closed form. The order is 2s. The steps resolve the vibration of the springs, and that of the
 modes that are coupled to the elements: the free vibration of a mode is no polynomial in a step of several of its
-periods. No saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a breakpoint. The
-exception are contacts with dampers (`Law.damped`), whose force jumps by c d'. A disturbance moves the instant by
--d / d', so that z jumps by -+ input c d at the begin and at the end of a contact.
+periods. No saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a
+breakpoint. The exception are contacts with dampers (`Law.damped`), whose force jumps by c d'. A disturbance moves the
+instant by -d / d', so that z jumps by -+ input c d at the begin and at the end of a contact.
 
 With the matrices A, R = (output e^{poles c_i h}), B of the integrals over the whole step, and the diagonal D of the
 modulations at the Gauss points, u = D (R z_0 - A u), and
