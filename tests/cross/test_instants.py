@@ -349,3 +349,11 @@ def test_units_do_not_matter():
         results.append(refine_motion(problem, problem.start(Omega=Omega), {"Omega": Omega}))
     np.testing.assert_allclose(results[0].multipliers, results[1].multipliers, rtol=1e-8)
     np.testing.assert_allclose(results[0].instants, results[1].instants, atol=1e-8)
+
+
+def test_residual_where_a_contact_begins_is_relative_to_the_motion():
+    """Gap and velocity at the switches are nearly zero there; relative to them it was 7e-8."""
+    load = hb.Load(constant=[-0.01255479], cosine={1: [0.05705222]})
+    touching = hb.System([[1.0]], [[0.05203305]], [[1.0]], [hb.Element([1.0], hb.Unilateral(27.154, 0.0))], load)
+    curve = hb.trace(hb.ContactInstants(touching), "Omega", (2.37, 2.34))
+    assert "GR" in {one.kind for one in curve.special} and curve.residual.max() < 1e-11

@@ -1,6 +1,7 @@
 """Single lines that could be wrong unnoticed: each test names the changes of the program that it must not survive."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings, solve
 from hbgear.continuation.tracing.jumps import find_jumps, nearest
 from hbgear.continuation.tracing.state import TraceSettings
 from hbgear.continuation.tracing.trace import Tracer, trace
-from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent, _refine_root
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.mechanics import PiecewiseLinear
 from hbgear.mechanics.series.fourier import resize
@@ -334,3 +335,9 @@ def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
     is_periodic(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12, period, left, guess)
     assert period[0] == 0 and guess[0] == k
     assert left[0] == pytest.approx(1e-3 * rho ** -(window - 1 + k), rel=1e-8)
+
+
+def test_a_root_on_a_segment_of_zero_length_is_not_refined():
+    """Two points of a curve may coincide; the admissible shift over the length was a division by zero."""
+    rough = SimpleNamespace(located=True)
+    assert _refine_root(SimpleNamespace(length=0.0), rough, None) is rough

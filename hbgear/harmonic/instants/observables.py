@@ -21,9 +21,13 @@ def observed_motion(at: EquationsAt, iterate: Iterate, H: int, own: list[float])
     return np.append(rows.ravel(), own), {"regime": regime_of(iterate.pattern, at.equations.m), "error": rest}
 
 
-def relative_residual(now: Linearisation, iterate: Iterate) -> float:
-    """Return the largest residual over the size of the states."""
-    return float(np.abs(now.R).max(initial=0.0)) / residual_scale(iterate)
+def relative_residual(now: Linearisation, iterate: Iterate, rows: Array) -> float:
+    """Return the largest residual over the size of the states and of the coefficients of the motion.
+
+    The states at the switches alone may be zero: where a contact begins, gap and velocity are.
+    """
+    size = max(residual_scale(iterate), float(np.abs(rows).max(initial=0.0)))
+    return float(np.abs(now.R).max(initial=0.0)) / size
 
 
 def regime_of(pattern: Pattern, m: int) -> Any:

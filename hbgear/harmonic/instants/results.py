@@ -92,5 +92,5 @@ def _curve_point(
         observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
     direction = int(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > 1e-12 else 0
     tangent = np.append(np.zeros(len(u) - 1), 1.0)
-    residual = relative_residual(point.now, iterate)
+    residual = relative_residual(point.now, iterate, u[:-1])
     return CurvePoint(u, tangent, 1, residual, point.iterations, step, direction, observed)

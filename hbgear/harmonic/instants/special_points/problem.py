@@ -225,7 +225,8 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         u, observed = observed_motion(surface.at(point), iterate, self.problem.H, own)
         direction = int(np.sign(motion.tangent[-1])) if abs(motion.tangent[-1]) > 1e-12 else 0
         tangent = np.append(np.zeros(len(u) - 1), 1.0)
-        return CurvePoint(u, tangent, 1, relative_residual(point.now, iterate), 0, step, direction, observed)
+        residual = relative_residual(point.now, iterate, u[: -len(own)])
+        return CurvePoint(u, tangent, 1, residual, 0, step, direction, observed)
 
 
 MAX_RELOCATION = 1e-3
