@@ -181,8 +181,7 @@ def model(
     The result is a class of models with one field for each parameter of the function. Parameters of type float can be
     continuation parameters in addition to Omega. The class is used like any model: in `trace`, `FoldProblem`,
     `critical_parameter`, `jump_map`, `cases`, saved files, and on the command line as ``hbgear trace mine.py:stop``,
-    where
-    its description is the docstring of the function.
+    where its description is the docstring of the function.
 
     Parameters
     ----------
@@ -201,8 +200,7 @@ def model(
     ------
     ValueError
         If a parameter has no type, another type, or the name of a method of models; if the function has ``*args``; or
-        if
-        labels, ranges or a span have other types, or names that the function does not have.
+        if labels, ranges or a span have other types, or names that the function does not have.
 
     Examples
     --------

@@ -44,15 +44,12 @@ class Model(ABC):
     """Frozen dataclass that describes a machine and builds its `System`.
 
     Its float fields are its parameters: each can be the continuation parameter, can be set on the command line, and
-    must
-    be a finite number within its range in `ranges`. A field is a parameter however its type is written, such as
+    must be a finite number within its range in `ranges`. A field is a parameter however its type is written, such as
     ``Annotated[float, "damping ratio"]``. A subclass checks conditions on several fields in ``__post_init__``, after
-    the
-    call of the method of this class.
+    the call of the method of this class.
 
     A function that returns a `System` becomes a model by the decorator `hbgear.mechanics.model`. A class is needed if
-    the
-    machine has more properties, such as units.
+    the machine has more properties, such as units.
 
     Examples
     --------
@@ -475,8 +472,7 @@ class System(Model):  # numpydoc ignore=PR02
         Terms of C and K that depend on Omega: gyroscopic terms, bearings. Default: none.
     receptances : Receptances, optional
         Measured part of the structure, at coordinates given by name, which need no mass. Branches have no stability
-        then,
-        and time integration is not available. Default: none.
+        then, and time integration is not available. Default: none.
 
     Raises
     ------

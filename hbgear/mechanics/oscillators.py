@@ -17,11 +17,9 @@ class Duffing(Model):  # numpydoc ignore=PR02
 
         x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t
 
-    The element is the cubic spring alone; its coordinate is x. Time is in units of 1/omega_n and Omega is over
-    omega_n, the
-    natural frequency without the cubic spring. x is a displacement over any length L, k3 is the cubic stiffness times
-    L^2
-    over the linear stiffness, and F is the force over L times the linear stiffness.
+    The element is the cubic spring alone; its coordinate is x. Time is in units of 1/omega_n and Omega is over omega_n,
+    the natural frequency without the cubic spring. x is a displacement over any length L, k3 is the cubic stiffness
+    times L^2 over the linear stiffness, and F is the force over L times the linear stiffness.
 
     Parameters
     ----------

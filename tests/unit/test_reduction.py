@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
-from hbgear.mechanics.reduction import reduce
+from hbgear.mechanics.reduction import reduce, reduced_within
 
 
 def chain(n, law=None, dense=False, damping=0.02):
@@ -254,3 +254,23 @@ def test_a_structure_whose_modes_all_matter_is_solved_directly():
         hb.trace(problem, "Omega", (0.5, 0.6), progress=lambda _: pytest.fail("refused after a point"))
     assert problem.restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 1600
     assert hb.HarmonicBalance(chain(40), 2).restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 40
+
+
+def test_a_structure_known_to_its_rounding_only_is_reduced_to_it():
+    """The stiffness of a beam of 300 elements has a condition number of 1e11; its responses have no nine digits."""
+    n = 300
+    h, (K, M) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
+    for e in range(n):
+        at = slice(2 * e, 2 * e + 4)
+        K[at, at] += np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+                               [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
+        M[at, at] += h * np.diag([0.5, h**2 / 24, 0.5, h**2 / 24])
+    M, K, tip = (sparse.csr_array(A[2:, 2:]) for A in (M, K, np.eye(2 * n + 2)))
+    tip = tip.toarray()[-2]
+    beam = hb.System(M, 1e-4 * K, K, [hb.Element(tip, hb.Unilateral(1.0, 0.1))], hb.Load(cosine={1: 0.1 * tip}))
+    found = reduced_within(beam, 80.0)
+    assert found is not None and found[0].system.n < 50
+    assert 1e-9 < found[1] < 1e-5
+    small = found[0].system
+    flexibility = small.W[:, 0] @ np.linalg.solve(small.K, small.W[:, 0])
+    assert flexibility == pytest.approx(1 / 3, rel=1e-5)  # L^3 / (3 E I)

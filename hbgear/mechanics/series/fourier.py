@@ -355,8 +355,7 @@ class Transform:
     """Fast Fourier transforms between rows of H harmonics and N samples over one period.
 
     Plans are created once for every power of two of the number of rows, when first needed. Each thread has its own
-    plans,
-    because a plan holds the arrays it works on.
+    plans, because a plan holds the arrays it works on.
 
     Parameters
     ----------
