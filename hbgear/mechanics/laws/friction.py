@@ -19,6 +19,7 @@ Jenkins (1962), ASME paper 62-MECH; Iwan (1966), J. Appl. Mech. 33(4), https://d
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Jenkins(_Sliders):  # numpydoc ignore=PR02
         if series.varies:
             Slider(self.k, self.limit, self.residual, self.cosine, self.sine)
 
-    @property
+    @cached_property
     def sliders(self) -> tuple[Slider, ...]:
         return (Slider(self.k, self.limit, self.residual, self.cosine, self.sine),)
 
@@ -167,7 +168,7 @@ class ContactFriction(_Sliders):  # numpydoc ignore=PR02
                 "normal force, such as normal='stop' for Element(..., name='stop')"
             )
 
-    @property
+    @cached_property
     def sliders(self) -> tuple[Slider, ...]:
         return (Slider(self.k, self.friction, self.residual, normal=self.normal),)
 
@@ -283,6 +284,6 @@ class Iwan(_Sliders):  # numpydoc ignore=PR02
         shares = (2 * np.arange(number) + 1) / number**2
         return Iwan((k / number,) * number, tuple((limit * shares).tolist()))
 
-    @property
+    @cached_property
     def sliders(self) -> tuple[Slider, ...]:
         return tuple(Slider(k, limit) for k, limit in zip(self.k, self.limit, strict=True))
