@@ -302,8 +302,8 @@ class HarmonicEquations(ContinuationProblem):
         """Return the balance of a reduced structure if all modes of the structure are too many for a curve.
 
         The receptances are then exact to 1e-9, or to the rounding of the full structure if that is larger, up to the
-        highest harmonic of the highest Omega, and ``branch.meta["structure"]`` holds their error. Smaller structures, those that need more than 256 modes, and
-        balances with ``reduce=False`` are not reduced.
+        highest harmonic of the highest Omega, and ``branch.meta["structure"]`` holds their error. Smaller structures,
+        those that need more than 256 modes, and balances with ``reduce=False`` are not reduced.
         """
         known = self.models.reduced_for
         if not self.reduce or not (known or self.compiled({}).structure.large):
