@@ -180,6 +180,8 @@ def test_truncated_modes_change_multipliers_of_friction_little():
     full.reduce = False
     few, all_ = (floquet_multipliers(one, X[None], Omega)[0] for one in (reduced, full))
     assert np.abs(few[:4, None] - all_).min(axis=1).max() < 2e-5
+    steps = floquet_multipliers(full, X[None], Omega, points=8)[0]
+    assert np.abs(all_[:4, None] - steps).min(axis=1).max() < 1e-8
 
 
 def test_exact_flow_is_that_of_the_matrix_exponential(rng):
