@@ -192,7 +192,7 @@ _CORRECTIONS = 4
 _MAX_RECEPTANCE_ERROR = 1e-9
 """Relative error of receptances [-] that does not change a response curve."""
 
-_ROUNDING_FACTOR, _MAX_ROUNDING = 10.0, 1e-3
+_ROUNDING_FACTOR, _MAX_ROUNDING = 100.0, 1e-3
 """Error over the rounding of the full structure, and largest error [-], that are attributed to rounding."""
 
 
@@ -200,8 +200,8 @@ def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | 
     """Return a reduction that is exact up to an angular frequency, and its error.
 
     Few modes below that frequency make a reduction exact; up to 256 modes are tried. Where the responses of the full
-    structure are not known to 1e-9, because its stiffness is ill-conditioned, a reduction with ten times their rounding
-    is accepted.
+    structure are not known to 1e-9, because its stiffness is ill-conditioned, a reduction within a hundred times their
+    rounding is accepted: the projection K B has the rounding of K as well.
 
     Parameters
     ----------
