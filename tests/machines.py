@@ -35,3 +35,17 @@ class Needs(hb.mechanics.Model):
 
     def system(self):
         return system(self.zeta, self.F)
+
+
+def cantilever(n):
+    """Mass and stiffness matrices of a clamped beam of unit length, mass and bending stiffness, of n elements."""
+    h, (M, K) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
+    stiffness = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+                 [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]  # fmt: skip
+    mass = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h**2, 13 * h, -3 * h**2],
+            [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h**2, -22 * h, 4 * h**2]]  # fmt: skip
+    for e in range(n):
+        at = slice(2 * e, 2 * e + 4)
+        K[at, at] += np.divide(stiffness, h**3)
+        M[at, at] += np.multiply(mass, h / 420)
+    return M[2:, 2:], K[2:, 2:]

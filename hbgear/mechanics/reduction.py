@@ -20,6 +20,7 @@ MacNeal (1971), Computers & Structures 1, 581-601 (residual flexibility); Rubin 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -154,33 +155,13 @@ class Reduction:  # numpydoc ignore=PR02
     def _error(self, w: Array, F: Array, Omega: float | None = None) -> Array:
         """Return the relative error of the responses to the forces F (n, c), relative to the largest at a frequency."""
         M, C, K = _closed(self.full, Omega)
-        reduced = [self.basis.T @ (A @ self.basis) for A in (K, C, M)]
+        k, c, m = (self.basis.T @ (A @ self.basis) for A in (K, C, M))
         out = []
         for wk in w:
-            factors = 1.0, 1j * wk, -(wk**2)
-            D = sum((a * A for a, A in zip(factors, (K, C, M), strict=True)), 0 * M)
-            G = self.full.W.T @ _factored(D, 0.1).solve(F.astype(complex))
-            reduced_stiffness = sum((a * A for a, A in zip(factors, reduced, strict=True)), 0 * reduced[0])
-            difference = (self.basis.T @ self.full.W).T @ scipy.linalg.solve(reduced_stiffness, self.basis.T @ F) - G
-            out.append((np.abs(difference).max(axis=0) / np.abs(G).max(axis=0)).max())
+            G = self.full.W.T @ _factored(_dynamic_stiffness(K, C, M, wk), 0.1).solve(F.astype(complex))
+            small = scipy.linalg.solve(_dynamic_stiffness(k, c, m, wk), self.basis.T @ F)
+            out.append(_relative_difference((self.basis.T @ self.full.W).T @ small, G))
         return np.array(out)
-
-    def _rounding(self, w: Array, F: Array) -> float:
-        """Return the largest relative change of responses to the forces F (n, c) by the rounding of the entries of K.
-
-        The responses of a structure whose stiffness is ill-conditioned, such as a beam of a thousand elements, are not
-        known better, whether it is reduced or not.
-        """
-        M, C, K = _closed(self.full)
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], K.nnz)
-        rounded = K.copy()
-        rounded.data = K.data * (1 + np.finfo(float).eps * signs)
-        out = 0.0
-        for wk in w:
-            rest = 1j * wk * C - wk**2 * M
-            G, other = (self.full.W.T @ _factored(rest + A, 0.1).solve(F.astype(complex)) for A in (K, rounded))
-            out = max(out, float((np.abs(other - G).max(axis=0) / np.abs(G).max(axis=0)).max()))
-        return out
 
 
 _MODE_COUNTS = (32, 64, 128, 256)
@@ -217,15 +198,44 @@ def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | 
     """
     F = _forces(system)
     w = highest * np.array([1.0, 0.75, 0.5, 0.25])
+    limit = functools.cache(lambda: min(_ROUNDING_FACTOR * _rounding(system, w, F), _MAX_ROUNDING))
     for modes in _MODE_COUNTS:
         if 2 * modes > system.n:
             break
         found = reduce(system, modes, corrections=_CORRECTIONS)
         if found.frequencies[-1] > highest:
             error = float(found._error(w, F).max())
-            if error <= max(_MAX_RECEPTANCE_ERROR, min(_ROUNDING_FACTOR * found._rounding(w, F), _MAX_ROUNDING)):
+            if error <= _MAX_RECEPTANCE_ERROR or error <= limit():
                 return found, error
     return None
+
+
+def _rounding(system: System, w: Array, F: Array) -> float:
+    """Return the largest relative change of responses to the forces F (n, c) by the rounding of the entries of K.
+
+    The responses of a structure whose stiffness is ill-conditioned, such as a beam of a thousand elements, are not
+    known better, whether it is reduced or not.
+    """
+    M, C, K = _closed(system)
+    rounded = K.copy()
+    rounded.data = K.data * (1 + np.finfo(float).eps * np.random.default_rng(0).choice([-1.0, 1.0], K.nnz))
+    out = 0.0
+    for wk in w:
+        G, other = (
+            system.W.T @ _factored(_dynamic_stiffness(A, C, M, wk), 0.1).solve(F.astype(complex)) for A in (K, rounded)
+        )
+        out = max(out, _relative_difference(other, G))
+    return out
+
+
+def _dynamic_stiffness(K: Any, C: Any, M: Any, w: float) -> Any:
+    """Return K + i w C - w^2 M."""
+    return K + 1j * w * C - w**2 * M
+
+
+def _relative_difference(responses: Array, reference: Array) -> float:
+    """Return the largest difference of responses (m, c), relative to the largest of the reference to each force."""
+    return float((np.abs(responses - reference).max(axis=0) / np.abs(reference).max(axis=0)).max())
 
 
 def _forces(system: System) -> Array:

@@ -40,7 +40,7 @@ STORE = Path(__file__).parent / ".store"
 SECONDS = 600.0
 """Processor time [s] after which a machine is interrupted, and counts as one that does not end."""
 
-ASYMPTOTE_TOLERANCE = 3e-3
+ASYMPTOTE_TOLERANCE = 1e-3
 """Distance from +1 of a multiplier of the machine without gaps [-], in the direction of the last point of a curve."""
 
 
@@ -125,8 +125,8 @@ def _ending(it: Machine, one: Branch) -> Iterator[str]:
         yield f"left_span at {last:.6g}"
     if status is Status.CLOSED and np.linalg.norm(one.X[-1] - one.X[0]) > 1e-6 * np.linalg.norm(one.X[0]):
         yield "closed, but does not end where it began"
-    for end, far in one.asymptotes.items():
-        direction = one.X[0 if end == "first" else -1]
+    for end, far in one.unbounded_ends:
+        direction = one.X[end]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # nothing excites it
             far_off = hb.HarmonicBalance(Receded(it.model), one.problem.H)

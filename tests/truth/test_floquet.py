@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy
 from cross.shooting import integrate, state
+from machines import cantilever
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.gears import DoubleHelicalPair
@@ -88,21 +89,7 @@ CASES = {
 
 def beam(law, n=2):
     """A cantilever of n finite elements, whose end touches a stop or rubs: its highest mode is 60 times its lowest."""
-    h, (K, M) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
-    for e in range(n):
-        at = slice(2 * e, 2 * e + 4)
-        K[at, at] += [[12 / h**3, 6 / h**2, -12 / h**3, 6 / h**2], [6 / h**2, 4 / h, -6 / h**2, 2 / h],
-                      [-12 / h**3, -6 / h**2, 12 / h**3, -6 / h**2], [6 / h**2, 2 / h, -6 / h**2, 4 / h]]  # fmt: skip
-        M[at, at] += np.multiply(
-            h / 420,
-            [
-                [156, 22 * h, 54, -13 * h],
-                [22 * h, 4 * h**2, 13 * h, -3 * h**2],
-                [54, 13 * h, 156, -22 * h],
-                [-13 * h, -3 * h**2, -22 * h, 4 * h**2],
-            ],
-        )
-    M, K, end = M[2:, 2:], K[2:, 2:], np.eye(2 * n)[-2]  # clamped
+    (M, K), end = cantilever(n), np.eye(2 * n)[-2]
     return System(M, 2e-4 * K + 0.05 * M, K, [Element(end, law)], Load(cosine={1: 0.2 * end}))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import cantilever
 from scipy import sparse
 from scipy.linalg import expm
 
@@ -259,14 +260,7 @@ def test_a_structure_whose_modes_all_matter_is_solved_directly():
 def test_a_structure_known_to_its_rounding_only_is_reduced_to_it():
     """The stiffness of a beam of 300 elements has a condition number of 1e11; its responses have no nine digits."""
     n = 300
-    h, (K, M) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
-    for e in range(n):
-        at = slice(2 * e, 2 * e + 4)
-        K[at, at] += np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
-                               [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
-        M[at, at] += h * np.diag([0.5, h**2 / 24, 0.5, h**2 / 24])
-    M, K, tip = (sparse.csr_array(A[2:, 2:]) for A in (M, K, np.eye(2 * n + 2)))
-    tip = tip.toarray()[-2]
+    (M, K), tip = map(sparse.csr_array, cantilever(n)), np.eye(2 * n)[-2]
     beam = hb.System(M, 1e-4 * K, K, [hb.Element(tip, hb.Unilateral(1.0, 0.1))], hb.Load(cosine={1: 0.1 * tip}))
     found = reduced_within(beam, 80.0)
     assert found is not None and found[0].system.n < 50

@@ -163,11 +163,13 @@ def floquet_multipliers(
         Excitation frequencies.
     points : int, optional
         Number s of Gauss points per step; the scheme has order 2s. The default is 6, or 10 where the period is long
-        compared with the vibration that the springs of the elements would excite.
+        compared with the vibration that the springs of the elements would excite. Without ``points`` and ``width``,
+        segments of constant stiffness are propagated exactly where this takes less time.
     width : float, optional
         Longest step, in units of the time in which the stiffest spring of the elements would turn the inertia of the
         structure by one radian. The default is s / 5, or with ten points 3.5 (4.5 with truncated modes). No step is
-        longer than a fifth of the excitation period.
+        longer than a fifth of the excitation period, and the modes that the elements excite turn by at most .085 s^2
+        radians in a step.
 
     Returns
     -------

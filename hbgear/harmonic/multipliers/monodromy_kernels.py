@@ -372,19 +372,24 @@ def _middle(segments: Any, i: int) -> float:
 
 
 @kernel
-def _begin_memory(sliders: Any, slides: Any, phase: float, r: int, modes: Any, D: Any, workspace: Any) -> None:
-    """Set the disturbances of the sliders, which are at their state of a phase, to the last unit vectors.
+def _begin_memory(
+    sliders: Any, slides: Any, segments: Any, count: int, r: int, modes: Any, workspace: Any
+) -> None:  # fmt: skip
+    """Set the disturbances of the sliders to the last unit vectors, and the displacements of the ports.
 
-    D (g,) : modulations at the end of the period, which determine the displacements of the ports.
+    The sliders and the modulations, which determine these displacements, are those of the end of the period.
     """
     if sliders is None:
         return
     workspace.memory[:, :] = 0.0
+    last, phase = -1, _middle(segments, count - 1)
+    for i in range(count):
+        last += int(segments[i, 2])
     for i in range(sliders.element.shape[0]):
         workspace.stuck[i] = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
         workspace.memory[i, r + i] = 1.0 if slides.slips[i] else 0.0
     _fill_pull(sliders, modes, workspace)
-    fill_displacements(modes, D, workspace.state, workspace.pull, workspace.flow)
+    fill_displacements(modes, workspace.D[0, last, -1], workspace.state, workspace.pull, workspace.flow)
 
 
 @kernel
@@ -455,8 +460,8 @@ def monodromy(
     """Compute the real monodromy matrix (r + Q, r + Q) of r modal states and Q sliders into ``out``.
 
     D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps; with ``exact`` it
-    is constant in each segment. Where disturbances
-    grow beyond 1e300 the matrix is scaled, so that its largest entry is about that number; not with sliders.
+    is constant in each segment. Where disturbances grow beyond 1e300 the matrix is scaled, so that its largest entry is
+    about that number; not with sliders.
     """
     s, q, size = x.shape[0], modes.poles.shape[0], out.shape[0]
     r = size - slider_count(sliders)
@@ -468,10 +473,8 @@ def monodromy(
         for n in range(size):
             state[k, n] = 1.0 if k == n and n < r else 0.0
     step: Any = np.int64(0)
-    log, last = 0.0, -1
-    for i in range(count):
-        last += int(segments[i, 2])
-    _begin_memory(sliders, slides, _middle(segments, count - 1), r, modes, workspace.D[0, last, s - 1], workspace)
+    log = 0.0
+    _begin_memory(sliders, slides, segments, count, r, modes, workspace)
     for i in range(count):
         _enter_segment(sliders, slides, _middle(segments, i), modes, workspace)
         if exact:
@@ -490,7 +493,7 @@ def monodromy(
             if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0 and size == r:
                 log += _rescale(state, STATE_SCALING_THRESHOLD)
         if size > r:
-            fill_displacements(modes, workspace.D[0, step - 1, s - 1], state, workspace.pull, workspace.flow)
+            fill_displacements(modes, workspace.D[0, step - 1, -1], state, workspace.pull, workspace.flow)
     if size == r:
         log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
     factor = math.exp(min(log, math.log(MAX_MONODROMY_ENTRY))) if log > 0.0 else 1.0
