@@ -338,6 +338,6 @@ def harmonics_of(text: str) -> int | str:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """Trace a curve with a progress bar."""
-    other_branches = compile_in_parallel() if options.get("stability", True) else nullcontext()
+    other_branches = compile_in_parallel(problem) if options.get("stability", True) else nullcontext()
     with bar(parameter) as progress, other_branches:
         return hb.trace(problem, parameter, span, progress=progress, **options)

@@ -250,7 +250,8 @@ import hbgear as hb
 from hbgear.cli import first, startup
 from hbgear.common.process import compiling
 startup.IS_COMMAND, first.processors = {command}, lambda: 2
-with first.compile_in_parallel():
+problem = hb.HarmonicBalance(hb.SpurPair({stiffness}), 8)
+with first.compile_in_parallel(problem):
     end = time.monotonic() + {seconds}
     last = compiling._store() / "hbgear.harmonic.equations.diagnostic_kernels.driven_response"
     while not last.exists() and time.monotonic() < end:
@@ -258,23 +259,27 @@ with first.compile_in_parallel():
 from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
 from hbgear.harmonic.equations.diagnostic_kernels import driven_response, extrema, truncated_force_harmonics
 if {command}:
-    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     problem.observe_many(np.ones((1, problem.size)), "Omega", np.array([0.8]))
     problem.multipliers(np.ones(problem.size), Omega=0.8)
     stats = [kernel._call.stats for kernel in (monodromies, extrema, truncated_force_harmonics, driven_response)]
     print(*(sum(one.cache_hits.values()) for one in stats), *(sum(one.cache_misses.values()) for one in stats))
-print(compiling.nothing_stored())
+print(monodromies.is_missing)
 """
 """The first command, but for the curve itself; and the same in another program."""
 
 
-def test_the_first_command_loads_code_of_another_process(tmp_path):
-    """Of multipliers and observables it compiles nothing; a program that is not the command starts no process."""
+@pytest.mark.parametrize("stiffness", ["", "stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)"])
+def test_the_first_command_loads_code_of_another_process(tmp_path, stiffness):
+    """Of multipliers and observables it compiles nothing, with and without breakpoints."""
     pytest.importorskip("numba")
-    out, err = told(start(BESIDE.format(command=True, seconds=250), tmp_path / "kept"))
+    out, err = told(start(BESIDE.format(command=True, seconds=250, stiffness=stiffness), tmp_path))
     assert out == "1 1 1 1 0 0 0 0\nFalse\n" and err == ""
-    assert told(start(BESIDE.format(command=False, seconds=0), tmp_path / "other"))[0] == "True\n"
-    assert files(tmp_path / "other") == {}
+
+
+def test_a_program_that_is_not_the_command_starts_no_process(tmp_path):
+    pytest.importorskip("numba")
+    assert told(start(BESIDE.format(command=False, seconds=0, stiffness=""), tmp_path))[0] == "True\n"
+    assert not any("monodromies" in name for name in files(tmp_path))
 
 
 def one_mass(law):

@@ -91,6 +91,15 @@ class Kernel:
         """Argument types that have an entry in this process."""
         return list(getattr(self._call, "signatures", []))
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether code can be stored and none of this kernel is stored yet for the present sources."""
+        return _numba() is not None and not self._stored().is_file() and _writable() is None
+
+    def _stored(self) -> Path:
+        """Return the file of the code of this kernel."""
+        return _store() / f"{self.function.__module__}.{self.function.__name__}"
+
     @cached_property
     def part(self) -> Any:
         """Form that other kernels call, without code for calls from Python."""
@@ -138,7 +147,7 @@ class Kernel:
         if folder is None:
             entry.compile(signature)
             return
-        place, kept = Path(folder), _store() / f"{self.function.__module__}.{self.function.__name__}"
+        place, kept = Path(folder), self._stored()
         try:
             _write_files(place, _read(kept))
             misses = sum(entry.stats.cache_misses.values())
@@ -169,7 +178,7 @@ def _read(path: Path) -> dict[str, bytes]:
         _warn_once("hbgear compiles a part of its core again, for stored code cannot be used: %s", error)
         return {}
     if not parts and _writable() is None and not any(_store().iterdir()):
-        _warn_once("hbgear compiles its core for this processor: once, for about half a minute")
+        _warn_once("hbgear compiles its core for this processor: once, for one to three minutes")
     return parts
 
 
@@ -231,11 +240,6 @@ def _store() -> Path:
     given = os.environ.get("NUMBA_CACHE_DIR")
     parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
     return parent / f"kernels-{_state()}"
-
-
-def nothing_stored() -> bool:
-    """Return whether compiled code can be stored and none is stored yet for the present sources."""
-    return _numba() is not None and not _store().is_dir() and _writable() is None
 
 
 @cache

@@ -71,11 +71,9 @@ def flow_workspace(g: int, q: int, columns: int) -> Any:
 def fill_flow(modes: Any, D: Any, pull: Any, h: float, flow: Any) -> None:
     """Compute the flow over a time h with modulations D (g,) and constant forces pull (g, r) of the ports."""
     g, q, ports, F, b = D.shape[0], modes.poles.shape[0], flow.ports, flow.F, flow.b
-    _fill_ports(modes, D, ports)
-    ports[:, g + 2 * q :] = -pull
-    solve_in_place(ports)
-    F[:, :] = 0.0
-    b[:, :] = 0.0
+    _solve_ports(modes, D, pull, ports)
+    _set_diagonal(0.0, F)
+    _set_diagonal(0.0, b)
     for k in range(q):
         pole = modes.poles[k]
         F[k, k], F[k, q + k], F[q + k, k], F[q + k, q + k] = pole.real, -pole.imag, pole.imag, pole.real
@@ -88,19 +86,30 @@ def fill_flow(modes: Any, D: Any, pull: Any, h: float, flow: Any) -> None:
                 b[k, n] -= x * ports[p, g + 2 * q + n]
                 b[q + k, n] -= y * ports[p, g + 2 * q + n]
     _exponentiate(h, flow)
-    flow.constant[:, :] = 0.0
+    _set_diagonal(0.0, flow.constant)
     add_product(flow.phi, b, 1.0, flow.constant)
 
 
 @kernel
-def _fill_ports(modes: Any, D: Any, ports: Any) -> None:
-    """Fill [1 + D rest, D output] of the equations of the ports; modes are real numbers."""
+def _solve_ports(modes: Any, D: Any, pull: Any, ports: Any) -> None:
+    """Fill [1 + D rest, D output, -pull] of the equations of the ports and solve them; modes are real numbers."""
     g, q = D.shape[0], modes.poles.shape[0]
     for p in range(g):
         for e in range(g):
             ports[p, e] = D[p] * modes.rest[p, e] + (1.0 if p == e else 0.0)
         for k in range(q):
             ports[p, g + k], ports[p, g + q + k] = D[p] * modes.output[p, k].real, -D[p] * modes.output[p, k].imag
+        for n in range(pull.shape[1]):
+            ports[p, g + 2 * q + n] = -pull[p, n]
+    solve_in_place(ports)
+
+
+@kernel
+def _set_diagonal(value: float, out: Any) -> None:
+    """Set ``out`` to a value on the diagonal and zero elsewhere."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = value if i == j else 0.0
 
 
 @kernel
@@ -118,51 +127,54 @@ def _exponentiate(h: float, flow: Any) -> None:
         size *= 0.5
         h *= 0.5
         doublings += 1
-    F *= h
-    phi[:, :] = 0.0
-    for i in range(n):
-        phi[i, i] = 1.0
+    _set_diagonal(1.0, phi)
     for degree in range(TAYLOR_DEGREE + 1, 1, -1):  # phi_1 = 1 + x / 2 (1 + x / 3 (1 + ...)), Horner's rule
-        product[:, :] = 0.0
-        add_product(F, phi, 1.0 / degree, product)
-        phi[:, :] = product
-        for i in range(n):
-            phi[i, i] += 1.0
-    E[:, :] = 0.0
-    add_product(F, phi, 1.0, E)
-    phi *= h
-    for i in range(n):
-        E[i, i] += 1.0
+        _set_diagonal(1.0, product)
+        add_product(F, phi, h / degree, product)
+        _copy(product, 1.0, phi)
+    _set_diagonal(1.0, E)
+    add_product(F, phi, h, E)
+    _copy(product, h, phi)
     for _ in range(doublings):
-        product[:, :] = phi
+        _copy(phi, 1.0, product)
         add_product(E, phi, 1.0, product)
-        phi[:, :] = product
-        product[:, :] = 0.0
+        _copy(product, 1.0, phi)
+        _set_diagonal(0.0, product)
         add_product(E, E, 1.0, product)
-        E[:, :] = product
+        _copy(product, 1.0, E)
+
+
+@kernel
+def _copy(A: Any, factor: float, out: Any) -> None:
+    """Set ``out`` to factor A."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i, j] = factor * A[i, j]
 
 
 @kernel
 def apply_flow(flow: Any, state: Any) -> None:
     """Replace the state (2q, r) by e^{F h} state + h phi_1(F h) b."""
-    flow.b[:, :] = flow.constant
+    _copy(flow.constant, 1.0, flow.b)
     add_product(flow.exponential, state, 1.0, flow.b)
-    state[:, :] = flow.b
+    _copy(flow.b, 1.0, state)
 
 
 @kernel
 def fill_displacements(modes: Any, D: Any, state: Any, pull: Any, flow: Any) -> None:
     """Compute the displacements output z - rest u of the ports in a state (2q, r) with modulations D (g,)."""
     g, q, ports, d = D.shape[0], modes.poles.shape[0], flow.ports, flow.displacements
-    _fill_ports(modes, D, ports)
-    known = ports[:, g + 2 * q :]
-    known[:, :] = -pull
-    add_product(ports[:, g : g + 2 * q], state, 1.0, known)
-    solve_in_place(ports)
-    d[:, :] = 0.0
+    _solve_ports(modes, D, pull, ports)
+    for p in range(g):
+        for k in range(2 * q):
+            for n in range(d.shape[1]):
+                ports[p, g + 2 * q + n] += ports[p, g + k] * state[k, n]
+    _set_diagonal(0.0, d)
     for p in range(g):
         for k in range(q):
             x, y = modes.output[p, k].real, modes.output[p, k].imag
             for n in range(d.shape[1]):
                 d[p, n] += x * state[k, n] - y * state[q + k, n]
-    add_product(modes.rest, known, -1.0, d)
+        for e in range(g):
+            for n in range(d.shape[1]):
+                d[p, n] -= modes.rest[p, e] * ports[e, g + 2 * q + n]
