@@ -21,9 +21,10 @@ from hbgear.common.process.threads import processors
 @contextmanager
 def compile_in_parallel(problem: hb.HarmonicBalance) -> Iterator[None]:
     """Compile in a second process while the block runs, if this is a command, has two processors and needs it."""
+    from hbgear.common.process.compiling import is_missing
     from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
 
-    if not startup.IS_COMMAND or processors() < 2 or not monodromies.is_missing:
+    if not startup.IS_COMMAND or processors() < 2 or not is_missing(monodromies):
         yield
         return
     from hbgear.design.studies.processes import executor_of

@@ -263,7 +263,7 @@ if {command}:
     problem.multipliers(np.ones(problem.size), Omega=0.8)
     stats = [kernel._call.stats for kernel in (monodromies, extrema, truncated_force_harmonics, driven_response)]
     print(*(sum(one.cache_hits.values()) for one in stats), *(sum(one.cache_misses.values()) for one in stats))
-print(monodromies.is_missing)
+print(compiling.is_missing(monodromies))
 """
 """The first command, but for the curve itself; and the same in another program."""
 

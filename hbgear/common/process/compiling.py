@@ -92,12 +92,8 @@ class Kernel:
         return list(getattr(self._call, "signatures", []))
 
     @property
-    def is_missing(self) -> bool:
-        """Whether code can be stored and none of this kernel is stored yet for the present sources."""
-        return _numba() is not None and not self._stored().is_file() and _writable() is None
-
-    def _stored(self) -> Path:
-        """Return the file of the code of this kernel."""
+    def stored(self) -> Path:
+        """File of the code of this kernel for the present sources; it may not exist."""
         return _store() / f"{self.function.__module__}.{self.function.__name__}"
 
     @cached_property
@@ -147,7 +143,7 @@ class Kernel:
         if folder is None:
             entry.compile(signature)
             return
-        place, kept = Path(folder), self._stored()
+        place, kept = Path(folder), self.stored
         try:
             _write_files(place, _read(kept))
             misses = sum(entry.stats.cache_misses.values())
@@ -240,6 +236,11 @@ def _store() -> Path:
     given = os.environ.get("NUMBA_CACHE_DIR")
     parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
     return parent / f"kernels-{_state()}"
+
+
+def is_missing(compiled: Callable[..., Any]) -> bool:
+    """Return whether the code of a kernel can be stored, and no form of it is stored yet for the present sources."""
+    return _numba() is not None and not cast(Kernel, compiled).stored.is_file() and _writable() is None
 
 
 @cache
