@@ -33,3 +33,12 @@ def test_a_tolerance_that_is_missed_is_reported():
     ):
         curve = traced(hb.SpurPair(e=(0.1,)), 1e-11, 1.0, 0.97)
     assert curve.status.complete and curve.error.max() > 1e-11
+
+
+@pytest.mark.parametrize("begin", [0.41, 0.62, 2.3])
+def test_a_curve_begins_at_its_span(begin):
+    """The first point gets more harmonics at its Omega, not in the plane across the curve."""
+    model = hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3))
+    problem = hb.HarmonicBalance(model, "auto")
+    curve = hb.trace(problem, "Omega", (begin, 1.0), cover=False, steps=hb.StepControl(max_points=3))
+    assert curve.values[0] == begin and curve.problem.H > problem.H
