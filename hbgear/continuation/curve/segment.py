@@ -19,7 +19,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct, corrected
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
+from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
 
 
 @dataclass(slots=True, eq=False)  # not frozen: frozen instances take three times as long to create
@@ -398,8 +398,8 @@ def resolve_at_resolution(
     settings : NewtonSettings
         Settings of the corrector.
     still : bool, optional
-        Whether the parameter keeps its value, as at the ends of a curve. By default the corrector moves in the plane
-        orthogonal to the curve.
+        Whether the parameter keeps its value, as at the ends of a curve, which are solved as initial solutions are. By
+        default the corrector moves in the plane orthogonal to the curve.
 
     Returns
     -------
@@ -412,7 +412,10 @@ def resolve_at_resolution(
         If the corrector fails.
     """
     X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
-    normal = np.append(np.zeros(len(X)), point.parameter_direction or 1.0) if still else normal_of(direction, scale)
+    normal = normal_of(direction, scale)
+    if still:
+        solution = solve(problem, X, {**parameters, name: point.value}, name, settings)
+        return point_from_solution(solution, normal, scale, point.step, point)
     normal = normal / np.linalg.norm(normal)
     solved = correct(problem, np.append(X, point.value), normal, name, parameters, settings)
     return point_along(solved, scale, point.step, point)

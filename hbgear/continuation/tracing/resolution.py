@@ -11,16 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hbgear.continuation.curve.segment import (
-    CurvePoint,
-    Segment,
-    normal_of,
-    point_from_solution,
-    resolve_at_resolution,
-)
+from hbgear.continuation.curve.segment import CurvePoint, Segment, resolve_at_resolution
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.monitoring import Monitor
 from hbgear.continuation.tracing.state import TraceState, size_of
 
@@ -50,7 +44,7 @@ class ResolutionControl:
             other = state.problem.adapted(state.points[-1].observed)
             if other is None or (last and size_of(other) < size_of(state.problem)):
                 return
-            if not (self._change_first(other) or self._change(other, last)):
+            if not any(self._change(other, fixed_value) for fixed_value in self._fixed_values(last)):
                 return
             if len(state.points[-1].u) < len(before[2].u):  # a lower resolution is kept only if it suffices
                 if state.problem.adapted(state.points[-1].observed) is not None:
@@ -58,24 +52,14 @@ class ResolutionControl:
                 return
             state.keep_largest(state.problem)
 
-    def _change_first(self, problem: ContinuationProblem) -> bool:
-        """Solve the first point of a curve at its value with another problem; return False for others, or if it fails.
+    def _fixed_values(self, last: bool) -> tuple[bool, ...]:
+        """Return whether the last point keeps its value of the parameter, in the order in which this is tried.
 
         A branch that leaves another one begins at a special point, which has no unique solution.
         """
-        state, setup = self.state, self.state.setup
-        if len(state.points) > 1 or setup.switched_from is not None:
-            return False
-        point, scale = state.points[0], state.scale_for(problem)
-        X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
-        try:
-            solution = solve(problem, X, setup.parameters_at(point.value), setup.name, setup.settings.newton)
-            found = point_from_solution(solution, normal_of(direction, scale), scale, point.step)
-        except (NoConvergence, np.linalg.LinAlgError):
-            return False
-        self.monitor.observe([found], problem)
-        state.problem, state.scale, state.points[0] = problem, scale, found
-        return True
+        if last:
+            return (True,)
+        return (True, False) if len(self.state.points) == 1 and self.state.setup.switched_from is None else (False,)
 
     def _change(self, problem: ContinuationProblem, fixed_value: bool) -> bool:
         """Solve the last point with another problem and continue with it; return False if that fails."""
