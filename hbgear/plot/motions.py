@@ -20,6 +20,7 @@ from hbgear.plot.style import (
     dress,
     gap_label,
     in_words,
+    new_figure,
     regime_of,
     scaled_axes,
     styled,
@@ -240,10 +241,9 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     >>> len(figure.axes)
     3
     """
-    import matplotlib.pyplot as plt
-
     with styled():
-        figure, axes = plt.subplots(1, 3, figsize=(9.6, 2.9), layout="constrained")
+        figure = new_figure(9.6, 2.9)
+        axes = figure.subplots(1, 3)
         time_history(point, element, axes[0])
         phase_diagram(point, element, axes[1])
         spectrum(point, element, axes[2], model=model)

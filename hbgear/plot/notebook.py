@@ -16,6 +16,7 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.io.branches.columns import bracketed
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
+from hbgear.plot.style import without_windows
 
 
 def branch_html(branch: Branch) -> str:
@@ -56,11 +57,9 @@ def _table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _figure(branch: Branch) -> str:
-    """Return the response curve as a .png in base64; the figure is closed."""
-    import matplotlib.pyplot as plt
-
-    figure: Any = response(branch).figure
+    """Return the response curve as a .png in base64."""
+    with without_windows():
+        figure: Any = response(branch).figure
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=110)
-    plt.close(figure)
     return base64.b64encode(file.getvalue()).decode()

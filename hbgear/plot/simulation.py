@@ -25,7 +25,7 @@ from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
-from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, new_figure, scaled_axes, styled
 from hbgear.time.basins_of_attraction import Basins
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.validation.report import Report
@@ -333,12 +333,11 @@ def validation(
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.8, 0.9))
     >>> figure = simulation.validation(hb.validate(curve, 1), curve)
     """
-    import matplotlib.pyplot as plt
-
     from hbgear.plot.labels import labels_of
 
     with styled():
-        figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
+        figure = new_figure(6.4, 7.2)
+        top, low = figure.subplots(2, 1)
         for each in branch.curves:
             response(each, "rms", element, top, special=False, jumps=False, legend=False,
                      dimensionless=dimensionless)  # fmt: skip

@@ -131,6 +131,7 @@ SIZES = {"journal": 1.0, "screen": 0.85}
 
 
 _current: ContextVar[str] = ContextVar("style", default="journal")
+_windows: ContextVar[bool] = ContextVar("windows", default=True)
 
 
 @contextmanager
@@ -165,6 +166,38 @@ def in_style(name: str) -> Iterator[None]:
         yield
     finally:
         _current.reset(token)
+
+
+@contextmanager
+def without_windows() -> Iterator[None]:
+    """Draw all figures of a ``with`` block for files only: without pyplot, which keeps each figure for its window."""
+    token = _windows.set(False)
+    try:
+        yield
+    finally:
+        _windows.reset(token)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return a new figure, which `matplotlib.pyplot.show` shows unless it is drawn `without_windows`.
+
+    Parameters
+    ----------
+    width, height : float
+        Size [in].
+
+    Returns
+    -------
+    Figure
+        The figure, with constrained layout.
+    """
+    if _windows.get():
+        import matplotlib.pyplot as plt
+
+        return plt.figure(figsize=(width, height), layout="constrained")
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def current_settings() -> Any:
@@ -295,10 +328,8 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
     """
     if ax is not None:
         return ax
-    import matplotlib.pyplot as plt
-
     width, height = (SIZES[_current.get()] * x for x in size)
-    return plt.subplots(figsize=(width, height), layout="constrained")[1]
+    return new_figure(width, height).subplots()
 
 
 def dress(ax: Axes) -> None:

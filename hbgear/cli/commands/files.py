@@ -105,24 +105,12 @@ def report_written(*paths: Path | None) -> None:
         print("wrote", ", ".join(str(path) for path in paths if path))
 
 
-def _pyplot() -> Any:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
-
-
 def _draw(make: Callable[[Any], Any], style: str, path: Path) -> None:
-    plt = _pyplot()
     from hbgear import plot as drawing
+    from hbgear.plot.style import without_windows
 
-    try:
-        with drawing.in_style(style):
-            drawing.save(make(drawing), path)
-    finally:
-        plt.close("all")
+    with drawing.in_style(style), without_windows():
+        drawing.save(make(drawing), path)
 
 
 def _fallbacks(path: Path) -> Iterator[Path]:

@@ -121,18 +121,14 @@ def _print_indices(found: Cases) -> None:
 
 def draw_figures(found: Cases, folder: Path) -> list[Path]:
     """Write each figure of the study as .png; return the written files."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     from hbgear import plot
+    from hbgear.plot.style import without_windows
 
     paths = []
-    for name, drawing in plot.figures(found).items():
-        paths.append(folder / f"{name}.png")
-        plot.save(drawing, paths[-1])
-    plt.close("all")
+    with without_windows():
+        for name, drawing in plot.figures(found).items():
+            paths.append(folder / f"{name}.png")
+            plot.save(drawing, paths[-1])
     return paths
 
 

@@ -19,7 +19,7 @@ from hbgear.design.fitting.measurements import Measurements
 from hbgear.harmonic.models.frequency_units import length_scale
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
-from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, styled
+from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,15 +119,11 @@ def fitted(found: Fit, *, dimensionless: bool = False) -> Figure:
     >>> data = hb.design.Measurements(truth.values[1:], truth.amplitude("pp2")[1:], direction=-1)
     >>> figure = hb.plot.fitted(hb.design.fit(hb.Duffing(), data, {"zeta": (0.01, 0.2)}, harmonics=3))
     """
-    import matplotlib.pyplot as plt
-
     data = found.data
     x, amplitude, _, across = _shown(data, found.model, dimensionless)
     with styled():
-        figure, panels = plt.subplots(
-            2, 1, figsize=(5.4, 4.8), sharex=True, height_ratios=(2.4, 1), layout="constrained"
-        )
-        axes: Any = panels
+        figure = new_figure(5.4, 4.8)
+        axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
         response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False,
                  dimensionless=dimensionless)  # fmt: skip
         measured(data, found.model, axes[0], legend=False, dimensionless=dimensionless)

@@ -20,7 +20,7 @@ from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_respons
 from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.plot.branch_sections import HEADROOM
-from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, new_figure, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -372,9 +372,7 @@ def against_parameters(
         raise ValueError("there is no number to draw against a parameter")
     with styled():
         if figure is None:
-            import matplotlib.pyplot as plt
-
-            figure = plt.figure(figsize=(1.0 + 1.9 * len(names), 0.6 + 2.1 * len(rows)), layout="constrained")
+            figure = new_figure(1.0 + 1.9 * len(names), 0.6 + 2.1 * len(rows))
         axes: Any = figure.subplots(len(rows), len(names), sharex="col", sharey="row", squeeze=False)
         for line, (label, columns, scale) in zip(axes, rows, strict=True):
             for ax, name in zip(line, names, strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.continuation.results.branch import Branch
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 from hbgear.plot.curves import response
-from hbgear.plot.style import BRANCHES, dress, styled
+from hbgear.plot.style import BRANCHES, dress, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,10 +53,8 @@ def mesh_cycles(
     if names and len(names) != len(drawn):
         raise ValueError(f"{len(names)} names for {len(drawn)} mesh cycles; give one for each")
     with styled():
-        import matplotlib.pyplot as plt
-
         if axes is None:
-            axes = plt.subplots(2, 1, figsize=(5.4, 4.6), sharex=True, layout="constrained")[1]
+            axes = new_figure(5.4, 4.6).subplots(2, 1, sharex=True)
         top, bottom = axes
         for i, cycle in enumerate(drawn):
             look: Any = {"color": BRANCHES[i % len(BRANCHES)], "label": names[i] if names else None, "linewidth": 1.3}
@@ -107,9 +105,7 @@ def drive(cycle: MeshCycle, curve: Branch, measure: str | None = None) -> Figure
     >>> figure = hb.plot.drive(pair.mesh("200 N m"), hb.trace(problem, "Omega", (1.5, 1.2)))
     """
     with styled():
-        import matplotlib.pyplot as plt
-
-        figure = plt.figure(figsize=(10.5, 4.9), layout="constrained")
+        figure = new_figure(10.5, 4.9)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.75))
         top = figure.add_subplot(grid[0, 0])
         mesh_cycles(cycle, axes=(top, figure.add_subplot(grid[1, 0], sharex=top)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from hbgear.analysis.loads.tooth_loads import ToothLoads
 from hbgear.gears.mesh.harris_map import HarrisMap
-from hbgear.plot.style import BRANCHES, GREY, axes_or_new, dress, styled
+from hbgear.plot.style import BRANCHES, GREY, axes_or_new, dress, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,9 +42,8 @@ def tooth_loads(loads: ToothLoads) -> Figure:
     >>> figure = hb.plot.tooth_loads(hb.analysis.tooth_loads(curve[0], mesh))
     """
     with styled():
-        import matplotlib.pyplot as plt
-
-        figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.4, 4.8), sharex=True, layout="constrained")
+        figure = new_figure(5.4, 4.8)
+        top, bottom = figure.subplots(2, 1, sharex=True)
         u, count = loads.position, len(loads.force)
         shown = np.sort(np.argsort(loads.force.max(axis=1))[-MAX_PAIRS:])
         top.plot(u, loads.static.force[0] / 1e3, color=GREY, ls="--", lw=1.2, label="static")
@@ -93,11 +92,11 @@ def harris_map(found: HarrisMap, ax: Axes | None = None) -> Axes:
     2
     """
     with styled():
-        import matplotlib.pyplot as plt
+        from matplotlib import colormaps
 
         ax = axes_or_new(ax, (5.4, 4.2))
         x = np.concatenate([found.phase, found.phase + 1])
-        colours = plt.get_cmap("viridis")(np.linspace(0.0, 0.85, len(found.torque)))
+        colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(found.torque)))
         for torque, error, pp, color in zip(found.torque, found.error, found.peak_to_peak, colours, strict=True):
             label = f"{torque:g} N m, {pp * 1e6:.2f} $\\mu$m peak to peak"
             ax.plot(x, -1e6 * np.concatenate([error, error]), color=color, lw=1.3, label=label)
