@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -52,7 +53,7 @@ from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate
 from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.special_points.grazing import Grazing
 from hbgear.harmonic.instants.special_points.problem import ExactSpecialPointProblem, KnownPoint
-from hbgear.harmonic.stability.exact_motion import exact_iterate
+from hbgear.harmonic.stability.exact_motion import exact_iterate, iterate_by_stiffness
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
 
@@ -417,7 +418,7 @@ class ContactInstants(HarmonicBalance):
         rest: tuple[Branch, ...] = ()
         if branch.status in (Status.LEFT_SPAN, Status.UNBOUNDED) and first == span:
             with suppress(NoConvergence):
-                rest = (self._followed(span[::-1], None, settings),)
+                rest = (self._first_curve(span[::-1], None, settings, False)[0],)
         no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
         texts = branch.message, no_start, coverage_message(branch, rest, span)
         return replace(branch, others=rest, message="; ".join(text for text in texts if text))
@@ -425,21 +426,21 @@ class ContactInstants(HarmonicBalance):
     def _first_curve(
         self, span: tuple[float, float], start: Any, settings: Any, both: bool
     ) -> tuple[Branch, tuple[float, float]]:
-        """Return a curve and its span: from either end if ``both``, found with more harmonics if H is too low."""
+        """Return a curve and its span: from either end if ``both``, else from a motion of softer contacts."""
         failure: NoConvergence | None = None
-        for doublings in range(1 if start is not None else 1 + MAX_START_DOUBLINGS):
+        for softer in (False,) if start is not None else (False, True):
             for ends in (span, span[::-1]) if both else (span,):
                 try:
-                    return self._followed(ends, start, settings, doublings), ends
+                    return self._followed(ends, start, settings, softer), ends
                 except NoConvergence as error:
                     failure = failure or error
         assert failure is not None
         raise failure
 
-    def _followed(self, span: tuple[float, float], start: Any, settings: Any, doublings: int = 0) -> Branch:
-        """Return one curve of exact motions, with its jumps; its first motion by 2^doublings H harmonics."""
+    def _followed(self, span: tuple[float, float], start: Any, settings: Any, softer: bool = False) -> Branch:
+        """Return one curve of exact motions, with its jumps; ``softer``: its first motion by softer contacts."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
-        state, direction = self._first_state(setup, start, doublings)
+        state, direction = self._first_state(setup, start, softer)
         ends = setup.span.start, setup.span.end
         kinds = LOCATED_KINDS if settings.special else tuple(event.kind for event in settings.events)
         follower = Follower(
@@ -460,15 +461,20 @@ class ContactInstants(HarmonicBalance):
         branch = replace(branch, problem=problem, special=special, meta=meta)
         return replace(branch, jump_records=find_jumps(branch, settings.newton)) if settings.special else branch
 
-    def _first_state(self, setup: Any, start: Any, doublings: int) -> tuple[CurveState, Array | None]:
+    def _first_state(self, setup: Any, start: Any, softer: bool) -> tuple[CurveState, Array | None]:
         """Return the first state of a curve, and its direction if the start gives one."""
         name = setup.name
         value = (
             float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
         )
         here = setup.parameters_at(value)
+        H = min(self.H, START_HARMONICS)
+        if start is None and softer:
+            balance = partial(HarmonicBalance, harmonics=H, nu=self.nu)
+            system = self.compiled(here).system
+            return CurveState.of(iterate_by_stiffness(balance, system, self.nu, float(here["Omega"])), value), None
         if start is None:
-            problem = self.with_order(self.nu, self.H << doublings) if doublings else self
+            problem = self.with_order(self.nu, H)
             return problem.exact_state(problem.balance.start(**here), name, here), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
@@ -568,8 +574,8 @@ def _state_of(problem: ContactInstants, point: Point) -> CurveState | None:
     return None
 
 
-MAX_START_DOUBLINGS = 3
-"""Number of times that the harmonics of the balance are doubled in search of the first exact motion."""
+START_HARMONICS = 32
+"""Most harmonics of the balance whose motion is the first guess: with 128 the search takes a minute for a hard stop."""
 
 _STORED_VALUES = 16
 """Values of the parameter whose equations are stored: a corrector, its differences and a grazing use a few in turn."""

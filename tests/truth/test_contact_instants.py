@@ -121,6 +121,22 @@ def test_a_curve_without_a_first_motion_is_followed_from_the_other_end() -> None
     assert found == SPECIAL_POINTS_WITHOUT_GAP
 
 
+@pytest.mark.parametrize("Omega", [0.6, 0.8, 1.0, 1.5])
+def test_motions_of_hard_contacts_are_found_from_softer_ones(Omega: float) -> None:
+    """The balance with 16 harmonics has no motion with the right number of contacts at these frequencies."""
+    hard = replace(stop(1e4, 0.0), C=[[0.04]], load=hb.Load(cosine={1: [0.1]}))
+    problem = hb.ContactInstants(hard)
+    with pytest.raises(hb.NoConvergence):
+        problem.exact_motion(problem.balance.start(Omega=Omega), Omega=Omega)
+    few = hb.StepControl(max_points=2)
+    first = hb.trace(problem, "Omega", (Omega, Omega + 1e-4), cover=False, steps=few)[0]
+    curve = hb.trace(hb.ContactInstants(hard, 32), "Omega", (2.3, 0.55))  # its first motion is found with 32 harmonics
+    passes = np.flatnonzero((curve.values[1:] - Omega) * (curve.values[:-1] - Omega) <= 0)
+    assert curve.problem is not None and len(passes)
+    found = [np.sort_complex(curve.problem.exact_motion(curve.X[i], Omega=Omega).multipliers) for i in passes]
+    assert min(np.abs(mu - np.sort_complex(first.multipliers)).max() for mu in found) < 1e-7
+
+
 def test_contacts_of_a_symmetric_machine_begin_and_end_together() -> None:
     """Two equal masses move as one; they touch and leave their stops at the same instants, also at grazing points."""
     one = hb.trace(hb.ContactInstants(stop(10.0), 8), "Omega", (0.5, 2.2))

@@ -77,6 +77,8 @@ class Equations:
         A system whose laws are all piecewise linear.
     nu : int, optional
         Number of excitation periods in one period of the motion. The default is 1.
+    stiffness : float, optional
+        Factor of the forces of all elements. The default is 1.
 
     Raises
     ------
@@ -85,9 +87,9 @@ class Equations:
         are known by receptances only.
     """
 
-    def __init__(self, system: System, nu: int = 1) -> None:
+    def __init__(self, system: System, nu: int = 1, stiffness: float = 1.0) -> None:
         _require_piecewise_linear(system)
-        self.system, self.nu, self.m = system, nu, len(system.elements)
+        self.system, self.nu, self.m, self.stiffness = system, nu, len(system.elements), stiffness
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
         self._bounds: dict[tuple[int, ...], Array] = {}
@@ -214,7 +216,9 @@ class Equations:
         found = self._springs.get((j, level))
         if found is None:
             inner, law = np.array(self.breakpoints[j])[:level], self.system.elements[j].law
-            found = self._springs[j, level] = tuple(_linear_segment(spring, inner) for spring in law.piecewise or ())
+            segments = (_linear_segment(spring, inner) for spring in law.piecewise or ())
+            found = tuple((k, self.stiffness * slope, self.stiffness * offset) for k, slope, offset in segments)
+            self._springs[j, level] = found
         return found
 
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
+from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import Approximation, ExactMotion, initial, refine, solve
 from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.mechanics.laws.laws import Law, Parallel
+from hbgear.mechanics.models import System
 
 
 def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
@@ -71,6 +77,81 @@ def exact_iterate(
     equations, approximation = _approximation(problem, X, parameters)
     at = equations.at(float(parameters["Omega"]))
     return solve(at, initial(at, approximation), free)[:2]
+
+
+def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: int, Omega: float) -> Iterate:
+    """Return the contact instants of an exact motion of hard contacts, by continuation in their stiffness.
+
+    Truncation may change the number of hard contacts, so that no exact motion is near the solution of harmonic balance.
+    The forces of all elements are divided by powers of `SOFTENING` until an exact motion is found. They are increased
+    to those of the system in steps, each with Newton's method from the instants of the step before.
+
+    Parameters
+    ----------
+    balance : callable
+        Returns the harmonic balance of a system.
+    system : System
+        The system.
+    nu : int
+        Subharmonic order.
+    Omega : float
+        Frequency of the excitation.
+
+    Returns
+    -------
+    Iterate
+        Contact instants and states.
+
+    Raises
+    ------
+    NoConvergence
+        If no motion of softer contacts is found, or the stiffness cannot be increased to that of the system.
+    """
+    factor, found = _softened_motion(balance, system, nu, Omega)
+    ratio = STIFFNESS_RATIO
+    while factor < 1.0:
+        harder = min(1.0, factor * ratio)
+        try:
+            found = solve(Equations(system, nu, harder).at(Omega), found, False)[1]
+        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
+            ratio **= 0.5
+            if ratio < MIN_STIFFNESS_RATIO:
+                text = f"no exact motion found with more than {factor:.3g} times the stiffness of the elements: {error}"
+                raise NoConvergence(text, np.zeros(0), {"Omega": Omega}, []) from error
+        else:
+            factor, ratio = harder, min(ratio**1.5, MAX_STIFFNESS_RATIO)
+    return found
+
+
+def _softened_motion(balance: Callable[[System], Any], system: System, nu: int, Omega: float) -> tuple[float, Iterate]:
+    """Return a factor of the forces of all elements, and an exact motion of the system with these forces."""
+    for power in range(1, MAX_SOFTENINGS + 1):
+        factor = SOFTENING**-power
+        elements = [replace(element, law=_scaled(element.law, factor)) for element in system.elements]
+        softer = balance(replace(system, elements=elements))
+        with suppress(NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+            approximation = _approximation(softer, softer.start(Omega=Omega), {"Omega": Omega})[1]
+            at = Equations(system, nu, factor).at(Omega)
+            return factor, solve(at, initial(at, approximation), False)[1]
+    text = f"no exact motion found, even with 1e-{MAX_SOFTENINGS} times the stiffness of the elements"
+    raise NoConvergence(text, np.zeros(0), {"Omega": Omega}, [])
+
+
+def _scaled(law: Law, factor: float) -> Law:
+    """Return a piecewise-linear law with its force times a factor."""
+    springs = [
+        replace(spring, slopes=tuple(factor * k for k in spring.slopes), force_at_zero=factor * spring.force_at_zero)
+        for spring in law.piecewise or ()
+    ]
+    return springs[0] if len(springs) == 1 else Parallel(tuple(springs))
+
+
+SOFTENING, MAX_SOFTENINGS = 10.0, 4
+"""Ratio of the forces of all elements from one softer system to the next, and the number of such systems."""
+
+
+STIFFNESS_RATIO, MIN_STIFFNESS_RATIO, MAX_STIFFNESS_RATIO = 2.0, 1.01, 4.0
+"""First, smallest and largest ratio of the forces of all elements in a step of the continuation in stiffness."""
 
 
 def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
