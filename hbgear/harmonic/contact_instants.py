@@ -468,18 +468,23 @@ class ContactInstants(HarmonicBalance):
             float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
         )
         here = setup.parameters_at(value)
-        H = min(self.H, START_HARMONICS)
-        if start is None and softer:
-            balance = partial(HarmonicBalance, harmonics=H, nu=self.nu)
-            system = self.compiled(here).system
-            return CurveState.of(iterate_by_stiffness(balance, system, self.nu, float(here["Omega"])), value), None
         if start is None:
-            problem = self.with_order(self.nu, H)
-            return problem.exact_state(problem.balance.start(**here), name, here), None
+            return _found_state(self, name, here, softer), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
         return self.exact_state(self.resized(X), name, here), None
+
+
+def _found_state(problem: ContactInstants, name: str, here: Mapping[str, float], softer: bool) -> CurveState:
+    """Return an exact motion found by the balance, or by the balance of ``softer`` contacts."""
+    H = min(problem.H, START_HARMONICS)
+    if softer:
+        balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu)
+        system, Omega = problem.compiled(dict(here)).system, float(here["Omega"])
+        return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(here[name]))
+    coarse = problem.with_order(problem.nu, H)
+    return coarse.exact_state(coarse.balance.start(**here), name, here)
 
 
 def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:

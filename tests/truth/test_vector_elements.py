@@ -216,3 +216,25 @@ class Wrong(hb.mechanics.VectorLaw):
 def test_wrong_laws(law, match):
     with pytest.raises(ValueError, match=match):
         hb.HarmonicBalance(coupled(law), 3)
+
+
+def rubbing_rotor() -> hb.System:
+    """Return a rotor with a static load and a destabilising cross-coupling, which rubs in a seal with friction."""
+    seal = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(10.0, 0.68, friction=0.144), name="seal")
+    load = hb.Load([0.0, -0.288], cosine={1: [0.184, 0.0]}, sine={1: [0.0, 0.184]})
+    return hb.System(np.eye(2), 0.0336 * np.eye(2), [[1.0, 0.0168], [-0.0168, 0.814]], seal, load)
+
+
+def test_a_curve_passes_the_corners_of_a_sampled_law():
+    """The curve has a corner where a sample enters the contact; with 128 samples it ends at one of them."""
+    few = hb.HarmonicBalance(rubbing_rotor(), 16, samples=128)
+    ended = hb.trace(few, "Omega", (0.49, 0.51), special=False, stability=False, cover=False, accuracy=None)
+    assert ended.status in (hb.Status.RETRACED, hb.Status.STEP_TOO_SMALL)
+    curves = [
+        hb.trace(hb.HarmonicBalance(rubbing_rotor(), 16, samples=N), "Omega", (0.49, 0.51), cover=False, accuracy=None)
+        for N in (None, 32768)
+    ]
+    assert all(curve.status is hb.Status.LEFT_SPAN for curve in curves)
+    found, reference = ([(point.kind, point.parameters["Omega"]) for point in curve.special] for curve in curves)
+    assert [kind for kind, _ in found] == [kind for kind, _ in reference] == ["GR", "LP"]
+    np.testing.assert_allclose([x for _, x in found], [x for _, x in reference], rtol=1e-7)

@@ -19,6 +19,7 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -33,7 +34,7 @@ from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
 from hbgear.mechanics.laws.slider import friction_limits, limit_at
-from hbgear.mechanics.laws.vector_laws import VectorLaw
+from hbgear.mechanics.laws.vector_laws import Component, VectorLaw
 from hbgear.mechanics.reduction import Reduction
 from hbgear.mechanics.series.fourier import evaluate, places, to_complex, to_real
 from hbgear.mechanics.series.real_basis import derivative
@@ -348,6 +349,11 @@ MAX_CHECKED_UNKNOWNS = 1200
 MAX_CHOSEN_SAMPLES = 32_768
 """Samples per period up to which their number is raised automatically."""
 
+CORNER_SAMPLES = 8192
+"""Least number of samples per period of laws with breakpoints. A curve has a corner where a sample passes a breakpoint,
+and fewer samples have larger corners: the curve of a rubbing rotor ends at one of them with 128 samples, and has twenty
+folds that do not exist with 2048."""
+
 MAX_ALIASING = 1e-5
 """Change of a motion by twice the samples, relative to its size, for which a number of samples is accepted."""
 
@@ -355,10 +361,14 @@ MAX_ALIASING = 1e-5
 def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float]) -> Any:
     """Return a balance with as many samples as the AFT of a motion requires.
 
-    They are doubled until aliasing changes the motion by less than 1e-5 of its size.
+    They are doubled until aliasing changes the motion by less than 1e-5 of its size. A law with breakpoints has
+    `CORNER_SAMPLES` or more, because the motion may reach its breakpoints later on the curve.
     """
-    best, known = problem, X
     limit = min(MAX_SAMPLES // max(problem.m, 1), MAX_CHOSEN_SAMPLES)
+    best, known = problem, X
+    least = min(limit, CORNER_SAMPLES) if _samples_have_corners(problem.compiled(parameters)) else 0
+    if least > best.N:
+        best = best.denser(math.ceil(least / best.N))
     while limit >= 2 * best.N:
         denser = best.denser(2)
         if norm(newton_step(denser, known, parameters)) <= MAX_ALIASING * norm(known):
@@ -367,6 +377,12 @@ def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float])
         with suppress(NoConvergence):
             known = solve(best, known, parameters).X
     return best
+
+
+def _samples_have_corners(evaluator: Evaluator) -> bool:
+    """Return whether the slope of a law that is evaluated by AFT jumps at breakpoints."""
+    scalar = (law for _, law in evaluator.aft_laws if not isinstance(law, Component))
+    return any(law.breakpoints for law in scalar) or bool(_edged_laws(evaluator))
 
 
 def newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Array:
