@@ -30,6 +30,8 @@ from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.stepping.kernels import predict
+from hbgear.continuation.tracing.ends import CurveEnds
+from hbgear.continuation.tracing.stepper import Stepper
 from hbgear.gears import DoubleHelicalPair
 
 
@@ -283,6 +285,17 @@ def test_prediction_from_more_points_saves_newton_steps():
     needed = [curve.iterations.sum() for curve in curves]
     assert needed[0] > 1.2 * needed[1] > 1.2 * 1.2 * needed[2]
     assert curves[2].iterations[5:].mean() < 1.2
+
+
+def test_a_step_that_always_leads_back_ends_the_curve(monkeypatch):
+    """A step over a corner has one size, whatever size is tried; where it leads back, no shorter step helps."""
+    stride, before = Stepper.stride, CurveEnds.points_before_retrace
+    monkeypatch.setattr(Stepper, "stride", lambda self, recent, *rest: stride(self, recent, *rest[:2], 0.02, 1))
+    monkeypatch.setattr(
+        CurveEnds, "points_before_retrace", lambda self, path: 0 if path[-1].value > 1 else before(self, path)
+    )
+    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 1.2), special=False, stability=False, cover=False)
+    assert curve.status is Status.RETRACED and 0.9 < curve.values[-1] < 1
 
 
 def test_a_point_costs_its_newton_steps_and_one_evaluation():

@@ -349,10 +349,10 @@ MAX_CHECKED_UNKNOWNS = 1200
 MAX_CHOSEN_SAMPLES = 32_768
 """Samples per period up to which their number is raised automatically."""
 
-CORNER_SAMPLES = 8192
+CORNER_SAMPLES = 2048
 """Least number of samples per period of laws with breakpoints. A curve has a corner where a sample passes a breakpoint,
-and fewer samples have larger corners: the curve of a rubbing rotor ends at one of them with 128 samples, and has twenty
-folds that do not exist with 2048."""
+and multipliers depend on the samples of slopes that jump there: period doublings of a rubbing rotor are known to 1e-8,
+and to 1e-5 with 128 samples."""
 
 MAX_ALIASING = 1e-5
 """Change of a motion by twice the samples, relative to its size, for which a number of samples is accepted."""

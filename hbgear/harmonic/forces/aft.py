@@ -2,7 +2,9 @@
 
     d_k -> d(theta_n) -> p(d, d', tau) -> f_k,   theta_n = 2 pi n / N
 
-Laws of several displacements whose force jumps at known phases are integrated between these phases by Gauss points.
+Laws of several displacements are integrated by Gauss points between the phases at which a derivative of the force
+jumps: known phases, or those at which the motion crosses an edge of the law, such as the wall of a round hole. There
+are no samples that enter the contact one by one, so that the Jacobian matrix is continuous.
 
 References
 ----------
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +28,16 @@ from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_co
 from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
 GAUSS_POINTS = 4
-"""Gauss points of a panel between jumps of a law."""
+"""Gauss points of a panel between known jumps of a law."""
+
+EDGE_GAUSS_POINTS, EDGE_DENSITY, EDGE_POINTS = 8, 40, 1024
+"""Gauss points of a panel between crossings of an edge, and least number of points of a period, over H and in total.
+The error for products of two harmonics H and a function of the motion up to 2H is 1e-12. A motion that passes close to
+a small clearance has a force that varies fast with any H."""
+
+ZOOM_POINTS, ZOOMS = 17, 4
+"""Points of a subdivision that brackets a crossing of an edge, and number of subdivisions: a crossing is interpolated
+in 1e-5 of a sample interval."""
 
 
 class SampledLaws:
@@ -124,7 +136,7 @@ class SampledVectorLaws:
     def __init__(self, groups: Sequence[tuple[np.ndarray, VectorLaw]], transform: Transform, nu: int) -> None:
         self.groups, self.nu, self._transform = groups, nu, transform
         self._tau = 2 * np.pi * nu * np.arange(transform.N) / transform.N
-        self._between = [_PhaseSegments(law.phases, nu, transform.N) if law.phases else None for _, law in groups]
+        self._between = [_between_phases(law.phases, nu, transform.N) if law.phases else None for _, law in groups]
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
@@ -136,6 +148,10 @@ class SampledVectorLaws:
                 continue
             c, p = to_complex(coefficients[elements]), len(elements)
             d = self._transform.samples(c)
+            if has_continuous_slopes(law) and len(cuts := edge_crossings(law, coefficients[elements], d)):
+                between = _between_edges(law, coefficients[elements], cuts, self.nu)
+                size += between.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
+                continue
             v = Omega / self.nu * self._transform.samples(derive(c)) if law.rated else np.zeros_like(d)
             force, kd, kv = law.force(d, v, self._tau)
             f = to_real(one_sided(self._transform.spectrum(force)[:, : n // 2 + 1]))
@@ -165,30 +181,125 @@ class SampledVectorLaws:
             f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
 
 
-class _PhaseSegments:
-    """Integration over the phase between jumps of a law, by panels of Gauss points.
+def has_continuous_slopes(law: VectorLaw) -> bool:
+    """Return whether a law is integrated between the crossings of its edges, which depend on the displacements only."""
+    return law.grazes and law.has_edges and not law.rated and not law.phases
+
+
+def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
+    """Return the angles theta in [0, 2 pi), ascending, at which a motion crosses an edge of a law.
 
     Parameters
     ----------
-    phases : sequence of float
-        Phases tau at which the force or a derivative jumps.
+    law : VectorLaw
+        The law.
+    rows : ndarray, shape (p, 2H + 1)
+        Real Fourier coefficients of the displacements.
+    samples : ndarray, shape (p, N)
+        Samples of the displacements. An edge may be crossed twice between two of them.
+    """
+    step, found = 2 * np.pi / samples.shape[1], []
+    for number, e in enumerate(law.edges(samples)):
+        edge = partial(_edge_at, law, rows, number)
+        before, after = np.roll(e, 1), np.roll(e, -1)
+        low = np.flatnonzero((e < 0) != (after < 0)) * step
+        high = low + step
+        bend = before - 2 * e + after
+        turns = ((e < 0) == (before < 0)) & ((e < 0) == (after < 0)) & (np.abs(e) <= np.abs(bend)) & (bend * e > 0)
+        turns &= (np.abs(e) <= np.abs(before)) & (np.abs(e) <= np.abs(after))
+        for i in np.flatnonzero(turns).tolist():
+            inside = _turning_point(edge, (i - 1) * step, (i + 1) * step, float(np.sign(e[i])))
+            if inside is not None:
+                low, high = np.append(low, [(i - 1) * step, inside]), np.append(high, [inside, (i + 1) * step])
+        found.append(_roots(edge, low, high))
+    return np.sort(np.concatenate(found) % (2 * np.pi))
+
+
+def _edge_at(law: VectorLaw, rows: Array, number: int, theta: Array) -> Array:
+    """Return an edge of a law at angles of any shape."""
+    d = rows @ _basis(theta.ravel(), rows.shape[1])
+    found: Array = law.edges(d)[number].reshape(theta.shape)
+    return found
+
+
+def _turning_point(edge: Callable[[Array], Array], low: float, high: float, sign: float) -> float | None:
+    """Return an angle of an interval at which the edge does not have the sign; None if it has it everywhere."""
+    for _ in range(ZOOMS):
+        theta = np.linspace(low, high, ZOOM_POINTS)
+        values = sign * edge(theta)
+        best = int(values.argmin())
+        if values[best] < 0:
+            return float(theta[best])
+        low, high = theta[max(best - 1, 0)], theta[min(best + 1, ZOOM_POINTS - 1)]
+    return None
+
+
+def _roots(edge: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return the roots of an edge in the intervals (low, high) by subdivision and linear interpolation."""
+    every, share = np.arange(len(low)), np.linspace(0.0, 1.0, ZOOM_POINTS)
+    if not len(low):
+        return low
+    for _ in range(ZOOMS):
+        theta = low[:, None] + (high - low)[:, None] * share
+        values = edge(theta)
+        first = np.argmax((values[:, 1:] < 0) != (values[:, :1] < 0), axis=1)
+        low, high = theta[every, first], theta[every, first + 1]
+    a, b = values[every, first], values[every, first + 1]
+    found: Array = low + (high - low) * np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
+    return found
+
+
+def _between_phases(phases: Sequence[float], nu: int, N: int) -> _Panels:
+    """Return panels between known phases, with N points per basis period or more."""
+    turn = 2 * np.pi
+    cuts = np.unique([0.0, turn, *((phase % turn + turn * i) / nu for phase in phases for i in range(nu))])
+    cuts = cuts[np.diff(cuts, prepend=-1.0) > 1e-12]
+    return _Panels([_divided(a, b, N, GAUSS_POINTS) for a, b in pairwise(cuts.tolist())], nu, GAUSS_POINTS)
+
+
+def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> _Panels:
+    """Return panels between crossings of edges, without the intervals in which there is no force."""
+    low, high = cuts, np.append(cuts[1:], cuts[0] + 2 * np.pi)
+    theta = low[:, None] + (high - low)[:, None] * np.array([0.25, 0.5, 0.75])
+    d = rows @ _basis(theta.ravel(), rows.shape[1])
+    force, kd, _ = law.force(d, np.zeros_like(d), nu * theta.ravel())
+    acts = (force.any(axis=0) | kd.any(axis=(0, 1))).reshape(theta.shape).any(axis=1)
+    number = max(EDGE_POINTS, EDGE_DENSITY * (rows.shape[1] // 2))
+    intervals = list(zip(low[acts].tolist(), high[acts].tolist(), strict=True))
+    return _Panels([_divided(a, b, number, EDGE_GAUSS_POINTS) for a, b in intervals], nu, EDGE_GAUSS_POINTS)
+
+
+def _divided(a: float, b: float, number: int, points: int) -> Array:
+    """Return the ends of panels of an interval, for a number of Gauss points in a period."""
+    return np.linspace(a, b, 1 + max(1, math.ceil(number * (b - a) / (2 * np.pi * points))))
+
+
+def _basis(theta: Array, n: int) -> Array:
+    """Return 1, cos and sin of the harmonics at angles (Q,), (n, Q)."""
+    angles = np.arange(1, n // 2 + 1)[:, None] * theta
+    waves = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(n - 1, -1)
+    return np.concatenate([np.ones((1, len(theta))), waves])
+
+
+class _Panels:
+    """Integration over intervals of the basis period by panels of Gauss points.
+
+    Parameters
+    ----------
+    panels : sequence of ndarray
+        Angles theta, ascending, that divide each interval in which the force is smooth.
     nu : int
         Subharmonic order.
-    N : int
-        Smallest number of points per basis period.
+    points : int
+        Gauss points of a panel.
     """
 
-    def __init__(self, phases: Sequence[float], nu: int, N: int) -> None:
-        turn = 2 * np.pi
-        cuts = np.unique([0.0, turn, *((phase % turn + turn * i) / nu for phase in phases for i in range(nu))])
-        cuts = cuts[np.diff(cuts, prepend=-1.0) > 1e-12]
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        theta, weights = [], []
-        for a, b in pairwise(cuts.tolist()):
-            count = math.ceil(N * (b - a) / (turn * GAUSS_POINTS))
-            edges = np.linspace(a, b, count + 1)
-            half = 0.5 * np.diff(edges)[:, None]
-            theta.append((edges[:-1, None] + half * (1 + x)).ravel())
+    def __init__(self, panels: Sequence[Array], nu: int, points: int) -> None:
+        x, w = np.polynomial.legendre.leggauss(points)
+        theta, weights = [np.zeros(0)], [np.zeros(0)]
+        for ends in panels:
+            half = 0.5 * np.diff(ends)[:, None]
+            theta.append((ends[:-1, None] + half * (1 + x)).ravel())
             weights.append((half * w / np.pi).ravel())
         self.theta, self.weights = np.concatenate(theta), np.concatenate(weights)
         self.tau, self._basis = nu * self.theta, np.zeros((0, 0))
@@ -196,9 +307,7 @@ class _PhaseSegments:
     def basis(self, n: int) -> Array:
         """Return 1, cos and sin of the harmonics at the points, (n, Q)."""
         if len(self._basis) != n:
-            k = np.arange(1, n // 2 + 1)[:, None]
-            waves = np.stack([np.cos(k * self.theta), np.sin(k * self.theta)], axis=1).reshape(n - 1, -1)
-            self._basis = np.concatenate([np.ones((1, len(self.theta))), waves])
+            self._basis = _basis(self.theta, n)
         return self._basis
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:
