@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -281,6 +281,12 @@ def _basis(theta: Array, n: int) -> Array:
     return np.concatenate([np.ones((1, len(theta))), waves])
 
 
+@cache
+def _gauss_rule(points: int) -> tuple[Array, Array]:
+    """Return the Gauss points and weights of [-1, 1], which every motion in contact needs."""
+    return np.polynomial.legendre.leggauss(points)
+
+
 class _Panels:
     """Integration over intervals of the basis period by panels of Gauss points.
 
@@ -295,7 +301,7 @@ class _Panels:
     """
 
     def __init__(self, panels: Sequence[Array], nu: int, points: int) -> None:
-        x, w = np.polynomial.legendre.leggauss(points)
+        x, w = _gauss_rule(points)
         theta, weights = [np.zeros(0)], [np.zeros(0)]
         for ends in panels:
             half = 0.5 * np.diff(ends)[:, None]
