@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.law_checks import check_returned
 from hbgear.mechanics.laws.laws import Forces, Law
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import Transform, derive, samples_of, to_complex, to_real
+from hbgear.mechanics.series.fourier import Transform, derive, evaluate, samples_of, to_complex, to_real
 from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
 GAUSS_POINTS = 4
@@ -148,7 +148,7 @@ class SampledVectorLaws:
                 continue
             c, p = to_complex(coefficients[elements]), len(elements)
             d = self._transform.samples(c)
-            if has_continuous_slopes(law) and len(cuts := edge_crossings(law, coefficients[elements], d)):
+            if _has_continuous_slopes(law) and len(cuts := edge_crossings(law, coefficients[elements], d)):
                 between = _between_edges(law, coefficients[elements], cuts, self.nu)
                 size += between.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
                 continue
@@ -181,7 +181,7 @@ class SampledVectorLaws:
             f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
 
 
-def has_continuous_slopes(law: VectorLaw) -> bool:
+def _has_continuous_slopes(law: VectorLaw) -> bool:
     """Return whether a law is integrated between the crossings of its edges, which depend on the displacements only."""
     return law.grazes and law.has_edges and not law.rated and not law.phases
 
@@ -197,6 +197,11 @@ def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
         Real Fourier coefficients of the displacements.
     samples : ndarray, shape (p, N)
         Samples of the displacements. An edge may be crossed twice between two of them.
+
+    Returns
+    -------
+    ndarray
+        The angles.
     """
     step, found = 2 * np.pi / samples.shape[1], []
     for number, e in enumerate(law.edges(samples)):
@@ -212,13 +217,12 @@ def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
             if inside is not None:
                 low, high = np.append(low, [(i - 1) * step, inside]), np.append(high, [inside, (i + 1) * step])
         found.append(_roots(edge, low, high))
-    return np.sort(np.concatenate(found) % (2 * np.pi))
+    return np.sort(np.concatenate([np.zeros(0), *found]) % (2 * np.pi))
 
 
 def _edge_at(law: VectorLaw, rows: Array, number: int, theta: Array) -> Array:
     """Return an edge of a law at angles of any shape."""
-    d = rows @ _basis(theta.ravel(), rows.shape[1])
-    found: Array = law.edges(d)[number].reshape(theta.shape)
+    found: Array = law.edges(evaluate(rows, theta))[number].reshape(theta.shape)
     return found
 
 
@@ -261,7 +265,7 @@ def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> _Panels
     """Return panels between crossings of edges, without the intervals in which there is no force."""
     low, high = cuts, np.append(cuts[1:], cuts[0] + 2 * np.pi)
     theta = low[:, None] + (high - low)[:, None] * np.array([0.25, 0.5, 0.75])
-    d = rows @ _basis(theta.ravel(), rows.shape[1])
+    d = evaluate(rows, theta)
     force, kd, _ = law.force(d, np.zeros_like(d), nu * theta.ravel())
     acts = (force.any(axis=0) | kd.any(axis=(0, 1))).reshape(theta.shape).any(axis=1)
     number = max(EDGE_POINTS, EDGE_DENSITY * (rows.shape[1] // 2))
@@ -272,13 +276,6 @@ def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> _Panels
 def _divided(a: float, b: float, number: int, points: int) -> Array:
     """Return the ends of panels of an interval, for a number of Gauss points in a period."""
     return np.linspace(a, b, 1 + max(1, math.ceil(number * (b - a) / (2 * np.pi * points))))
-
-
-def _basis(theta: Array, n: int) -> Array:
-    """Return 1, cos and sin of the harmonics at angles (Q,), (n, Q)."""
-    angles = np.arange(1, n // 2 + 1)[:, None] * theta
-    waves = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(n - 1, -1)
-    return np.concatenate([np.ones((1, len(theta))), waves])
 
 
 @cache
@@ -313,7 +310,9 @@ class _Panels:
     def basis(self, n: int) -> Array:
         """Return 1, cos and sin of the harmonics at the points, (n, Q)."""
         if len(self._basis) != n:
-            self._basis = _basis(self.theta, n)
+            angles = np.arange(1, n // 2 + 1)[:, None] * self.theta
+            waves = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(n - 1, -1)
+            self._basis = np.concatenate([np.ones((1, len(self.theta))), waves])
         return self._basis
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:

@@ -48,10 +48,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.forces.aft import edge_crossings
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
 from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
@@ -507,17 +507,9 @@ def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Arra
 
 def _edge_phases(compiled: Evaluator, rows: Array) -> Array:
     """Return the phases at which derivatives of vector laws jump."""
-    grid = np.linspace(0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1) + 1)
-    found: list[float] = []
-    for elements, law in compiled.vectors:
-        values = law.edges(evaluate(rows[elements], grid))
-        for e, n in zip(*np.nonzero(values[:, :-1] * values[:, 1:] < 0), strict=True):
-
-            def edge(theta: float, e: int = e, law: Any = law, elements: np.ndarray = elements) -> float:
-                return float(law.edges(evaluate(rows[elements], np.array([theta])))[e, 0])
-
-            found.append(float(scipy.optimize.brentq(edge, grid[n], grid[n + 1], xtol=1e-14)))
-    return np.array(found)
+    grid = np.linspace(0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1), endpoint=False)
+    found = [edge_crossings(law, rows[elements], evaluate(rows[elements], grid)) for elements, law in compiled.vectors]
+    return np.concatenate([np.zeros(0), *found])
 
 
 def _with_contact_ends(
