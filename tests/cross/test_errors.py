@@ -250,6 +250,10 @@ class Parabola(ContinuationProblem):
         return p - self.c - (X - self.d) ** 2, -2.0 * np.diag(X - self.d)
 
     @property
+    def resolution(self):
+        return f"vertex at ({self.d}, {self.c})"
+
+    @property
     def comparisons(self):
         return self.others
 

@@ -52,6 +52,23 @@ def test_hundred_polynomials():
     assert np.mean(own) < 1.2 * np.mean(brent)
 
 
+@pytest.mark.parametrize("curved", [0.0, 0.5])
+def test_kinks_at_the_root_cost_few_evaluations(curved):
+    """Slopes on both sides differ by factors of .01 to 100; methods that interpolate across the root bisect there."""
+    rng, counts = np.random.default_rng(5), []
+    for _ in range(100):
+        root, ratio = rng.uniform(0.02, 0.98), 10 ** rng.uniform(-2, 2)
+        calls = []
+
+        def function(x, root=root, ratio=ratio, calls=calls):
+            calls.append(x)
+            return (x - root) * (1 + curved * (x - root)) * (ratio if x < root else 1.0)
+
+        assert abs(find_root_bracketed(function, 0.0, 1.0, 1e-11) - root) < 2e-11
+        counts.append(len(calls))
+    assert np.mean(counts) < 15 and max(counts) <= 25
+
+
 def test_a_good_first_place_saves_evaluations():
     rng, blind, told = np.random.default_rng(4), [], []
     for _ in range(100):

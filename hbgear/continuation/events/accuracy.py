@@ -141,8 +141,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     work = work or Work(math.inf)
     unit = segment.problem.unit_of(segment.name, found.point.value)
     goal, problem, failures, error = accuracy * unit, segment.problem, 0, math.inf
+    moved: dict[str, MovedPoint] = {}
     while True:
-        moved: list[tuple[ContinuationProblem, MovedPoint]] = []
         if not _may_compare(problem, problem is segment.problem, work):
             error = math.nan if problem is segment.problem else error
             break
@@ -153,10 +153,9 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
         if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
         if not work.allows(finer.equivalent_size, LOCATION_COST):
-            error = _estimate(segment, found, problem, math.inf, [])
+            error = _estimate(segment, found, problem, math.inf, moved)
             break
-        known = next((there for other, there in moved if other is finer), None)
-        sharp = (known or _at_other_resolution(segment, found, finer)).sharp()
+        sharp = _known_at(finer, segment, found, moved).sharp()
         failures, problem = (0 if sharp else failures + 1), finer
         if sharp:
             found = replace(found, sharp=sharp, located=True)
@@ -194,25 +193,32 @@ def _estimate(
     found: LocatedEvent,
     problem: ContinuationProblem,
     goal: float,
-    moved: list[tuple[ContinuationProblem, MovedPoint]],
+    moved: dict[str, MovedPoint],
 ) -> float:
     """Return the error of a point at the resolution of a problem; an infinite goal gives the complete estimate.
 
-    The comparisons stop at the first one that exceeds the goal. The list ``moved`` is filled with the points located,
-    each with its problem.
+    The comparisons stop at the first one that exceeds the goal. ``moved`` has the points that are known at other
+    resolutions, by the texts of their resolutions, and receives further ones.
     """
     own = (found.sharp.problem if found.sharp else segment.problem) is problem
     if not found.located or not own:  # not located at this resolution
         return math.inf
     value, errors = found.value, []
     for other, weight in problem.comparisons:
-        there = _at_other_resolution(segment, found, other)
-        moved.append((other, there))
-        errors.append(weight * abs(there.value - value))
+        errors.append(weight * abs(_known_at(other, segment, found, moved).value - value))
         if problem.refined_problem is not None and not errors[-1] <= goal:
             return math.inf if math.isnan(errors[-1]) else errors[-1]
     known = [error for error in errors if not math.isnan(error)]
     return max(known, default=math.inf)
+
+
+def _known_at(
+    problem: ContinuationProblem, segment: Segment, found: LocatedEvent, moved: dict[str, MovedPoint]
+) -> MovedPoint:
+    """Return the point at another resolution, from ``moved`` if it is known there."""
+    if problem.resolution not in moved:
+        moved[problem.resolution] = _at_other_resolution(segment, found, problem)
+    return moved[problem.resolution]
 
 
 def is_under_resolved(problem: ContinuationProblem, X: Array, error: float) -> bool:

@@ -1,7 +1,9 @@
-"""Bracketed root of a scalar function, by Chandrupatla's method.
+"""Bracketed root of a scalar function with or without a kink at the root, by an extension of Chandrupatla's method.
 
-Each iteration uses inverse quadratic interpolation through the last three points where that is safe, else bisection.
-`scipy.optimize` has the method too, but takes a third of a second to import, for which every command would wait.
+Each iteration uses inverse quadratic interpolation through the last three points where that is safe. Elsewhere the
+line through the two points on one side of the root is extrapolated, which converges fast where the slopes on the two
+sides differ: test functions of contacts and sliders have such kinks at their roots. An iteration bisects if the last
+two have not halved the bracket. The methods of `scipy.optimize` bisect at kinks: 30 evaluations instead of 10.
 
 References
 ----------
@@ -53,6 +55,7 @@ def find_root_bracketed(
     if not fa * fb <= 0:
         raise ValueError(f"the function has the values {fb} and {fa} at {low} and {high}: no change of sign")
     fraction = 0.5 if math.isnan(first) else (first - a) / (b - a)
+    width, slow = abs(b - a), 0
     for _ in range(MAX_EVALUATIONS):
         best, smallest = (b, fb) if abs(fb) < abs(fa) else (a, fa)
         min_fraction = (2 * sys.float_info.epsilon * abs(best) + tolerance) / abs(b - a)
@@ -64,15 +67,22 @@ def find_root_bracketed(
             raise ValueError(f"the function is nan at {x}")
         c, fc, b, fb = (a, fa, b, fb) if (fx > 0) == (fa > 0) else (b, fb, a, fa)
         a, fa = x, fx
-        fraction = _next_fraction(a, b, c, fa, fb, fc)
+        width, slow = (abs(b - a), 0) if abs(b - a) <= 0.5 * width or slow > 1 else (width, slow + 1)
+        fraction = 0.5 if slow > 1 else _next_fraction(a, b, c, fa, fb, fc)
         if abs(fraction * (b - a)) < EARLY_ACCEPTANCE * tolerance:
             return a
     return best
 
 
 def _next_fraction(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
-    """Return the next point as a fraction of the way from a to b: by interpolation if that is safe, else one half."""
+    """Return the next point as a fraction of the way from a to b.
+
+    Inverse quadratic interpolation is used where it is safe, else the line through c and the end on its side of the
+    root, if it ends in the bracket, else bisection.
+    """
     xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb) if fc != fb else 2.0
-    if not (phi**2 < xi and (1 - phi) ** 2 < 1 - xi):
-        return 0.5
-    return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+    if phi**2 < xi and (1 - phi) ** 2 < 1 - xi:
+        return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+    x, fx = (a, fa) if (fc > 0) == (fa > 0) else (b, fb)
+    fraction = (x - fx * (x - c) / (fx - fc) - a) / (b - a) if fx != fc else 0.5
+    return fraction if 0 < fraction < 1 else 0.5

@@ -107,7 +107,7 @@ class ContinuationProblem:
 
     @property
     def resolution(self) -> str:
-        """The resolution as text, such as ``"n = 21"``."""
+        """The resolution as text, such as ``"n = 21"``; different for each of the `comparisons`."""
         return f"n = {self.size}"
 
     @property
