@@ -10,7 +10,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.laws.compiled_law import CompiledLaw
     from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossley, KelvinVoigt
     from hbgear.mechanics.laws.damped_contact import DampedContact
-    from hbgear.mechanics.laws.friction import ContactFriction, Coulomb, Iwan, Jenkins
+    from hbgear.mechanics.laws.friction import ContactFriction, Coulomb, Iwan, Jenkins, RigidFriction
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
     from hbgear.mechanics.laws.registry import register_law
     from hbgear.mechanics.laws.slider import Slider
@@ -54,6 +54,7 @@ __all__ = [
     "Reaction",
     "Receptances",
     "Reduction",
+    "RigidFriction",
     "Series",
     "Slider",
     "SpeedTerms",

@@ -7,7 +7,7 @@ line, which is continued beyond the breakpoint within the step; the step is then
 Breakpoints of the excitation are known in advance: between two of them stiffness and displacement are polynomials,
 which are continued beyond the breakpoints in the same way. Friction sliders add their positions to the state, and end
 a step where they slip or stick, see `slider_flow`; contacts with dampers end it where their force jumps, see
-`contact_flow`.
+`contact_flow`, and rigid friction where an element sticks or is released, see `stick_flow`.
 
 References
 ----------
@@ -24,19 +24,21 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit
 from hbgear.time.flows.contact_flow import ContactFlow
 from hbgear.time.flows.excitation import Excitation, Interval
 from hbgear.time.flows.slider_flow import SliderFlow
+from hbgear.time.flows.stick_flow import StickFlow
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
 
-Lines = tuple[Array, Array, Integers, Integers]
-"""Slope and offset (m,) of the linear segment of each element, the state (2, Q) of each slider, and the state of each
-damped contact."""
+Lines = tuple[Array, Array, Integers, Integers, Integers]
+"""Slope and offset (m,) of the linear segment of each element, the state (2, Q) of each slider, and the states of each
+damped contact and each element with rigid friction."""
 
 
 class Flow:
@@ -76,8 +78,10 @@ class Flow:
         self.c = np.array([e.damping for e in system.elements])
         self.vectors = vector_groups(self.laws)
         curved = [j for j in np.flatnonzero(~self.segments.line) if not isinstance(self.laws[j], Component)]
-        self._curved = np.array([j for j in curved if not self.laws[j].damped], dtype=int)
+        jumps = [j for j in curved if self.laws[j].damped or isinstance(self.laws[j], RigidFriction)]
+        self._curved = np.array([j for j in curved if j not in jumps], dtype=int)
         self._matrices(system)
+        self.rigid = StickFlow(system.elements, self.W, self.B[self.n :])
         self.excitation = Excitation(system, Omega, self.invert)
 
     def _matrices(self, system: System) -> None:
@@ -113,6 +117,10 @@ class Flow:
 
     def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
+        return self._rates_and_forces(line, between, t, Y)[0].ravel()
+
+    def _rates_and_forces(self, line: Lines, between: Interval, t: float, Y: Array) -> tuple[Array, Array]:
+        """Return y' or (y', Phi'), and the forces (R, columns) of sticking elements and their derivatives."""
         n, on = self.n, self.sliders.element
         e, de, k, f = self.excitation.at(t, between)
         Y = Y.reshape(self.size, -1)
@@ -139,7 +147,7 @@ class Flow:
             pushes, normal = (slip * gain)[:, None], self.sliders.normal
             out[: 2 * n, 1:] -= self.B[:, on] @ (pushes * u[normal])
             out[2 * n + slips, 1:] = (rate[on] - pushes / self.sliders.k[:, None] * rate[normal])[slips]
-        return out.ravel()
+        return out, self.rigid.hold(line[4], out[n : 2 * n])
 
     def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
         """Return df/dy (2n, 2n) for implicit methods."""
@@ -155,12 +163,13 @@ class Flow:
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
         """Return p, dp/dd and dp/dv (m,)."""
-        slope, offset, _, contact = line
+        slope, offset, _, contact, rigid = line
         kd = k * slope
         p, kv = kd * d + k * offset, np.zeros(self.m)
         for j in self._curved:
             p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
         self.contacts.add_forces(contact, d, v, p, kd, kv)
+        p[self.rigid.element] = self.rigid.slip_forces(rigid)
         for rows, law in self.vectors:
             p[rows] += law.force(d[rows, None], v[rows, None], np.array([tau]))[0][:, 0]
         return p, kd, kv
@@ -231,12 +240,19 @@ class Flow:
         d, v = self.gaps(t, Y, between)
         segment, instants, count = self.segments.at(d, v), [], 0
         slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
-        contact = self.contacts.at(d, v)
-        every = np.arange(self.m)
+        contact, every = self.contacts.at(d, v), np.arange(self.m)
+
+        def lines(rigid: Integers) -> Lines:
+            return self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact, rigid
+
+        def rates(rigid: Integers, t: float, Y: Array) -> tuple[Array, Array]:
+            return self._rates_and_forces(lines(rigid), between, t, Y)
+
+        rigid = self.rigid.at(rates, t, Y, v)
         while end - t > 1e-14 * abs(end):
-            line = self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact
+            line = lines(rigid)
             f = partial(self.rates, line, between)
-            analytic = method == "Radau" and self.columns == 1 and not len(self.sliders)
+            analytic = method == "Radau" and self.columns == 1 and not len(self.sliders) and not len(self.rigid)
             extra = {"jac": partial(self.slopes, line, between)} if analytic else {}
             solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
             while solver.status == "running":
@@ -251,7 +267,8 @@ class Flow:
                 at, side = self._exit(solver, before, segment, between)
                 change, leaves = self.sliders.exits(self, solver, slip)
                 ends = self.contacts.exits(self, solver, contact)
-                others = np.concatenate([change, leaves, ends])
+                sticks = self.rigid.exits(self, rates, solver, rigid)
+                others = np.concatenate([change, leaves, ends, sticks])
                 stop = float(min(at.min(), others.min(initial=np.inf)))
                 if not np.isfinite(stop):
                     if visit:
@@ -269,6 +286,8 @@ class Flow:
                     Y, slip = self.sliders.after(self, t, Y, slip, change <= together, leaves <= together)
                 if (ends <= together).any():
                     Y, contact = self.contacts.after(self, t, Y, contact, ends <= together)
+                if (sticks <= together).any():
+                    Y, rigid = self.rigid.after(self, rates, t, Y, rigid, sticks <= together)
                 instants.append(t)
                 break
         return Y, instants, count

@@ -61,6 +61,10 @@ LAWS_OF_TWO_ELEMENTS = {"contact friction"}
 """Laws that need the force of another element, see `tests/truth/test_friction_limits.py`."""
 
 
+LAWS_OF_TIME_INTEGRATION = {"rigid friction"}
+"""Laws that a balance refuses, see `tests/truth/test_rigid_friction.py`."""
+
+
 def system(law):
     return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load([0.1], {1: [0.2]}))
 
@@ -129,7 +133,7 @@ def same_registry():
 
 def test_every_law_of_hbgear_has_an_example():
     own = {name for name, entry in registry.LAWS.items() if entry.build.__module__.startswith("hbgear.")}
-    assert own == EXAMPLES.keys() | VECTOR_LAWS | LAWS_OF_TWO_ELEMENTS
+    assert own == EXAMPLES.keys() | VECTOR_LAWS | LAWS_OF_TWO_ELEMENTS | LAWS_OF_TIME_INTEGRATION
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

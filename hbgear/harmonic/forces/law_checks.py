@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import moving_springs_of
 from hbgear.mechanics.laws.vector_laws import VectorLaw, vector_groups
@@ -43,11 +44,17 @@ def check_laws(system: System) -> None:
     Raises
     ------
     ValueError
-        If a law does not return three finite arrays, a derivative differs from differences of the force, friction or a
-        damped contact acts on a displacement with breakpoints, or an element whose law has no stiffness measures a free
-        motion of the structure, so that the mean of it is arbitrary.
+        If a law does not return three finite arrays, a derivative differs from differences of the force, friction is
+        rigid, friction or a damped contact acts on a displacement with breakpoints, or an element whose law has no
+        stiffness measures a free motion of the structure, so that the mean of it is arbitrary.
     """
     for element in system.elements:
+        if any(isinstance(part, RigidFriction) for part in element.law.parts):
+            raise ValueError(
+                f"element '{element.name}' has rigid friction, whose force jumps to an unknown value where it sticks: "
+                "a series does not represent it. Use hb.mechanics.Coulomb(limit, k) or Jenkins, or integrate the model "
+                "with hb.time.integrate or hb.time.shoot"
+            )
         if element.law.sliders and element.displacement.corners:
             raise ValueError(
                 f"element '{element.name}' has friction and a prescribed displacement with breakpoints, a Periodic; "

@@ -1,4 +1,4 @@
-"""Dry friction: force laws with memory, each a sum of sliders.
+"""Dry friction: elastic friction, whose force laws are sums of sliders, and rigid friction.
 
     f = k (d - z),   |f| <= limit      the position z of a slider rests while it sticks, and follows d while it slips
 
@@ -10,6 +10,9 @@ The limit is constant, prescribed over the period (`Jenkins`), or proportional t
 (`ContactFriction`). Any law may have sliders: its property `Law.sliders` lists them, and their forces are added to
 ``force(d, v, tau)``, which is the part without memory. Harmonic balance projects sliders exactly, see
 `hbgear.harmonic.forces.slider_kernels`; stability has one more state per slider.
+
+`RigidFriction` has no stiffness, and a static limit that may exceed the kinetic one. Its force jumps; time integration
+computes it exactly.
 
 References
 ----------
@@ -207,6 +210,71 @@ def Coulomb(limit: float, k: float, residual: float = 0.0) -> Jenkins:
     checked("Coulomb", "k", k, POSITIVE)
     checked("Coulomb", "limit", limit, POSITIVE)
     return Jenkins(k, limit, residual)
+
+
+@dataclass(frozen=True)
+class RigidFriction(Law):  # numpydoc ignore=PR02
+    """Rigid dry friction with a static and a kinetic limit on a surface that moves at a constant speed.
+
+        slip:   f = kinetic sign(d' - speed)
+        stick:  d' = speed,   |f| <= static
+
+    Parameters
+    ----------
+    static : float
+        Largest friction force while the element sticks, at least ``kinetic`` [force].
+    kinetic : float
+        Friction force while it slips, > 0 [force].
+    speed : float, optional
+        Speed of the surface, such as a belt or a disc [length / time]. Default 0.
+
+    Raises
+    ------
+    ValueError
+        If the kinetic limit is not positive or exceeds the static one, or a number is not finite.
+
+    Notes
+    -----
+    `hbgear.time.integrate` and `hbgear.time.shoot` compute the instants of slip and stick exactly: a sticking element
+    is a constraint. A harmonic balance refuses the law, because its force jumps between an unknown value and the
+    kinetic limit; `Coulomb` and `Jenkins` have one limit and a stiffness, and can be balanced.
+
+    References
+    ----------
+    Den Hartog (1931), Trans. ASME 53, 107-115. Leine, van Campen, de Kraker & van den Steen (1998), Nonlinear Dyn.
+    16, 41-54, https://doi.org/10.1023/A:1008289604683.
+
+    Examples
+    --------
+    A mass on a belt. It sticks for a time of 2 in each cycle of 2 + 3 pi / 2.
+
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> belt = hb.Element([1.0], hb.mechanics.RigidFriction(static=1.0, kinetic=0.7, speed=0.3), name="belt")
+    >>> mass = hb.System([[1.0]], [[0.0]], [[1.0]], [belt])
+    >>> motion = hb.time.integrate(mass, [0.0, 0.0], 5, 1.0)
+    >>> np.diff(motion.switches[-3:]).round(6).tolist()
+    [4.712389, 2.0]
+    """
+
+    static: float
+    kinetic: float
+    speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        checked("RigidFriction", "kinetic", self.kinetic, POSITIVE)
+        checked("RigidFriction", "static", self.static)
+        checked("RigidFriction", "speed", self.speed)
+        if self.static < self.kinetic:
+            raise ValueError(
+                f"RigidFriction: static = {self.static:g} must be at least kinetic = {self.kinetic:g}, because a force "
+                "that rises when slip begins would stop it"
+            )
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        """Return the friction force while the element slips; zero at the speed of the surface, where it sticks."""
+        rest = np.zeros_like(d)
+        return self.kinetic * np.sign(v - self.speed), rest, rest
 
 
 @dataclass(frozen=True)

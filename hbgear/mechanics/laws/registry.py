@@ -25,7 +25,7 @@ from hbgear.common.text.messages import did_you_mean, origin_of, quoted
 from hbgear.mechanics.fields import kinds_of, plain
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.contact_damping import ClippedKelvinVoigt, HuntCrossley, KelvinVoigt
-from hbgear.mechanics.laws.friction import ContactFriction, Coulomb, Iwan, Jenkins
+from hbgear.mechanics.laws.friction import ContactFriction, Coulomb, Iwan, Jenkins, RigidFriction
 from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.laws.vector_laws import Component, Directed, Polynomial, RadialClearance, SlidingTeeth
@@ -318,6 +318,7 @@ register_law(name="mesh contacts")(MeshContacts)
 register_law(name="jenkins")(Jenkins)
 register_law(name="contact friction")(ContactFriction)
 register_law(name="iwan")(Iwan)
+register_law(name="rigid friction")(RigidFriction)
 register_law(name="hunt-crossley")(HuntCrossley)
 register_law(name="kelvin-voigt")(KelvinVoigt)
 register_law(name="clipped kelvin-voigt")(ClippedKelvinVoigt)
@@ -331,7 +332,7 @@ register_law(name="backlash", required=("k", "b"))(Backlash)
 register_law(name="unilateral", required=("k", "gap"))(Unilateral)
 
 _DAMPED = KelvinVoigt, ClippedKelvinVoigt
-_LATER = ContactFriction, *_DAMPED, Component, RadialClearance, Polynomial, Directed, SlidingTeeth
+_LATER = ContactFriction, RigidFriction, *_DAMPED, Component, RadialClearance, Polynomial, Directed, SlidingTeeth
 
 BUILT_IN: Mapping[str, type[Law]] = {
     cls.__name__: cls

@@ -32,6 +32,7 @@ from hbgear.common.ranges import counted
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import mobility_of
+from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
@@ -127,7 +128,7 @@ class ExponentialIntegrator:
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
         laws = [element.law for system in self.systems for element in system.elements]
-        if any(law.sliders or law.damped or isinstance(law, Component) for law in laws):
+        if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
             raise ValueError(
                 "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"

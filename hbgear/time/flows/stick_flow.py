@@ -1,0 +1,170 @@
+"""Rigid friction in time integration: a sticking element is a constraint, and its force the Lagrange multiplier.
+
+    slips  p = side kinetic,   side (v - speed) > 0    until v = speed
+    sticks v = speed,  p = (W^T M^-1 W)^-1 W^T a       until |p| = static;   W, a: directions, accelerations without p
+
+At an event the vector field jumps from f to f*. A disturbance dy moves the instant of an event h(t, y) = 0 by
+-(grad h dy) / h', h' = dh/dt along the motion, and becomes dy + (f* - f) (grad h dy) / h'.
+
+References
+----------
+Leine & Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004),
+https://doi.org/10.1007/978-3-540-44398-8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.friction import RigidFriction
+from hbgear.mechanics.models import Element
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+
+STICKS = 0
+"""State of an element that sticks; one that slips has the sign of its relative velocity, -1 or +1."""
+
+_ON_LIMIT = 1e-9
+"""Relative velocity, over the velocities of the motion, and excess of the static limit, relative to it, that count as
+zero [-]."""
+
+_RATE_STEP = 1e-5
+"""Step of the difference that estimates the rate of a holding force, over 1 / Omega [-]."""
+
+Rates = Callable[[Integers, float, Array], tuple[Array, Array]]
+"""Rates (size, columns) of a motion and holding forces (R, columns), at states of the elements, t and Y."""
+
+
+class StickFlow:
+    """Elements of a system with rigid friction.
+
+    Parameters
+    ----------
+    elements : sequence of Element
+        Elements of the system.
+    W : ndarray, shape (n, m)
+        Directions of all elements.
+    accelerations : ndarray, shape (n, m)
+        Accelerations by unit forces of all elements, M^-1 W.
+
+    Attributes
+    ----------
+    element : ndarray, shape (R,)
+        Elements with rigid friction.
+    static, kinetic, speed : ndarray, shape (R,)
+        Numbers of their laws.
+
+    Raises
+    ------
+    ValueError
+        If such an element has a prescribed displacement or other laws, or their directions are linearly dependent.
+    """
+
+    def __init__(self, elements: Sequence[Element], W: Array, accelerations: Array) -> None:
+        self.element = np.array([j for j, e in enumerate(elements) if isinstance(e.law, RigidFriction)], dtype=int)
+        for element in elements:
+            parts = [part for part in element.law.parts if isinstance(part, RigidFriction)]
+            if parts and (element.law is not parts[0] or element.displacement.bound):
+                raise ValueError(
+                    f"element '{element.name}' has rigid friction and a prescribed displacement or other laws; give "
+                    "the friction an element of its own with the same direction and no displacement"
+                )
+        laws: list[Any] = [elements[j].law for j in self.element]
+        numbers = np.array([(law.static, law.kinetic, law.speed) for law in laws], dtype=float).reshape(-1, 3)
+        self.static, self.kinetic, self.speed = numbers.T
+        self._W, self._accelerations = W[:, self.element], accelerations[:, self.element]
+        if np.linalg.matrix_rank(self._W) < len(self):
+            names = ", ".join(f"'{elements[j].name}'" for j in self.element)
+            raise ValueError(
+                f"the directions of the elements {names} with rigid friction are linearly dependent, so that their forces "
+                "while they stick are not determined; combine elements of one direction into one"
+            )
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+    def slip_forces(self, state: Integers) -> Array:
+        """Return the forces (R,) of the elements that slip; zero for those that stick."""
+        forces: Array = state * self.kinetic
+        return forces
+
+    def hold(self, state: Integers, accelerations: Array) -> Array:
+        """Hold the elements that stick: subtract the accelerations by their forces in place, return the forces.
+
+        accelerations : without these forces, shape (n, columns); the forces have the shape (R, columns).
+        """
+        forces, sticks = np.zeros((len(self), accelerations.shape[1])), np.flatnonzero(state == STICKS)
+        if len(sticks):
+            W, unit = self._W[:, sticks], self._accelerations[:, sticks]
+            forces[sticks] = np.linalg.solve(W.T @ unit, W.T @ accelerations)
+            accelerations -= unit @ forces[sticks]
+        return forces
+
+    def at(self, rates: Rates, t: float, Y: Array, v: Array) -> Integers:
+        """Return the state (R,) of each element at rates v (m,) of all elements."""
+        if not len(self):
+            return np.zeros(0, dtype=int)
+        slide, scale = v[self.element] - self.speed, np.maximum(np.abs(self.speed), np.abs(v).max())
+        state: Integers = np.where(np.abs(slide) <= _ON_LIMIT * scale, STICKS, np.sign(slide)).astype(int)
+        return self._released(rates, t, Y, state)
+
+    def _released(self, rates: Rates, t: float, Y: Array, state: Integers) -> Integers:
+        """Return the state after elements whose holding force exceeds the static limit are released, one by one."""
+        state = state.copy()
+        while True:
+            force = rates(state, t, Y)[1][:, 0]
+            excess = np.abs(force) / self.static
+            i = int(np.argmax(excess))
+            if excess[i] <= 1 + _ON_LIMIT:
+                return state
+            state[i] = int(np.sign(force[i]))
+
+    def exits(self, flow: Any, rates: Rates, solver: Any, state: Integers) -> Array:
+        """Return the instants (R,) in the last step at which elements stick or are released, inf if there are none."""
+        if not len(self):
+            return np.full(0, np.inf)
+        dense = solver.dense_output()
+        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        sticks, slides = (state == STICKS)[:, None], state[:, None]
+
+        def tests(at: Array) -> Array:
+            """Return holding forces while sticking, and relative speeds while slipping (R, T)."""
+            Y = dense(at)
+            values: Array = slides * (flow.gaps_over(at, Y)[1][self.element] - self.speed[:, None])
+            if sticks.any():
+                forces = np.array([rates(state, x, y)[1][:, 0] for x, y in zip(at, Y.T, strict=True)]).T
+                values = np.where(sticks, forces, values)
+            return values
+
+        def value(rows: Integers, at: Array) -> Array:
+            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, at, strict=True)])
+
+        samples = tests(t)
+        low, high = np.where(sticks[:, 0], -self.static, 0.0), np.where(sticks[:, 0], self.static, np.inf)
+        return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
+
+    def after(
+        self, flow: Any, rates: Rates, t: float, Y: Array, state: Integers, passed: np.ndarray
+    ) -> tuple[Array, Integers]:
+        """Return the state of the motion and of the elements after an event at t of the elements ``passed``."""
+        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
+        for i in np.flatnonzero(passed).tolist():
+            flowing, forces = rates(state, t, Y)
+            last = state.copy()
+            if state[i] == STICKS:
+                h = _RATE_STEP / flow.Omega
+                ahead, behind = (rates(last, t + x, Y + x * flowing)[1][i, 0] for x in (h, -h))
+                change, disturbance = (ahead - behind) / (2 * h), forces[i, 1:]
+                state[i] = int(np.sign(forces[i, 0]))
+            else:
+                change = float(self._W[:, i] @ flowing[n : 2 * n, 0])
+                disturbance = self._W[:, i] @ Y[n : 2 * n, 1:]
+                state[i] = STICKS
+            state = self._released(rates, t, Y, state)
+            if Y.shape[1] > 1 and change:
+                jump = rates(state, t, Y)[0][:, 0] - flowing[:, 0]
+                Y[:, 1:] += np.outer(jump, disturbance / change)
+        return Y.ravel(), state
