@@ -79,8 +79,8 @@ class StickFlow:
         if np.linalg.matrix_rank(self._W) < len(self):
             names = ", ".join(f"'{elements[j].name}'" for j in self.element)
             raise ValueError(
-                f"the directions of the elements {names} with rigid friction are linearly dependent, so that their forces "
-                "while they stick are not determined; combine elements of one direction into one"
+                f"the directions of the elements {names} with rigid friction are linearly dependent, so that their "
+                "forces while they stick are not determined; combine elements of one direction into one"
             )
 
     def __len__(self) -> int:
