@@ -22,6 +22,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
+from hbgear.common.ranges import counted
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import events_of
@@ -40,6 +41,8 @@ from hbgear.continuation.tracing.state import set_up
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
+from hbgear.harmonic.equations.discretization import MAX_COUNT
+from hbgear.harmonic.equations.harmonic_selection import tooth_orders
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
 from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
@@ -189,8 +192,8 @@ class ContactInstants(HarmonicBalance):
     model : Model
         A model whose laws are piecewise linear, with at most 60 coordinates.
     harmonics : int, optional
-        H, number of harmonics of the results, 16 by default. The curve does not depend on it; ``Branch.error`` is the
-        rms of the harmonics that the results leave out.
+        H, number of harmonics of the results, 16 by default, and at least the base orders of the excitation. The curve
+        does not depend on it; ``Branch.error`` is the rms of the harmonics that the results leave out.
     nu : int, optional
         Subharmonic order, 1 by default.
 
@@ -223,7 +226,7 @@ class ContactInstants(HarmonicBalance):
 
     @checked_arguments()
     def __init__(self, model: Model, harmonics: int = 16, nu: int = 1) -> None:
-        super().__init__(model, harmonics=harmonics, nu=nu)
+        super().__init__(model, harmonics=_sufficient(harmonics, model, nu), nu=nu, orders="all")
         self.compiled({}).contact_equations  # noqa: B018  raises NotPiecewiseLinear
 
     def __repr__(self) -> str:
@@ -319,7 +322,7 @@ class ContactInstants(HarmonicBalance):
     @property
     def balance(self) -> HarmonicBalance:
         """The harmonic balance of the same model with the same number of harmonics."""
-        return HarmonicBalance(self.model, self.H, nu=self.nu)
+        return HarmonicBalance(self.model, self.H, nu=self.nu, orders="all")
 
     @property
     def residual_form(self) -> HarmonicBalance:
@@ -476,11 +479,18 @@ class ContactInstants(HarmonicBalance):
         return self.exact_state(self.resized(X), name, here), None
 
 
+def _sufficient(harmonics: int, model: Model, nu: int) -> int:
+    """Return the number of harmonics, or the largest base order of the excitation if it is higher."""
+    counted("harmonics", harmonics, MAX_COUNT)
+    counted("nu", nu, MAX_COUNT)
+    return max(int(harmonics), int(nu) * max(tooth_orders(model.system())))
+
+
 def _found_state(problem: ContactInstants, name: str, here: Mapping[str, float], softer: bool) -> CurveState:
     """Return an exact motion found by the balance, or by the balance of ``softer`` contacts."""
-    H = min(problem.H, START_HARMONICS)
+    H = min(problem.H, _sufficient(START_HARMONICS, problem.model, problem.nu))
     if softer:
-        balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu)
+        balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu, orders="all")
         system, Omega = problem.compiled(dict(here)).system, float(here["Omega"])
         return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(here[name]))
     coarse = problem.with_order(problem.nu, H)

@@ -85,7 +85,7 @@ class HarmonicBalance(PeriodicMotions):
         harmonic of the motion, and one mode per element that represents the others. ``branch.meta["stability"]`` holds
         the estimated error of the multipliers. Curves change only for more than 1500 coordinates; see `restricted_to`.
         True by default.
-    orders : "meshes" or sequence of int, optional
+    orders : "meshes", "all" or sequence of int, optional
         Orders of Omega that are unknowns in addition to the mean; by default all up to H, or "meshes" if the excitation
         of an element or load begins above the order H or 60. "meshes" selects them for meshes of several tooth
         frequencies and shaft orders: ``harmonics`` then counts the harmonics of the fastest, and combinations

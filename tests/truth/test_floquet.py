@@ -37,6 +37,18 @@ class Drag(Law):
         return self.c * d * d * v + d, 2 * self.c * d * v + 1, self.c * d * d
 
 
+@dataclass(frozen=True)
+class SteepFriction(Law):
+    """p = limit tanh(v / scale)."""
+
+    limit: float
+    scale: float
+
+    def force(self, d, v, tau):
+        p = np.tanh(v / self.scale)
+        return self.limit * p, 0 * d, self.limit / self.scale * (1 - p * p)
+
+
 def three_masses(rng):
     """Random, damped, with a cubic spring and a gap with a damper beside it."""
     A, B = rng.standard_normal((2, 3, 3)) / 3
@@ -236,6 +248,46 @@ def test_linear_motion_of_the_double_helical_pair():
     match = np.abs(mu[:, None] - expected[big]).min(axis=0)
     np.testing.assert_allclose(match, 0, atol=1e-9)
     assert np.sum(np.abs(mu) > 1e-3) == big.sum()
+
+
+def excited_at(order, law):
+    """One mass whose stiffness, displacement and load have this base order."""
+    displacement = Series(0.2, (0.0,) * (order - 1) + (0.2,)) if isinstance(law, Cubic) else Series()
+    element = Element([1.0], law, displacement)
+    return System([[1.0]], [[0.05]], [[1.0]], [element], Load([0.3], {order: [0.8]}))
+
+
+@pytest.mark.parametrize("order", [7, 20])
+@pytest.mark.parametrize("kind", ["stiffness", "cubic", "tanh"])
+@pytest.mark.parametrize("speed", [1.3, 3.0])
+def test_the_unit_of_the_frequency_is_arbitrary(kind, order, speed):
+    """Excitation of the order n at Omega / n is that of the order 1 at Omega: the multipliers are n-th powers."""
+    laws = {"cubic": Cubic(2.0), "tanh": SteepFriction(0.1, 0.02)}
+    multipliers, X = [], None
+    for n in (1, order):
+        stiffness = Series(1.0, (0.0,) * (n - 1) + (0.4,))
+        model = excited_at(n, laws.get(kind, Backlash(0.2, stiffness=stiffness)))
+        problem = HarmonicBalance(model, orders=[n * k for k in range(1, 25)], samples=1024 * n)
+        X = problem.start(Omega=speed) if X is None else X
+        multipliers.append(np.sort_complex(problem.multipliers(X, Omega=speed / n)))
+    powers = np.sort_complex(multipliers[0] ** order)
+    np.testing.assert_allclose(multipliers[1], powers, atol=1e-8 * np.abs(powers).max(), rtol=0)
+
+
+FRICTION_OMEGA, FRICTION_MULTIPLIERS = (
+    (0.7, 0.9, 1.1, 1.4),
+    (-0.17028115 + 0.17415585j, 0.57512204 + 0.41469782j, 0.66076699 + 0.38076839j, -0.08981513 + 0.48680914j),
+)
+"""x'' + .01 x' + x + .1 tanh(20 x') = .2 cos(Omega t): one multiplier by shooting (Runge-Kutta of order 8)."""
+
+
+def test_multipliers_of_steep_friction_are_those_of_shooting():
+    """Steps are short where the velocity reverses."""
+    friction = Element([1.0], SteepFriction(0.1, 0.05))
+    problem = HarmonicBalance(System([[1.0]], [[0.01]], [[1.0]], [friction], Load(cosine={1: [0.2]})), 96)
+    for Omega, multiplier in zip(FRICTION_OMEGA, FRICTION_MULTIPLIERS, strict=True):
+        mu = problem.multipliers(problem.start(Omega=Omega), Omega=Omega)
+        assert np.abs(mu - multiplier).min() < 2e-8
 
 
 @pytest.mark.parametrize("model", [SpurPair(), SpurPair(eps=(0.1, 0.05))], ids=["constant", "varying stiffness"])

@@ -144,11 +144,12 @@ def select_harmonics(orders: Any, system: System, H: int | None = None) -> Harmo
     """Return the selection for the argument ``orders`` of a balance; None for all orders.
 
     Without an argument, all orders are selected if no base order of the excitation exceeds 60 or H, otherwise "meshes".
+    "all" selects all of them.
 
     Raises
     ------
     ValueError
-        If ``orders`` is not None, "meshes" or whole numbers from 1.
+        If ``orders`` is not None, "all", "meshes" or whole numbers from 1.
     """
     if isinstance(orders, HarmonicSelection):
         return orders
@@ -157,8 +158,12 @@ def select_harmonics(orders: Any, system: System, H: int | None = None) -> Harmo
         highest = _MOST_FULL_ORDERS if H is None else min(H, _MOST_FULL_ORDERS)
         return HarmonicSelection(tones) if max(tones) > max(highest, 1) else None
     if isinstance(orders, str):
+        if orders == "all":
+            return None
         if orders != "meshes":
-            raise ValueError(f"orders = {orders!r}: need 'meshes', or a list of whole numbers such as (3, 5, 6, 8)")
+            raise ValueError(
+                f"orders = {orders!r}: need 'meshes', 'all', or a list of whole numbers such as (3, 5, 6, 8)"
+            )
         tones = tooth_orders(system)
         return None if tones == (1,) else HarmonicSelection(tones)
     given = real_numbers("orders", orders, "'meshes', or a list of whole numbers such as (3, 5, 6, 8)").ravel()

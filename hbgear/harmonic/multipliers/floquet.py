@@ -53,9 +53,9 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import edge_crossings
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
+from hbgear.harmonic.multipliers.sampled_slopes import resolved_steps, slopes_at, vector_slopes_at
 from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
-from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import evaluate
 
 MAX_STEP_OVER_PERIOD = 0.2
@@ -402,8 +402,8 @@ def _monodromy_with_python_laws(
         projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0),
         monodromy_kernels.circle(monodromy_kernels.MODULATION_SAMPLES * nu),
     )
-    largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
-    for elements, slopes in _vector_slopes(compiled, rows, omega, coarse[0]):
+    largest = np.abs(slopes_at(compiled, rows, omega, coarse[0])[0]).max(axis=1)
+    for elements, slopes in vector_slopes_at(compiled, rows, omega, coarse[0]):
         largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     known = monodromy_kernels.steps_per_segment(packed, rows, mobility, coarse, space.waves, *buffers)
@@ -411,17 +411,21 @@ def _monodromy_with_python_laws(
         max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, part.modes,
         mobility, float(MAX_STEPS_PER_PERIOD),
     )  # fmt: skip
+    x, L, _, turn = schemes[which]
+    order = monodromy_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
+    longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, part.modes.poles)
-    x, L, *_ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
     count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
     segments, jumps = _with_contact_ends(compiled, rows, omega, longest, segments[:count])
+    segments, begins = resolved_steps(compiled, rows, omega, mobility, segments, len(x))
+    jumps = {begins[i]: impulses for i, impulses in jumps.items()}
     count, steps = len(segments), int(segments[:, 2].sum())
     work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
     monodromy_kernels.fill_stiffness_modulation(packed, rows, ports, segments, count, x, space, work)
     points = work.phases[0, : steps * len(x)]
-    dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
+    dd, dv = slopes_at(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
     work.D[0] += dd.transpose(1, 2, 0)
     work.D[1] = dv.transpose(1, 2, 0)
     _fill_coupled_modulation(compiled, rows, omega, points, work.D)
@@ -471,21 +475,12 @@ def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
     return np.array(pairs, dtype=int).reshape(-1, 2)
 
 
-def _vector_slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> list[tuple[np.ndarray, Array]]:
-    """Return the elements (p,) and the slopes dp/dd, dp/dv (2, p, p, T) of each vector law at phases theta."""
-    found = []
-    for elements, law in compiled.vectors:
-        d, v = evaluate(rows[elements], theta), omega * evaluate(rows[elements], theta, 1)
-        found.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
-    return found
-
-
 def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, theta: Array, D: Array) -> None:
     """Add the slopes of vector laws to the modulations D (2, steps, s, g) of `_with_coupled_ports`."""
     g = compiled.m
     D[..., g:] = 0.0
     at = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
-    for elements, slopes in _vector_slopes(compiled, rows, omega, theta):
+    for elements, slopes in vector_slopes_at(compiled, rows, omega, theta):
         for a, i in enumerate(elements.tolist()):
             for b, j in enumerate(elements.tolist()):
                 D[..., i if i == j else at[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
@@ -552,15 +547,4 @@ def _saltation(part: ModalBlock, j: int, impulse: float, size: int) -> Array:
         push = np.concatenate([modes.input[:, p].real, modes.input[:, p].imag])[:r]
         shown = np.concatenate([modes.output[p].real, -modes.output[p].imag])[:r]
         out[:r, :r] -= impulse * np.outer(push, shown)
-    return out
-
-
-def _slopes(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:
-    """Return dp/dd and dp/dv (2, m, T) of the laws in Python at phases theta of the basis; zero for all other laws."""
-    out = np.zeros((2, compiled.m, len(theta)))
-    for j, law in (*compiled.aft_laws, *compiled.damped):
-        if isinstance(law, Component):
-            continue
-        d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
-        out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

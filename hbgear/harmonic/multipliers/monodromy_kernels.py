@@ -635,6 +635,46 @@ def _highest_coupled_mode(modes: Any, mobility: Any, fast: float, period: float)
     return highest
 
 
+SMALLEST_RESOLVED_HARMONIC = 1e-9
+"""Amplitude of a harmonic of the stiffness, relative to the mean or largest one, below which steps ignore it."""
+
+
+@kernel
+def modulation_order(packed: Any, coefficients: Any, c: Any, exponent: float) -> float:
+    """Return the largest n a^exponent of the harmonics n of the stiffness with relative amplitudes a.
+
+    These are the harmonics of periodic stiffness, and products of those of the displacement of cubic springs.
+    s Gauss points integrate a harmonic over the angle phi = n h of a step with an error of a phi^(2 s + 1), times the
+    constant of `MODE_TURN_PER_SQUARED_POINTS`, so that the exponent is 1 / (2 s + 1). c (H + 1,) is overwritten.
+    """
+    laws, most, size = packed.laws, 0.0, np.empty(c.shape[0])
+    for s in range(laws.series.shape[0]):
+        mean = abs(laws.series[s, 0])
+        for i in range(1, laws.shifts.shape[0]):
+            a = 2 * abs(laws.series[s, i]) / max(mean, 1e-300)
+            if a > SMALLEST_RESOLVED_HARMONIC:
+                most = max(most, laws.shifts[i] * min(a, 1.0) ** exponent)
+    for j in range(coefficients.shape[0]):
+        if laws.cubic[j, 1] == 0.0:
+            continue
+        fill_gap(packed.piecewise, coefficients[j], j, c)
+        largest = 0.0
+        for k in range(c.shape[0]):
+            largest = max(largest, abs(c[k]))
+        for k in range(c.shape[0]):
+            a = abs(c[k]) / max(largest, 1e-300)
+            size[k] = a**exponent if a > SMALLEST_RESOLVED_HARMONIC else 0.0
+            for i in range(k + 1):
+                most = max(most, (i + k) * size[i] * size[k])
+    return most
+
+
+@kernel
+def limit_step_by_order(longest: float, order: float, turn: float, most: float) -> float:
+    """Return the longest step [rad] in which harmonics of `modulation_order` turn by at most ``turn``."""
+    return min(longest, max(turn / max(order, 1e-300), 2 * math.pi / most))
+
+
 MAX_GROWTH_EXPONENT = 10.0
 """Largest exponent by which a disturbance of an unstable mode grows in one step."""
 
@@ -715,6 +755,9 @@ def monodromies(
         rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
         which, longest = step_of(rate, omega, nu, schemes, share, modes, mobility, most)
         x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
+        turn = schemes[0][3] if which == 0 else schemes[1][3]
+        order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
+        longest = limit_step_by_order(longest, order, turn, most)
         exact = constant and _exact_is_faster(
             typical, 2 * math.pi / longest, x.shape[0], modes.ports.shape[0], modes.poles.shape[0], size
         )
