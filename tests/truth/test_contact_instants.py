@@ -862,3 +862,18 @@ def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> 
     for label in ("PD1", "LP4"):
         with pytest.raises(hb.NoConvergence, match=f"{label} is not known to HarmonicBalance"):
             hb.analysis.sensitivity(again[label], ["gap"])
+
+
+@pytest.mark.parametrize("order", [7, 20, 40])
+def test_the_unit_of_the_frequency_is_arbitrary(order):
+    """A mesh of the order n at Omega / n is that of the order 1 at Omega: the multipliers are n-th powers."""
+    found = []
+    for n in (1, order):
+        stiffness = hb.mechanics.Series(1.0, (0.0,) * (n - 1) + (0.3,))
+        mesh = hb.Element([1.0], hb.Backlash(0.3, stiffness=stiffness), damping=0.1)
+        pair = hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], hb.Load([0.2], {n: [0.3]}))
+        curve = hb.trace(hb.ContactInstants(pair, harmonics=16 * n), "Omega", (1.3 / n, 1.301 / n))
+        found.append((curve.amplitude("rms")[0], np.sort_complex(curve.multipliers[0])))
+    (amplitude, mu), (other, powers) = found
+    assert abs(other - amplitude) < 1e-10
+    np.testing.assert_allclose(powers, np.sort_complex(mu**order), atol=1e-9 * np.abs(powers).max())

@@ -1,11 +1,13 @@
 """Orders of convergence: folds with the harmonics, sampled forces with the samples, multipliers with the step."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
 from hbgear.continuation.solvers.newton import solve
-from hbgear.mechanics import Law
+from hbgear.mechanics import KelvinVoigt, Law
 
 
 def folds(model, H, span, **settings):
@@ -125,3 +127,30 @@ def test_default_steps_are_fine_enough(case):
     problem, X, Omega = case()
     truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
     np.testing.assert_allclose(np.sort_complex(problem.multipliers(X, Omega=Omega)), truth, atol=1e-7)
+
+
+@dataclass(frozen=True)
+class SteepFriction(Law):
+    """p = .1 tanh(20 v)."""
+
+    def force(self, d, v, tau):
+        p = np.tanh(20 * v)
+        return 0.1 * p, 0 * d, 2 * (1 - p * p)
+
+
+@pytest.mark.parametrize("H", [16, 24, 48])
+@pytest.mark.parametrize(
+    ("law", "Omega"),
+    [(SteepFriction(), 0.9), (SteepFriction(), 1.1), (KelvinVoigt(5.0, 0.3, 0.2), 0.8)],
+    ids=["near resonance", "beyond resonance", "damped contact"],
+)
+def test_stated_errors_include_the_effect_of_truncated_harmonics_on_the_others(law, Omega, H):
+    """Next to resonance a steep damper returns the force harmonics above H to the motion: stated errors lacked that."""
+    spring = Element([1.0], law)
+    model = System([[1.0]], [[0.01]], [[1.0]], [spring], Load(cosine={1: [0.2]}))
+    coarse, fine = HarmonicBalance(model, H), HarmonicBalance(model, 8 * H)
+    curve = trace(coarse, "Omega", (Omega, Omega + 1e-4), stability=False, special=False, accuracy=None)
+    exact = solve(fine, fine.resized(curve.X[0]), {"Omega": Omega}).X
+    change = exact - fine.resized(curve.X[0])
+    true = np.sqrt(change[0] ** 2 + 0.5 * np.sum(change[1:] ** 2))
+    assert 0.6 < curve.error[0] / true < 1.7

@@ -220,8 +220,8 @@ class PeriodicMotions(HarmonicEquations):
             return super().observe_many(X, name, values, stability, **parameters)
         evaluator = self.compiled(parameters)
         observed, extended = motion.monitored_quantities(evaluator, X, values)
-        if evaluator.aft_laws:
-            motion.add_sampling_error(self, X, values, observed, parameters)
+        if evaluator.aft_laws or evaluator.damped:
+            motion.add_resolution_error(self, X, values, observed, parameters)
         if stability and not isinstance(evaluator.structure, MeasuredStructure):
             for one, mu in zip(observed, floquet_multipliers(evaluator, extended, values), strict=True):
                 one["multipliers"] = mu

@@ -2,11 +2,11 @@
 
     force of element j     f_k + i k (Omega / nu) c_j d_k          (law and damper)
     truncation error       delta d_k = -G_k f_k                    for the force harmonics that the balance leaves out
-    sampling error         delta X = -J_fine^-1 R_fine(X)          for laws that are evaluated by AFT
+    error of resolution    delta X = -J_fine^-1 R_fine(X)          for laws evaluated by AFT and damped contacts
 
 Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
 
-The sampling error is a Newton step of the balance with twice the harmonics and more samples. With N samples per period
+The error of resolution is a Newton step of the balance with twice the harmonics and samples. With N samples per period
 the alternating frequency/time method (AFT) adds the force harmonics k + N, k + 2N, ... to harmonic k. Where a law is
 steep, as the friction force tanh(v / v0), this aliasing is not small, and truncated harmonics act back on the kept
 ones. The estimate from truncated force harmonics contains neither effect.
@@ -338,13 +338,13 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
 # ---- sampling
 
 CHECK_INTERVAL = 4
-"""Points per check of the sampling error, which costs as much as several evaluations of the balance."""
+"""Points per check of the error of resolution, which costs as much as several evaluations of the balance."""
 
-NOTICEABLE_RESIDUAL = 1e-7
-"""Residual with more samples, relative to its terms, from which the sampling error is computed."""
+MAX_RESIDUAL_RATIO = 0.3
+"""Ratio of residuals after and before a Newton step up to which the step is the error of a motion."""
 
 MAX_CHECKED_UNKNOWNS = 1200
-"""Unknowns up to which the sampling error is computed with twice the harmonics."""
+"""Unknowns up to which the error of resolution is computed with twice the harmonics."""
 
 MAX_CHOSEN_SAMPLES = 32_768
 """Samples per period up to which their number is raised automatically."""
@@ -394,29 +394,53 @@ def newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Arra
         return np.full(len(X), np.nan)
 
 
-def add_sampling_error(
+def add_resolution_error(
     problem: Any, X: Array, Omega: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
 ) -> None:
-    """Add the sampling error to ``"error"`` of motions X (P, n) at Omega (P,).
+    """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at Omega (P,).
 
     One in four successive motions is checked. The motions between two checked ones get the larger of their errors.
     """
     P = len(X)
     checked = np.unique(np.append(np.arange(0, P, CHECK_INTERVAL), P - 1))
-    found = np.array([_sampling_error(problem, X[i], {**parameters, "Omega": float(Omega[i])}) for i in checked])
+    found = np.array([_resolution_error(problem, X[i], {**parameters, "Omega": float(Omega[i])}) for i in checked])
     after = np.searchsorted(checked, np.arange(P))
     errors = np.maximum(found[after], found[np.maximum(after - (checked[after] != np.arange(P)), 0)])
     for one, error in zip(observed, errors.tolist(), strict=True):
-        one["error"] = float(np.hypot(one["error"], error))
+        one["error"] = float(np.fmax(one["error"], error))
 
 
-def _sampling_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
-    """Return the rms change of a motion by more samples and harmonics; 0 if its samples suffice."""
-    dense = problem.denser(4)
-    R, _, _, size = dense.linearise(X, "", **here)
-    if norm(R) <= NOTICEABLE_RESIDUAL * size:
-        return 0.0
-    more = problem.denser(4, 2) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else dense
-    step = newton_step(more, more.resized(X), here)
-    is_mean = np.arange(len(step)) % (len(step) // problem.m) == 0
-    return float(np.sqrt(np.sum(np.where(is_mean, 1.0, 0.5) * step**2)))
+def _finer(problem: Any, here: Mapping[str, float]) -> Any:
+    """Return the balance with twice the harmonics, and twice the samples per harmonic of laws evaluated by AFT.
+
+    The harmonics are the same if twice as many are too many, and None is returned if the samples are too many as well.
+    """
+    times = 2 if problem.compiled(here).aft_laws else 1
+    for harmonics in (2, 1) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
+        with suppress(ValueError):
+            return problem.denser(times, harmonics)
+    return None
+
+
+def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
+    """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
+
+    It is the Newton step at the same Omega if that reduces the residual. Next to a fold it may not, because the other
+    motion is far away or does not exist. Then Omega is free, and the distance from the curve is returned; a change of
+    Omega, relative to Omega, weighs as much as that of the motion relative to its size.
+    """
+    more = _finer(problem, here)
+    if more is None:
+        return math.nan
+    start = more.resized(X)
+    R, J, slope, _ = more.linearise(start, "Omega", **here)
+    try:
+        step, drift = solve_linear(J, np.column_stack([-R, -slope])).T
+    except np.linalg.LinAlgError:
+        return math.nan
+    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
+    if norm(more.linearise(start + step, "", **here).R) <= MAX_RESIDUAL_RATIO * norm(R):
+        return norm(weight * step)
+    moved, along, size = weight * step, weight * drift, norm(weight * start)
+    change = -(moved @ along) / (along @ along + (size / here["Omega"]) ** 2)
+    return norm(moved + change * along)
