@@ -53,7 +53,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import edge_crossings
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
-from hbgear.harmonic.multipliers.sampled_slopes import resolved_steps, slopes_at, vector_slopes_at
+from hbgear.harmonic.multipliers.resolved_steps import resolved_steps
+from hbgear.harmonic.multipliers.sampled_slopes import slopes_at, vector_slopes_at
 from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks, SymmetricPair
 from hbgear.mechanics.series.fourier import evaluate
