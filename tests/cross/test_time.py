@@ -1,9 +1,12 @@
 """Harmonic balance held against time integration (whose orders are measured in unit/test_timedomain.py)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from hbgear import Duffing, HarmonicBalance, SpurPair, trace
+from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear.mechanics import Law
 from hbgear.time import integrate, shoot, sweep
 from hbgear.time.integration import state_of
 from hbgear.time.steady_state import SteadyStateSettings
@@ -60,3 +63,31 @@ def test_two_attractors():
             orbit = shoot(model, 0.65, state_of(curve.problem, X, **curve.parameters_at(int(i))))
             found.append(float(np.sqrt(0.5 * np.sum(orbit.rows(20)[0, 1:] ** 2))))
     assert sorted(found) == pytest.approx([0.05141, 0.34055], abs=2e-5)
+
+
+@dataclass(frozen=True)
+class Steep(Law):
+    """p = .1 tanh(x / scale), of the displacement or of its rate."""
+
+    scale: float
+    rate: bool
+
+    def force(self, d, v, tau):
+        p = np.tanh((v if self.rate else d) / self.scale)
+        slope, none = 0.1 / self.scale * (1 - p * p), 0 * d
+        return 0.1 * p, *((none, slope) if self.rate else (slope, none))
+
+
+@pytest.mark.parametrize(
+    ("law", "load"),
+    [(Steep(0.01, True), {1: [0.5]}), (Steep(0.01, False), {1: [0.5]}), (Cubic(5.0), {1: [0.2], 15: [20.0]})],
+    ids=["steep damper", "steep spring", "cubic spring with a large motion"],
+)
+def test_the_exponential_method_takes_as_many_steps_as_a_law_requires(law, load):
+    """Springs at rest and the excitation alone require 16 to 80 steps, with errors of 4e-3 to 1e-2."""
+    model = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load([0.3], load))
+    Omega, periods = (0.3, 1) if 15 in load else (1.3, 3)
+    true = integrate(model, [0.3, 0.1], periods, Omega, tolerance=1e-12).end
+    found = integrate(model, [0.3, 0.1], periods, Omega, method="exponential")
+    np.testing.assert_allclose(found.end, true, rtol=0, atol=3e-8)
+    assert np.abs(integrate(model, [0.3, 0.1], periods, Omega, method="exponential", steps=80).end - true).max() > 1e-6

@@ -48,15 +48,13 @@ from hbgear.time.exponential.modal_states import (
 )
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment_at
 from hbgear.time.exponential.steady_part import highest_order, steady_part
+from hbgear.time.exponential.step_number import MAX_EXCITATION_STEPS, resolved
 from hbgear.time.exponential.step_tables import Steps, dense, packed
 
 __all__ = ["ExponentialIntegrator", "StateBatch", "modal_state", "physical_state"]
 
 _REFERENCE_STIFFNESS_RATIO = 0.01
 """Reference stiffness of smooth laws as a fraction of the stiffness of the structure [-]."""
-
-_MAX_EXCITATION_STEPS = 100_000
-"""Largest number of steps per excitation period [-]; the tables hold the excitation of each step."""
 
 _MAX_BLOCK_MOTIONS = 512
 """Largest number of motions of one block [-]. Laws in Python are evaluated for all motions of a block together, and
@@ -113,6 +111,8 @@ class ExponentialIntegrator:
         Number of steps N per excitation period. By default the error is about 1e-9.
     points : int, optional
         Number of Gauss points s of a step.
+    adaptive : bool, optional
+        Take more steps where cubic springs or laws in Python require them; by default if ``steps`` is not given.
 
     Raises
     ------
@@ -121,8 +121,9 @@ class ExponentialIntegrator:
     """
 
     def __init__(
-        self, models: Model | Sequence[Model], Omega: float | Array, steps: int | None = None, points: int = 5
-    ) -> None:
+        self, models: Model | Sequence[Model], Omega: float | Array, steps: int | None = None, points: int = 5,
+        adaptive: bool | None = None,
+    ) -> None:  # fmt: skip
         models = (models,) if isinstance(models, Model) else tuple(models)
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
@@ -149,12 +150,13 @@ class ExponentialIntegrator:
         self.table = LawTable.stacked([LawTable.of(laws) for laws in self.laws])
         self.excitation = Excitation.of(self.systems)
         self._workspaces: list[Any] = []  # pairs of tables and workspace that no thread uses
+        self._adaptive = adaptive
         self._set_frequency(Omega, steps)
 
     def at(self, Omega: float, steps: int | None = None) -> ExponentialIntegrator:
         """Return the integrator of the same models at another Omega."""
         if self._speed_dependent:
-            return ExponentialIntegrator(self._speed_dependent, Omega, steps, self.s)
+            return ExponentialIntegrator(self._speed_dependent, Omega, steps, self.s, self._adaptive)
         out = object.__new__(ExponentialIntegrator)
         out.__dict__.update(self.__dict__)
         out._set_frequency(Omega, steps)
@@ -172,7 +174,8 @@ class ExponentialIntegrator:
         self.of = np.broadcast_to(self._models, self.rows) if models == 1 else self._models
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
         self.N = steps or self.excitation.cells(self._default_steps())
-        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MAX_EXCITATION_STEPS, least=3)
+        self.adaptive = steps is None if self._adaptive is None else self._adaptive
+        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, MAX_EXCITATION_STEPS, least=3)
         self._set_steady_part()
         self.plan, self.method, self.breakpoints = self._plan()
         self._output = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
@@ -234,6 +237,9 @@ class ExponentialIntegrator:
         out = object.__new__(ExponentialIntegrator)
         out.__dict__.update(self.__dict__)
         out.of, out.Omega, out.rows = self.of[motions], self.Omega[motions], len(motions)
+        if len(self._models) > 1:
+            out._models = self._models[motions]
+            out._speed_dependent = tuple(self._speed_dependent[i] for i in motions if self._speed_dependent)
         out.z, out.y, out._output = self.z[motions], self.y[motions], self._output[motions]
         out.plan, out.breakpoints = (
             each and type(each)(*(x[motions] for x in each)) for each in (self.plan, self.breakpoints)
@@ -317,21 +323,10 @@ class ExponentialIntegrator:
     def advance(self, batch: StateBatch, periods: int = 1, record: bool = False) -> tuple[Array, Array] | None:
         """Integrate motions from tau = 0 (mod 2 pi) over whole excitation periods, in place.
 
-        Parameters
-        ----------
-        batch : StateBatch
-            Motions; replaced by their states at the end.
-        periods : int, optional
-            Number of excitation periods.
-        record : bool, optional
-            Return the motion as well.
-
-        Returns
-        -------
-        tuple of ndarray, or None
-            With ``record``, d and v (B, m, periods N SAMPLES_PER_STEP) at equidistant instants from the start; else
-            None.
+        ``batch`` is replaced by the states at the end. With ``record``, d and v (B, m, periods N SAMPLES_PER_STEP) at
+        equidistant instants from the start are returned; else None.
         """
+        self.take_sufficient_steps(batch)
         B = len(batch.d)
         fine = np.empty((2, B, self.m, periods * self.N * SAMPLES_PER_STEP) if record else (2, 1, 0, 0))
         self._integrate(batch, periods, np.empty((0, B, 2 * self.q)), fine)
@@ -339,7 +334,13 @@ class ExponentialIntegrator:
 
     def stroboscopic_map(self, batch: StateBatch, states: Array) -> None:
         """Integrate motions in place and store zeta after each period in ``states`` (periods, B, 2 q)."""
+        self.take_sufficient_steps(batch)
         self._integrate(batch, len(states), states, np.empty((2, 1, 0, 0)))
+
+    def take_sufficient_steps(self, batch: StateBatch) -> None:
+        """Take more steps where motions with cubic springs or laws in Python require them."""
+        if self.adaptive and not self.method.straight and len(batch.d):
+            self.__dict__.update({**resolved(self, batch).__dict__, "adaptive": True})
 
     def _integrate(self, batch: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Integrate motions in place, many motions by several threads."""
