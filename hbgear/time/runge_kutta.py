@@ -248,7 +248,7 @@ class Flow:
         def rates(rigid: Integers, t: float, Y: Array) -> tuple[Array, Array]:
             return self._rates_and_forces(lines(rigid), between, t, Y)
 
-        rigid = self.rigid.at(rates, t, Y, v)
+        rigid = self.rigid.at(rates, t, Y, v, float(max(np.abs(v).max(), self.Omega * np.abs(d).max(), 0.0)))
         while end - t > 1e-14 * abs(end):
             line = lines(rigid)
             f = partial(self.rates, line, between)

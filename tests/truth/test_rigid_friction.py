@@ -117,6 +117,19 @@ def test_a_motion_within_the_static_limit_rests():
     assert len(hb.time.integrate(oscillator(1.0, 0.5, force=1.01), [0.0, 0.0], 1, 0.5).switches)
 
 
+def test_breakpoints_of_the_excitation_do_not_release_an_element():
+    """A second mass with a stiffness that jumps at 64 phases leaves the instants of the first one unchanged."""
+    phases = np.linspace(0, 2 * np.pi, 65)
+    spring = hb.Backlash(b=5.0, stiffness=hb.mechanics.Periodic.table(phases[:-1], 1 + 0.1 * (-1.0) ** np.arange(64)))
+    friction = hb.Element([1.0, 0.0], RigidFriction(0.6, 0.4), name="friction")
+    other = hb.Element([0.0, 1.0], spring, name="other")
+    both = hb.System(np.eye(2), 0.1 * np.eye(2), np.eye(2), [friction, other], hb.Load(cosine={1: [1.0, 0.0]}))
+    alone = hb.time.integrate(oscillator(0.6, 0.4, 0.05, force=1.0), np.zeros(2), 3, 0.35)
+    found = hb.time.integrate(both, np.zeros(4), 3, 0.35)
+    assert len(found.switches) == len(alone.switches) > 6
+    np.testing.assert_allclose(found.switches, alone.switches, atol=1e-8)
+
+
 def test_rigid_friction_in_toml():
     law = LAWS["rigid friction"].from_toml({"static": 0.6, "kinetic": 0.4, "speed": 0.1})
     assert law == RigidFriction(0.6, 0.4, 0.1)

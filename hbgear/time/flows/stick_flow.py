@@ -103,11 +103,11 @@ class StickFlow:
             accelerations -= unit @ forces[sticks]
         return forces
 
-    def at(self, rates: Rates, t: float, Y: Array, v: Array) -> Integers:
-        """Return the state (R,) of each element at rates v (m,) of all elements."""
+    def at(self, rates: Rates, t: float, Y: Array, v: Array, size: float) -> Integers:
+        """Return the state (R,) of each element at rates v (m,) of all elements, for velocities of this size."""
         if not len(self):
             return np.zeros(0, dtype=int)
-        slide, scale = v[self.element] - self.speed, np.maximum(np.abs(self.speed), np.abs(v).max())
+        slide, scale = v[self.element] - self.speed, np.maximum(np.abs(self.speed), size)
         state: Integers = np.where(np.abs(slide) <= _ON_LIMIT * scale, STICKS, np.sign(slide)).astype(int)
         return self._released(rates, t, Y, state)
 
