@@ -170,7 +170,8 @@ def floquet_multipliers(
         Longest step, in units of the time in which the stiffest spring of the elements would turn the inertia of the
         structure by one radian. The default is s / 5, or with ten points 3.5 (4.5 with truncated modes). No step is
         longer than a fifth of the excitation period, and the modes that the elements excite turn by at most .085 s^2
-        radians in a step.
+        radians in a step. Without ``points`` and ``width``, steps also resolve the harmonics of the stiffness and the
+        slopes of laws in Python.
 
     Returns
     -------
@@ -350,17 +351,18 @@ def monodromies(
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
     schemes = (_scheme(short, width or short / 5.0), _scheme(10, width or usual), long, _MIDPOINT)
+    resolve = points is None and width is None
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         packed = compiled.packed_of(X)
-        constant = np.bool_(points is None and width is None and _has_constant_segments(packed))
+        constant = np.bool_(resolve and _has_constant_segments(packed))
         count = monodromy_kernels.monodromies(
-            packed, part.modes, X, Omega, mobility, schemes, constant, MAX_STEP_OVER_PERIOD,
+            packed, part.modes, X, Omega, mobility, schemes, np.bool_(resolve), constant, MAX_STEP_OVER_PERIOD,
             float(MAX_STEPS_PER_PERIOD), out,
         )  # fmt: skip
         _check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
-        _monodromy_with_python_laws(compiled, part, mobility, motion, frequency, schemes, matrix)
+        _monodromy_with_python_laws(compiled, part, mobility, motion, frequency, schemes, resolve, matrix)
     return out
 
 
@@ -390,8 +392,9 @@ def _check_steps(count: float) -> None:
 
 
 def _monodromy_with_python_laws(
-    compiled: Evaluator, part: ModalBlock, mobility: Array, X: Array, Omega: float, schemes: Any, out: Array
-) -> None:
+    compiled: Evaluator, part: ModalBlock, mobility: Array, X: Array, Omega: float, schemes: Any, resolve: bool,
+    out: Array,
+) -> None:  # fmt: skip
     """Compute the monodromy matrix of one motion of a model with Python laws, whose slopes are evaluated here."""
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
     from hbgear.harmonic.multipliers import monodromy_kernels
@@ -413,15 +416,17 @@ def _monodromy_with_python_laws(
         mobility, float(MAX_STEPS_PER_PERIOD),
     )  # fmt: skip
     x, L, _, turn = schemes[which]
-    order = monodromy_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
-    longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
+    if resolve:
+        order = monodromy_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
+        longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, part.modes.poles)
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
     count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
     segments, jumps = _with_contact_ends(compiled, rows, omega, longest, segments[:count])
-    segments, begins = resolved_steps(compiled, rows, omega, mobility, segments, len(x))
-    jumps = {begins[i]: impulses for i, impulses in jumps.items()}
+    if resolve:
+        segments, begins = resolved_steps(compiled, rows, omega, mobility, segments, len(x))
+        jumps = {begins[i]: impulses for i, impulses in jumps.items()}
     count, steps = len(segments), int(segments[:, 2].sum())
     work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
     monodromy_kernels.fill_stiffness_modulation(packed, rows, ports, segments, count, x, space, work)

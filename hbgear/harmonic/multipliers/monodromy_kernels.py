@@ -730,15 +730,15 @@ def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, column
 
 @kernel
 def monodromies(
-    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, constant: Any, share: float, most: float,
-    out: Any,
+    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, resolve: Any, constant: Any, share: float,
+    most: float, out: Any,
 ) -> float:  # fmt: skip
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width, turn) of a motion with a short period, the same of one with a long period, the angle
     [rad] that separates them, and (x, L) of exact flows; in a step, springs turn the state by ``width`` and modes by
-    ``turn`` [rad] at most. With ``constant``, the stiffness of all elements is constant in each segment. Return 0, or
-    the number of steps of a period if it exceeds ``most``.
+    ``turn`` [rad] at most, and with ``resolve`` harmonics of the stiffness as well. With ``constant``, the stiffness of
+    all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds ``most``.
     """
     nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
     space, samples = (
@@ -755,9 +755,10 @@ def monodromies(
         rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
         which, longest = step_of(rate, omega, nu, schemes, share, modes, mobility, most)
         x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
-        turn = schemes[0][3] if which == 0 else schemes[1][3]
-        order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
-        longest = limit_step_by_order(longest, order, turn, most)
+        if resolve:
+            turn = schemes[0][3] if which == 0 else schemes[1][3]
+            order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
+            longest = limit_step_by_order(longest, order, turn, most)
         exact = constant and _exact_is_faster(
             typical, 2 * math.pi / longest, x.shape[0], modes.ports.shape[0], modes.poles.shape[0], size
         )
