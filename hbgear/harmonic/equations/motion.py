@@ -411,11 +411,13 @@ def add_resolution_error(
 
 
 def _finer(problem: Any, here: Mapping[str, float]) -> Any:
-    """Return the balance with twice the harmonics, and twice the samples per harmonic of laws evaluated by AFT.
+    """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
 
-    The harmonics are the same if twice as many are too many, and None is returned if the samples are too many as well.
+    There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
+    the same if twice as many are too many, and None is returned if the samples are too many as well.
     """
-    times = 2 if problem.compiled(here).aft_laws else 1
+    evaluator = problem.compiled(here)
+    times = 1 if not evaluator.aft_laws else 2 if _samples_have_corners(evaluator) else 4
     for harmonics in (2, 1) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
         with suppress(ValueError):
             return problem.denser(times, harmonics)
