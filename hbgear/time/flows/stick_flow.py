@@ -76,7 +76,7 @@ class StickFlow:
         numbers = np.array([(law.static, law.kinetic, law.speed) for law in laws], dtype=float).reshape(-1, 3)
         self.static, self.kinetic, self.speed = numbers.T
         self._W, self._accelerations = W[:, self.element], accelerations[:, self.element]
-        if np.linalg.matrix_rank(self._W) < len(self):
+        if len(self) > 1 and np.linalg.matrix_rank(self._W) < len(self):
             names = ", ".join(f"'{elements[j].name}'" for j in self.element)
             raise ValueError(
                 f"the directions of the elements {names} with rigid friction are linearly dependent, so that their "
