@@ -248,7 +248,8 @@ class Flow:
         def rates(rigid: Integers, t: float, Y: Array) -> tuple[Array, Array]:
             return self._rates_and_forces(lines(rigid), between, t, Y)
 
-        rigid = self.rigid.at(rates, t, Y, v, float(max(np.abs(v).max(), self.Omega * np.abs(d).max(), 0.0)))
+        rigid = self.rigid.at(rates, t, Y, v, float(max(np.abs(v).max(), self.Omega * np.abs(d).max())))
+        Y = self.rigid.without_slip(self, Y, rigid)
         while end - t > 1e-14 * abs(end):
             line = lines(rigid)
             f = partial(self.rates, line, between)

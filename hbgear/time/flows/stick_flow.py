@@ -111,6 +111,14 @@ class StickFlow:
         state: Integers = np.where(np.abs(slide) <= _ON_LIMIT * scale, STICKS, np.sign(slide)).astype(int)
         return self._released(rates, t, Y, state)
 
+    def without_slip(self, flow: Any, Y: Array, state: Integers) -> Array:
+        """Return a state whose disturbances do not slip where elements stick: friction stops a small slip at once."""
+        if not len(self) or flow.columns == 1:
+            return Y
+        columns = Y.reshape(flow.size, -1).copy()
+        self.hold(state, columns[flow.n : 2 * flow.n, 1:])
+        return columns.ravel()
+
     def _released(self, rates: Rates, t: float, Y: Array, state: Integers) -> Integers:
         """Return the state after elements whose holding force exceeds the static limit are released, one by one."""
         state = state.copy()
@@ -150,13 +158,12 @@ class StickFlow:
         self, flow: Any, rates: Rates, t: float, Y: Array, state: Integers, passed: np.ndarray
     ) -> tuple[Array, Integers]:
         """Return the state of the motion and of the elements after an event at t of the elements ``passed``."""
-        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
+        Y, n, state = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n, state.copy()
         for i in np.flatnonzero(passed).tolist():
             flowing, forces = rates(state, t, Y)
-            last = state.copy()
             if state[i] == STICKS:
                 h = _RATE_STEP / flow.Omega
-                ahead, behind = (rates(last, t + x, Y + x * flowing)[1][i, 0] for x in (h, -h))
+                ahead, behind = (rates(state, t + x, Y + x * flowing)[1][i, 0] for x in (h, -h))
                 change, disturbance = (ahead - behind) / (2 * h), forces[i, 1:]
                 state[i] = int(np.sign(forces[i, 0]))
             else:
