@@ -89,8 +89,9 @@ class HarmonicBalance(PeriodicMotions):
         Orders of Omega that are unknowns in addition to the mean; by default all up to H, or "meshes" if the excitation
         of an element or load begins above the order H or 60. "meshes" selects them for meshes of several tooth
         frequencies and shaft orders: ``harmonics`` then counts the harmonics of the fastest, and combinations
-        |k_1 p_1 + k_2 p_2| of their orders p_1, p_2 are kept while (1 + |k_1|) (1 + |k_2|) <= 1 + harmonics. The
-        highest number of a list is H, and ``harmonics`` is ignored. The truncation error covers the other orders.
+        |k_1 p_1 + k_2 p_2| of their orders p_1, p_2 are kept while (1 + |k_1|) (1 + |k_2|) <= 1 + harmonics. "all"
+        selects all up to H. The highest number of a list is H, and ``harmonics`` is ignored. The truncation error
+        covers the other orders.
 
     Raises
     ------

@@ -6,10 +6,10 @@
 
 Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
 
-The error of resolution is a Newton step of the balance with twice the harmonics and samples. With N samples per period
-the alternating frequency/time method (AFT) adds the force harmonics k + N, k + 2N, ... to harmonic k. Where a law is
-steep, as the friction force tanh(v / v0), this aliasing is not small, and truncated harmonics act back on the kept
-ones. The estimate from truncated force harmonics contains neither effect.
+The error of resolution is a Newton step of the balance with twice the harmonics and more samples. With N samples per
+period the alternating frequency/time method (AFT) adds the force harmonics k + N, k + 2N, ... to harmonic k. Where a
+law is steep, as the friction force tanh(v / v0), this aliasing is not small, and truncated harmonics act back on the
+kept ones. The estimate from truncated force harmonics contains neither effect.
 
 References
 ----------

@@ -19,11 +19,18 @@ from hbgear.common.arrays import Array
 
 
 @lru_cache(maxsize=16)
+def gauss_rule(s: int) -> tuple[Array, Array]:
+    """Return the s Gauss points on (0, 1) and their weights, whose sum is 1."""
+    x, weights = np.polynomial.legendre.leggauss(s)
+    return 0.5 * (x + 1.0), 0.5 * weights
+
+
+@lru_cache(maxsize=16)
 def gauss_nodes(s: int) -> tuple[Array, Array]:
     """Return the Gauss points on (0, 1) and the monomial coefficients L[j, p] of the Lagrange polynomials on them.
 
     The coefficients grow with s and cancel each other. Results computed from them have errors of about 1e-13 with s =
     6, 7e-11 with 10 and 2e-9 with 12.
     """
-    x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
+    x, _ = gauss_rule(s)
     return x, np.ascontiguousarray(np.linalg.inv(np.vander(x, increasing=True)).T)  # C order for the kernels

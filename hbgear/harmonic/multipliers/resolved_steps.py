@@ -14,6 +14,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.multipliers.gauss_points import gauss_rule
 from hbgear.harmonic.multipliers.sampled_slopes import slopes_at, vector_slopes_at
 
 MAX_INTEGRAL_CHANGE = 1e-10
@@ -65,8 +66,6 @@ def resolved_steps(
     first : list of int, length S
         Number of the first new segment of each old one.
     """
-    x, weights = np.polynomial.legendre.leggauss(points)
-    rule = 0.5 * (x + 1), 0.5 * weights
     begin = np.concatenate([a + h * np.arange(n) for a, h, n in segments])
     width = np.repeat(segments[:, 1], segments[:, 2].astype(int))
     source = np.repeat(np.arange(len(segments)), segments[:, 2].astype(int))
@@ -74,9 +73,9 @@ def resolved_steps(
     density = min(compiled.N, DETECTION_POINTS * compiled.nu) / (2 * np.pi * points)
     level = math.ceil(math.log2(max(width.max() * density, 2.0)))
     for _ in range(MAX_DIVISIONS):
-        own, decay = _integrals(compiled, rows, omega, mobility, *steps[:2], rule)
+        own, decay = _integrals(compiled, rows, omega, mobility, *steps[:2], points)
         parts = _divided(*steps, 2**level)
-        finer = _integrals(compiled, rows, omega, mobility, *parts[:2], rule)[0].reshape(len(own), -1, *own.shape[1:])
+        finer = _integrals(compiled, rows, omega, mobility, *parts[:2], points)[0].reshape(len(own), -1, *own.shape[1:])
         stiffness, damping = np.abs(own - finer.sum(axis=1)).max(axis=2, initial=0.0).T
         change = np.maximum(stiffness * steps[1] / omega, damping)
         coarse = (change > MAX_INTEGRAL_CHANGE) | (decay > MAX_DECAY_PER_POINT * points)
@@ -104,13 +103,13 @@ def _integrals(
     mobility: Array,
     begin: Array,
     width: Array,
-    rule: tuple[Array, Array],
+    points: int,
 ) -> tuple[Array, Array]:
     """Return the integrals (T, 2, channels) of dp/dd and dp/dv over steps, and the largest exponents (T,) of dampers.
 
     They are divided by the inertia of the elements.
     """
-    x, weights = rule
+    x, weights = gauss_rule(points)
     theta = (begin[:, None] + width[:, None] * x).ravel()
     found = [slopes_at(compiled, rows, omega, theta) * mobility[:, None]]
     for elements, slopes in vector_slopes_at(compiled, rows, omega, theta):

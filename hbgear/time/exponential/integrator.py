@@ -128,7 +128,7 @@ class ExponentialIntegrator:
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        laws = [element.law for system in self.systems for element in system.elements]
+        laws = [part for system in self.systems for element in system.elements for part in element.law.parts]
         if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
             raise ValueError(
                 "the exponential method does not integrate friction, contacts with dampers and vector laws: use "

@@ -7,6 +7,7 @@ steps do not change one period.
 
 from __future__ import annotations
 
+import copy
 import warnings
 from typing import Any
 
@@ -69,9 +70,7 @@ def resolved(integrator: Any, motions: StateBatch) -> Any:
 
 def _after_a_period(integrator: Any, motions: StateBatch, some: Integers) -> Array:
     """Return zeta of some motions after one period."""
-    ahead, one = motions.select(some), integrator.select(some)
-    if one is integrator:
-        one = integrator.at(integrator.Omega, integrator.N)
+    ahead, one = motions.select(some), copy.copy(integrator.select(some))
     one.adaptive = False
     one.advance(ahead)
     return ahead.zeta
