@@ -28,18 +28,23 @@ def switch(
     period doubling (PD) the period doubles: the new branch has twice the value of ``nu`` and the corresponding
     harmonics, and leaves along the null vector of the half-integer block.
 
+    At a resonance 1:1 or 1:2 (RI, RII) of a curve of folds or period doublings in two parameters, see `follow`, the new
+    branch is the curve of Neimark-Sacker points that begins there. At the end of such a curve it is the curve of folds
+    or period doublings.
+
     Parameters
     ----------
     branch : Branch
         Branch with its problem.
     label : str
-        Label of a PD or BP of the branch.
+        Label of a PD or BP of the branch, or of an RI or RII of a curve of special points.
     span : (float, float), optional
         Span of the parameter. The default is the range of the branch. The new branch ends where it leaves the span,
         closes, or meets the old one again.
     side : {1, -1}, optional
         Direction in which the new branch leaves. At a PD both directions give the same motion, shifted by one period.
-        The default is 1.
+        A curve of Neimark-Sacker points leaves in one direction only. At its end, 1 is the direction of an increasing
+        parameter. The default is 1.
     **options
         Arguments of `trace`.
 
@@ -77,4 +82,5 @@ def switch(
     if departure is not None:
         problem, start = departure
         return trace(problem, branch.parameter, span, start, **options)
-    raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP")
+    raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP, or an RI or "
+                     "RII of a curve in two parameters")  # fmt: skip

@@ -361,10 +361,8 @@ class ContactInstants(HarmonicBalance):
         """Return multipliers, regime, instants and rms of the harmonics above H of the exact motion near X."""
         at, iterate = self._exact_iterate(X, parameters)
         exact = exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
-        found: dict[str, Any] = {
-            "regime": regime_of(iterate.pattern, at.equations.m), "instants": exact.instants,
-            "error": coefficients(at, iterate, self.H)[1],
-        }  # fmt: skip
+        regime, error = regime_of(iterate.pattern, at.equations.m), coefficients(at, iterate, self.H)[1]
+        found: dict[str, Any] = {"regime": regime, "instants": exact.instants, "error": error}
         return found | ({"multipliers": exact.multipliers} if stability else {})
 
     def observe_many(
@@ -372,6 +370,9 @@ class ContactInstants(HarmonicBalance):
     ) -> list[dict[str, Any]]:
         """Return `observe` of solutions X (k, n) at values (k,) of a parameter, one after the other."""
         return ContinuationProblem.observe_many(self, X, name, values, stability, **parameters)
+
+    def check_errors(self, *_: Any) -> None:
+        """Do nothing: exact motions have no resolution."""
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return the events of periodic motions; branches that leave are curves in contact instants."""

@@ -84,6 +84,36 @@ def test_neimark_sacker_points_end_at_the_resonance(symmetric):
     assert end.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
 
 
+def test_neimark_sacker_points_leave_the_resonance(symmetric):
+    """Shooting: the product of the multipliers is 1, their sum below 2 and falling from the resonance on."""
+    folds = hb.follow(symmetric, "LP1", "F", (0.203, 0.19), accuracy=None)
+    found = hb.switch(folds, "RI1", (0.19, 0.23), accuracy=None)
+    assert isinstance(found.problem, hb.harmonic.NeimarkSackerProblem) and found.values[-1] == 0.23
+    assert 0 < found.values[0] - folds["RI1"].parameters["F"] < 1e-3
+    sums = []
+    for i in (1, len(found) // 2, -1):
+        trace, determinant = monodromy(found[i], 0.0)
+        assert abs(determinant - 1) < 1e-8
+        sums.append(trace)
+    assert 2 > sums[0] > sums[1] > sums[2] > 1.8
+
+
+@pytest.mark.parametrize(("side", "end"), [(1, 0.205), (-1, 0.18)])
+def test_folds_leave_the_end_of_neimark_sacker_points(symmetric, side, end):
+    """Shooting: a multiplier is +1, the other one is below 1 for larger F and above 1 for smaller F."""
+    held = hb.follow(symmetric, "NS1", "F", (0.203, 0.1), accuracy=None)
+    found = hb.switch(held, "RI1", (0.18, 0.205), side=side, accuracy=None)
+    assert found.values[0] == held["RI1"].parameters["F"] and found.values[-1] == end
+    trace, determinant = monodromy(found[-1], 0.0)
+    assert abs(1 - trace + determinant) < 1e-8 and side * (1 - determinant) > 0.01
+
+
+def test_points_without_complex_multipliers_nearby_have_no_other_branch(symmetric):
+    folds = hb.follow(symmetric, "LP1", "F", (0.203, 0.25), accuracy=None)
+    with pytest.raises(ValueError, match=r"CP1 is .* no other branch leaves there"):
+        hb.switch(folds, "CP1")
+
+
 @pytest.mark.slow
 def test_upper_resonance_and_cusp():
     curve = hb.trace(hb.HarmonicBalance(forced(), 9), "Omega", (1.03, 1.06), at={"F": 0.203}, accuracy=None)
@@ -107,6 +137,17 @@ def tongue():
 def test_second_resonance_on_period_doublings(tongue):
     trace, determinant = monodromy(tongue["RII1"], 0.05)
     assert abs(trace + 2) < 1e-8 and abs(determinant - 1) < 1e-8
+
+
+def test_neimark_sacker_points_leave_the_second_resonance(tongue):
+    found = hb.switch(tongue, "RII1", (3.5, 4.5), accuracy=None)
+    assert found.values[-1] == 3.5 and found.values[0] < tongue["RII1"].parameters["F"]
+    sums = []
+    for i in (1, -1):
+        trace, determinant = monodromy(found[i], 0.05)
+        assert abs(determinant - 1) < 1e-8
+        sums.append(trace)
+    assert -2 < sums[0] < sums[1] < -1.9
 
 
 @pytest.mark.slow

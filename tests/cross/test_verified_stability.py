@@ -72,7 +72,7 @@ def test_short_contacts_are_refined_only_where_they_can_change_the_stability(k, 
     problem = hb.HarmonicBalance(stop.system, 8)
     X, Omega = np.zeros(17), 1.0
     X[1], X[2] = 0.0, 0.5 * (1 + 1e-3 / np.sqrt(k))
-    seen = problem.observe(X, True, Omega=Omega) | {"determinant": 0}
+    seen = problem.observe_many(X[None], "Omega", np.array([Omega]))[0] | {"determinant": 0}
     problem.verify_stability(X[None], "Omega", np.array([Omega]), [seen], {})
     assert shortest_intervals(problem.compiled({}), X[None])[0] < np.pi / 8
     assert (seen["modulus_error"] >= 1e-7) == refined

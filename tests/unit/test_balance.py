@@ -399,7 +399,7 @@ def test_many_motions_are_observed_as_one_by_one(model):
     some = slice(None, None, 5)
     together = problem.observe_many(branch.X[some], "Omega", branch.values[some])
     for seen, X, Omega in zip(together, branch.X[some], branch.values[some], strict=True):
-        alone = problem.observe(X, Omega=float(Omega))
+        (alone,) = problem.observe_many(X[None], "Omega", np.array([Omega]))
         assert seen.keys() == alone.keys()
         for name, value in alone.items():
             np.testing.assert_allclose(seen[name], value, rtol=1e-9, atol=1e-13, err_msg=name)

@@ -21,6 +21,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``events`` | further special points | folds and branch points only |
 | ``adapted``, ``resized``, ``from_point``, ``size`` | adaptation of the number of unknowns | constant number |
 | ``refined_problem``, ``comparisons``, ``at_resolution_of`` | higher resolutions, for error estimates | none |
+| ``check_errors`` | error estimates that are larger than the observed ones | errors as observed |
 | ``verify_stability`` | verified stability of solutions | stability as observed |
 | ``recession`` | the limit equations far from the origin | curves end by the number of points |
 | ``residual_form`` | a problem with the same solutions and a residual that can be extended | the problem itself |
@@ -128,10 +129,7 @@ class ContinuationProblem:
         return now.R, now.dR_dX
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        """Return R, dR/dX, dR/dname (zeros if name is empty) and the size of the terms of R.
-
-        By default dR/dname is a central difference and the size is 1 + norm(X).
-        """
+        """Return R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R, by default 1 + norm(X)."""
         R, J = self.evaluate(X, **parameters)
         dR = np.zeros(len(X))
         if name:
@@ -232,9 +230,13 @@ class ContinuationProblem:
         self, X: Array, name: str, values: Array, stability: bool, **parameters: float
     ) -> list[dict[str, Any]]:
         """Return `observe` of solutions X (k, n) at values (k,) of the parameter."""
-        return [
-            self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
-        ]
+        here = ({**parameters, name: value} for value in values.tolist())
+        return [self.observe(x, stability, **at) for x, at in zip(X, here, strict=True)]
+
+    def check_errors(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Replace ``"error"`` in the results ``seen`` of `observe` by the larger result of a check; by default none."""
 
     def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
@@ -243,10 +245,9 @@ class ContinuationProblem:
         """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
 
         ``seen`` holds the results of `observe` with two more entries: ``"determinant"`` is the sign of det(dR/dX), 0 if
-        it is unknown, and ``"contradicts"`` is True if an adjacent special point contradicts the stability. Uncertain
-        ``"multipliers"`` are replaced by more accurate ones, and the error of the largest modulus is stored in
-        ``"modulus_error"``. Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as
-        observed.
+        it is unknown, and ``"contradicts"`` is True if an adjacent special point contradicts the stability. More
+        accurate ``"multipliers"`` replace uncertain ones, ``"modulus_error"`` is the error of the largest modulus.
+        Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
         """
 
     def events(self, parameter: str) -> tuple[Any, ...]:
@@ -262,8 +263,8 @@ class ContinuationProblem:
     ) -> Branch | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 
-        ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`. With None the curve is traced by `Tracer`.
-        It is asked again with ``unresolved`` if the number of unknowns did not resolve the curve.
+        ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`, and ``unresolved`` is True if the number of
+        unknowns did not resolve the curve. With None the curve is traced by `Tracer`.
         """
         return None
 
@@ -361,8 +362,15 @@ def linearise(problem: ContinuationProblem, X: Array, name: str, parameters: Map
 
 
 def observe_all(
-    problem: ContinuationProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool
-) -> list[dict[str, Any]]:
-    """Return the monitored quantities of solutions U (k, n + 1)."""
+    problem: ContinuationProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool,
+    errors: bool = True,
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return the monitored quantities of solutions U (k, n + 1), with checked error estimates unless ``errors=False``.
+
+    Searches, whose intermediate solutions are not stored, omit the check.
+    """
     rest = {key: value for key, value in parameters.items() if key != name}
-    return problem.observe_many(U[:, :-1], name, U[:, -1], stability, **rest)
+    observed = problem.observe_many(U[:, :-1], name, U[:, -1], stability, **rest)
+    if errors:
+        problem.check_errors(U[:, :-1], name, U[:, -1], observed, rest)
+    return observed

@@ -89,33 +89,36 @@ class Monitor:
         self.first_error: Exception | None = None
         self.slow = False
 
-    def observe(self, points: Iterable[CurvePoint], problem: ContinuationProblem | None = None) -> None:
+    def observe(
+        self, points: Iterable[CurvePoint], problem: ContinuationProblem | None = None, errors: bool = True
+    ) -> None:
         """Store the monitored quantities with those points that do not have them yet.
 
         Where this fails, nothing is stored and the termination records the error. ``problem`` is the problem of the
-        points, by default the present one. With a progress callback the first point is observed alone; if a point takes
-        long, the others are observed in parts that take about a second, and each part is reported.
+        points, by default the present one. The error estimates are not checked with ``errors=False``. With a progress
+        callback the first point is observed alone; if a point takes long, the others are observed in parts that take
+        about a second, and each part is reported.
         """
         fresh = [point for point in points if not point.observed]
         done, part = 0, len(fresh) if self.state.setup.settings.progress is None else 1
         while done < len(fresh):
             begin = time.monotonic()
-            self._observe_together(fresh[done : done + part], problem)
+            self._observe_together(fresh[done : done + part], problem or self.state.problem, errors)
             done = min(done + part, len(fresh))
             seconds_each = (time.monotonic() - begin) / part
             part = max(int(MAX_SECONDS_WITHOUT_PROGRESS / max(seconds_each, 1e-6)), 1)
             self.slow = part < len(fresh)
             self.report_if_slow(f"stability of {done} of {len(fresh)} points")
 
-    def _observe_together(self, fresh: Sequence[CurvePoint], problem: ContinuationProblem | None) -> None:
+    def _observe_together(self, fresh: Sequence[CurvePoint], problem: ContinuationProblem, errors: bool) -> None:
         """Store the monitored quantities with some points."""
-        state, setup = self.state, self.state.setup
+        setup = self.state.setup
         results: Iterable[dict[str, Any]]
         u = np.array([point.u for point in fresh])
         try:
-            results = observe_all(problem or state.problem, u, setup.name, setup.fixed, setup.settings.stability)
+            results = observe_all(problem, u, setup.name, setup.fixed, setup.settings.stability, errors)
         except Exception:
-            results = (self._observe_alone(point, problem or state.problem) for point in fresh)
+            results = (self._observe_alone(point, problem) for point in fresh)
         for point, quantities in zip(fresh, results, strict=True):
             point.observed.update(quantities)
         if setup.abort_if_under_resolved:
@@ -140,11 +143,14 @@ class Monitor:
         except BaseException as error:
             raise CallbackError(error) from error
 
-    def solve_on_segment(self, segment: Segment, s: float) -> CurvePoint | None:
-        """Return the monitored point at a fraction of a segment; None if it cannot be computed."""
+    def solve_on_segment(self, segment: Segment, s: float, errors: bool = False) -> CurvePoint | None:
+        """Return the monitored point at a fraction of a segment; None if it cannot be computed.
+
+        Its error estimate is checked only with ``errors=True``.
+        """
         try:
             point = segment.at(s)
-            self.observe([point])
+            self.observe([point], errors=errors)
         except (NoConvergence, np.linalg.LinAlgError):
             return None
         return point

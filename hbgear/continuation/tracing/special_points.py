@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 from hbgear.continuation.curve.builder import SpecialPointMark
@@ -170,8 +171,8 @@ class SpecialPoints:
             ends = [one for one in sorted(points, key=lambda one: one.s)
                     if one.event.kind in STABILITY_CHANGING_KINDS and one.located
                     and 0 < one.s < 1 and len(one.point.u) == len(state.scale)]  # fmt: skip
-            solve = self.monitor.solve_on_segment
-            samples = [(0.5 * (a.s + b.s), solve(state.segment(a.point, b.point), 0.5)) for a, b in pairwise(ends)]
+            solve = partial(self.monitor.solve_on_segment, s=0.5, errors=True)
+            samples = [(0.5 * (a.s + b.s), solve(state.segment(a.point, b.point))) for a, b in pairwise(ends)]
             state.samples[number] = [(s, point) for s, point in samples if point is not None]
             self.monitor.verify_stability([point for _, point in state.samples[number]])
 

@@ -15,6 +15,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.events.event import Event
+from hbgear.continuation.problem.base import observe_all
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -210,22 +211,32 @@ class PeriodicMotions(HarmonicEquations):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the quantities stored with X: multipliers (if requested), regime, clearance, truncation error."""
-        return self.observe_many(X[None], "Omega", np.array([parameters.pop("Omega")]), stability, **parameters)[0]
+        return observe_all(self, np.append(X, parameters["Omega"])[None], "Omega", parameters, stability)[0]
 
     def observe_many(
         self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
     ) -> list[dict[str, Any]]:
-        """Return `observe` of motions X (P, n) at values (P,) of a parameter."""
+        """Return `observe` of motions X (P, n) at values (P,) of a parameter, whose errors are not checked."""
         if name != "Omega":
-            return super().observe_many(X, name, values, stability, **parameters)
+            Omega = np.array([parameters.pop("Omega")])
+            each = zip(X, values.tolist(), strict=True)
+            return [self.observe_many(x[None], "Omega", Omega, stability, **parameters, **{name: value})[0]
+                    for x, value in each]  # fmt: skip
         evaluator = self.compiled(parameters)
         observed, extended = motion.monitored_quantities(evaluator, X, values)
-        if evaluator.aft_laws or evaluator.damped:
-            motion.add_resolution_error(self, X, values, observed, parameters)
         if stability and not isinstance(evaluator.structure, MeasuredStructure):
             for one, mu in zip(observed, floquet_multipliers(evaluator, extended, values), strict=True):
                 one["multipliers"] = mu
         return observed
+
+    def check_errors(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Replace truncation errors by the errors of resolution where these are larger.
+
+        The error of resolution is the Newton step with twice the harmonics; see `hbgear.harmonic.equations.motion`.
+        """
+        motion.add_resolution_error(self, X, name, values, seen, parameters)
 
     @property
     def batch_size(self) -> int:  # type: ignore[override]

@@ -13,6 +13,9 @@ v and w are the null vectors at the point, D(s) is Hill's determinant in real co
 the exponent. All are zeros of smooth functions along the curve, located as bracketed roots. Their signs do not depend
 on the signs of v and w: they are multiplied by the sign of the determinant of [A w; v^T 0], A v = 0.
 
+A curve of Neimark-Sacker points leaves a resonance RI or RII on the side where the two exponents with zero sum are
+imaginary. Its first point is solved next to the resonance, since the equations of the pair are singular there.
+
 Cusps (CP) are turning points of curves of folds; see `hbgear.continuation.events.fold`.
 
 References
@@ -26,6 +29,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -35,14 +39,16 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm
+from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
-from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
+from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix
 from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
@@ -148,10 +154,75 @@ def _signed_singular_value(A: Array) -> float:
     return float(np.linalg.slogdet(A)[0] * s[-1] / s[0])
 
 
-class FirstResonanceEvent(CodimensionTwoEvent):
+class ResonanceEvent(CodimensionTwoEvent):
+    """Double real multiplier on a curve of folds or period doublings, at which a curve of Neimark-Sacker points begins.
+
+    Attributes
+    ----------
+    multiplier : {1, -1}
+        The double multiplier.
+    """
+
+    multiplier: int
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
+        """Return a Neimark-Sacker point near the resonance; None if none is found. There is one curve for both sides.
+
+        It is searched near the points of the branch next to the resonance. On one side of it the pair is complex.
+        """
+        for distance, sign in product(range(1, MAX_NEIGHBOURS + 1), (1, -1)):
+            i = point.index + sign * distance
+            found = self._complex_pair_near(branch, i) if 0 <= i < len(branch) else None
+            if found is not None:
+                direction = np.zeros(len(found[1].X) + 1)
+                direction[-1] = branch.values[i] - branch.values[point.index]
+                return found[0], BranchStart(found[1].X, branch.parameters_at(i), direction, away=False)
+        return None
+
+    def _complex_pair_near(self, branch: Branch, i: int) -> tuple[NeimarkSackerProblem, Solution] | None:
+        """Return a Neimark-Sacker point near point i of a branch, with its equations; None if the pair is real.
+
+        Both parameters of the branch are those of point i, except the tracked one. On the curve of motions through
+        point i, with tangent t, the sum of the two exponents is zero at the distance -f / (df/dt) from it, f the
+        function of this event.
+        """
+        equations: Any = as_problem(branch.problem)
+        balance, name, here = equations.problem, equations.parameter, branch.parameters_at(i)
+        X = balance.from_point(branch[i])
+        now = linearise(balance, X, name, here)
+        t = scipy.linalg.svd(np.column_stack([as_dense(now.dR_dX), now.dR_dp]))[2][-1]
+        h = DIFFERENCE_STEP * (norm(X) or 1.0)
+
+        def at(distance: float) -> tuple[Array, dict[str, float]]:
+            return X + distance * t[:-1], {**here, name: here[name] + distance * float(t[-1])}
+
+        try:
+            before, value, after = (type(self).function(equations, *at(distance)) for distance in (-h, 0.0, h))
+            distance = -2 * h * value / (after - before)
+            nearby, changed = at(distance)
+            mu = balance.multipliers(nearby, **changed)
+            two = np.argsort(np.abs(mu - self.multiplier))[:2]
+            s = exponent_of_pair(mu[two], balance.nu, changed["Omega"])
+            if s is None:
+                return None
+            pair = NeimarkSackerProblem(balance, name, 1j * s.imag)
+            fixed = {key: value for key, value in here.items() if key != name}
+            found = solve(pair, pair.join(nearby, changed), fixed)
+        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+            return None
+        return (pair, found) if norm(pair.split(found.X)[0] - nearby) <= abs(distance) else None
+
+
+MAX_NEIGHBOURS = 8
+"""Points of a branch on each side of a resonance near which a complex pair of multipliers is searched."""
+
+
+class FirstResonanceEvent(ResonanceEvent):
     """1:1 resonance on a curve of folds: a second multiplier is +1, and a curve of Neimark-Sacker points begins."""
 
-    kind, meaning, marker = "RI", "1:1 resonance: a double multiplier +1", "p"
+    kind, meaning, marker, multiplier = "RI", "1:1 resonance: a double multiplier +1", "p", 1
 
     @staticmethod
     def function(problem: Any, X: Array, here: dict[str, float]) -> float:
@@ -159,10 +230,10 @@ class FirstResonanceEvent(CodimensionTwoEvent):
         return rate_of_exponent(*hill_matrices(problem.problem, X, here, np.arange(len(X))))
 
 
-class SecondResonanceEvent(CodimensionTwoEvent):
+class SecondResonanceEvent(ResonanceEvent):
     """1:2 resonance on a curve of period doublings: a second multiplier is -1."""
 
-    kind, meaning, marker = "RII", "1:2 resonance: a double multiplier -1", "h"
+    kind, meaning, marker, multiplier = "RII", "1:2 resonance: a double multiplier -1", "h", -1
 
     @staticmethod
     def function(problem: Any, X: Array, here: dict[str, float]) -> float:
@@ -340,6 +411,16 @@ class RealPairEvent(CodimensionTwoEvent):
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return nothing: the curve cannot be continued beyond this point."""
         return []
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart]:
+        """Return the curve of folds or period doublings that passes at the end, in the direction of ``side``."""
+        ended: Any = as_problem(branch.problem)
+        equations = self._equations(ended.problem, ended.parameter)
+        X = equations.join(ended.problem.from_point(point), point.parameters)
+        direction = np.append(np.zeros(len(X)), float(side))
+        return equations, BranchStart(X, dict(point.parameters), direction, away=False)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the resonance slightly beyond the last segment."""

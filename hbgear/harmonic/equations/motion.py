@@ -2,14 +2,15 @@
 
     force of element j     f_k + i k (Omega / nu) c_j d_k          (law and damper)
     truncation error       delta d_k = -G_k f_k                    for the force harmonics that the balance leaves out
-    error of resolution    delta X = -J_fine^-1 R_fine(X)          for laws evaluated by AFT and damped contacts
+    error of resolution    delta X = -J_fine^-1 R_fine(X)
 
 Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
 
-The error of resolution is a Newton step of the balance with twice the harmonics and more samples. With N samples per
-period the alternating frequency/time method (AFT) adds the force harmonics k + N, k + 2N, ... to harmonic k. Where a
-law is steep, as the friction force tanh(v / v0), this aliasing is not small, and truncated harmonics act back on the
-kept ones. The estimate from truncated force harmonics contains neither effect.
+The error of resolution is a Newton step of the balance with twice the harmonics, and more samples of laws evaluated by
+the alternating frequency/time method (AFT). It contains two effects that the truncation error does not. Truncated
+harmonics change the contact and so act back on the kept ones, which multiplies the error of a motion with stops by up
+to 8. With N samples per period, AFT adds the force harmonics k + N, k + 2N, ... to harmonic k; this aliasing is not
+small where a law is steep, as the friction force tanh(v / v0).
 
 References
 ----------
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.numerics.linear import norm, solve_linear
+from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
@@ -340,8 +341,14 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
 CHECK_INTERVAL = 4
 """Points per check of the error of resolution, which costs as much as several evaluations of the balance."""
 
-MAX_RESIDUAL_RATIO = 0.3
-"""Ratio of residuals after and before a Newton step up to which the step is the error of a motion."""
+PROJECTED_CHECK_INTERVAL = 8
+"""Points per check of laws that are projected exactly, whose evaluations cost less than the check."""
+
+MIN_CHECKED_ERROR = 1e-9
+"""Truncation error, relative to the motion, up to which it is not checked."""
+
+MAX_SECOND_STEP = 0.3
+"""Ratio of the second to the first Newton step up to which the first one is the error of a motion."""
 
 MAX_CHECKED_UNKNOWNS = 1200
 """Unknowns up to which the error of resolution is computed with twice the harmonics."""
@@ -395,30 +402,43 @@ def newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Arra
 
 
 def add_resolution_error(
-    problem: Any, X: Array, Omega: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-) -> None:
-    """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at Omega (P,).
+    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    parameters: Mapping[str, float],
+) -> None:  # fmt: skip
+    """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at values (P,).
 
-    One in four successive motions is checked. The motions between two checked ones get the larger of their errors.
+    Some of successive motions are checked. Between them, the error of laws evaluated by AFT and of damped contacts is
+    interpolated. For laws that are projected exactly, the ratio to the truncation error, which is zero without contact,
+    is interpolated instead.
     """
-    P = len(X)
-    checked = np.unique(np.append(np.arange(0, P, CHECK_INTERVAL), P - 1))
-    found = np.array([_resolution_error(problem, X[i], {**parameters, "Omega": float(Omega[i])}) for i in checked])
-    after = np.searchsorted(checked, np.arange(P))
-    errors = np.maximum(found[after], found[np.maximum(after - (checked[after] != np.arange(P)), 0)])
-    for one, error in zip(observed, errors.tolist(), strict=True):
-        one["error"] = float(np.fmax(one["error"], error))
+    if not len(X):
+        return
+    here = [{**parameters, name: value} for value in values.tolist()]
+    evaluator, known = problem.compiled(here[0]), np.array([one["error"] for one in observed])
+    if evaluator.aft_laws or evaluator.damped:
+        checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
+    elif len(evaluator.breakpoints) or evaluator.sliders:
+        checked = np.flatnonzero(known > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
+        interval, unit = PROJECTED_CHECK_INTERVAL, known
+    else:
+        return
+    some = checked[min(interval // 2, max(len(checked) - 1, 0)) :: interval]
+    found = [max(_resolution_error(problem, X[i], here[i]), known[i]) / unit[i] for i in some]
+    for i in checked.tolist() if found else ():
+        observed[i]["error"] = float(np.fmax(known[i], unit[i] * np.interp(i, some, found)))
 
 
 def _finer(problem: Any, here: Mapping[str, float]) -> Any:
     """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
 
     There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
-    the same if twice as many are too many, and None is returned if the samples are too many as well.
+    the same if twice as many are too many, and None is returned if the samples are too many as well, or are not used.
     """
     evaluator = problem.compiled(here)
     times = 1 if not evaluator.aft_laws else 2 if _samples_have_corners(evaluator) else 4
     for harmonics in (2, 1) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
+        if harmonics == times == 1:
+            break
         with suppress(ValueError):
             return problem.denser(times, harmonics)
     return None
@@ -427,21 +447,26 @@ def _finer(problem: Any, here: Mapping[str, float]) -> Any:
 def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
     """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
 
-    It is the Newton step at the same Omega if that reduces the residual. Next to a fold it may not, because the other
-    motion is far away or does not exist. Then Omega is free, and the distance from the curve is returned; a change of
-    Omega, relative to Omega, weighs as much as that of the motion relative to its size.
+    It is the Newton step at the same Omega if a second step with the same Jacobian is much shorter (Deuflhard's natural
+    monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
+    free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
+    the motion relative to its size.
     """
     more = _finer(problem, here)
     if more is None:
         return math.nan
     start = more.resized(X)
     R, J, slope, _ = more.linearise(start, "Omega", **here)
+    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
     try:
-        step, drift = solve_linear(J, np.column_stack([-R, -slope])).T
+        factors = Factors(J)
+        step, drift = factors.solve(np.column_stack([-R, -slope])).T
+        if not np.isfinite(step).all():
+            return math.nan
+        second = factors.solve(-more.linearise(start + step, "", **here).R)
     except np.linalg.LinAlgError:
         return math.nan
-    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
-    if norm(more.linearise(start + step, "", **here).R) <= MAX_RESIDUAL_RATIO * norm(R):
+    if norm(weight * second) <= MAX_SECOND_STEP * norm(weight * step):
         return norm(weight * step)
     moved, along, size = weight * step, weight * drift, norm(weight * start)
     change = -(moved @ along) / (along @ along + (size / here["Omega"]) ** 2)
