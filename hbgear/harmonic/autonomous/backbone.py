@@ -343,31 +343,31 @@ def _springs(evaluator: Evaluator) -> Array:
     return springs
 
 
-def _dynamic_stiffness(evaluator: Evaluator, Omega: float, D: float) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return D_k of the orders above zero and its derivatives in Omega and in D, (K, n, n) each."""
+def _dynamic_stiffness(evaluator: Evaluator, Omega: float, D: float) -> ComplexArray:
+    """Return D_k = K + i k Omega C - (k^2 + 2 i k D) Omega^2 M of the orders k above zero, (K, n, n)."""
     s, k = evaluator.structure, evaluator.orders[1:, None, None]
-    w = k * Omega
-    K = s.K + (s.W * (_springs(evaluator) - s.kr)) @ s.W.T
-    value = K + 1j * w * s.C - w**2 * s.M - 2j * D * k * Omega**2 * s.M
-    in_Omega = 1j * k * s.C - 2 * k * w * s.M - 4j * D * k * Omega * s.M
-    return value, in_Omega, -2j * k * Omega**2 * s.M
+    out: ComplexArray = (-(k**2 + 2j * k * D) * Omega**2) * s.M
+    out += (1j * k * Omega) * s.C
+    out += s.K + (s.W * (_springs(evaluator) - s.kr)) @ s.W.T
+    return out
 
 
 def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPart, ComplexArray]:
     """Return the linear part of the balance with its derivative in Omega, and dZ_k/dD (K + 1, m, m)."""
     s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
-    value, in_Omega, in_D = _dynamic_stiffness(evaluator, Omega, D)
+    value, k = _dynamic_stiffness(evaluator, Omega, D), evaluator.orders[1:, None, None]
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
     Q, turned = np.linalg.solve(value, W), value.transpose(0, 2, 1)
     Lt = (Q if np.array_equal(value, turned) else np.linalg.solve(turned, W)).transpose(0, 2, 1)
-    G = W.transpose(0, 2, 1) @ Q
+    G, damped, moved = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)
+    in_Omega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * moved
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
     out.matrices[0, 0], out.constants[0, 0] = rest.Z[0], rest.g[0]
     own = np.ix_(np.arange(len(value)), s.own, s.own) if s.constrained else ...
     Y, dY, dD = out.matrices[0, 1:], out.matrices[1, 1:], rate[1:]
     Y[own] = np.linalg.inv(G[own])
-    dY[own] = Y[own] @ (Lt @ (in_Omega @ Q))[own] @ Y[own]
-    dD[own] = Y[own] @ (Lt @ (in_D @ Q))[own] @ Y[own]
+    dY[own] = Y[own] @ in_Omega[own] @ Y[own]
+    dD[own] = Y[own] @ (-2j * k * Omega**2 * moved)[own] @ Y[own]
     Y -= np.diag(_springs(evaluator))
     return out, rate
 
@@ -384,5 +384,5 @@ def _coordinates(evaluator: Evaluator, Omega: float, D: float, d: ComplexArray, 
     q = np.zeros((len(evaluator.orders), s.n), dtype=complex)
     q[0] = evaluator.receptance.motion(STATIC_FREQUENCY, d.T, f.T)[0]
     u = (f.T - _springs(evaluator) * d.T)[1:]
-    q[1:] = np.linalg.solve(_dynamic_stiffness(evaluator, Omega, D)[0], -(u @ s.W.T)[..., None])[..., 0]
+    q[1:] = np.linalg.solve(_dynamic_stiffness(evaluator, Omega, D), -(u @ s.W.T)[..., None])[..., 0]
     return q
