@@ -53,6 +53,8 @@ def test_measured_whole_gives_the_curve_of_the_system(known, measured):
         np.testing.assert_allclose(other.motion(X, Omega=Omega), one.motion(X, Omega=Omega), atol=1e-7)
     a, b = (hb.trace(problem, "Omega", (0.6, 1.9), accuracy=None) for problem in (one, other))
     assert b.status.complete and b.multipliers is None and b.stable is None
+    assert 16 * 0.6 < W[-1] < 16 * 1.9  # twice the harmonics are measured for a part of the curve
+    assert np.isfinite(b.error).all() and b.error.max() > 1e-5 and (b.regime >= 0).all()
     assert b.meta["stability"].startswith("not available")
     folds = [[p.parameters["Omega"] for p in curve.special if p.kind in ("LP", "GR")] for curve in (a, b)]
     assert len(folds[0]) > 2

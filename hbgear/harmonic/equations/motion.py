@@ -432,11 +432,13 @@ def _finer(problem: Any, here: Mapping[str, float]) -> Any:
     """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
 
     There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
-    the same if twice as many are too many, and None is returned if the samples are too many as well, or are not used.
+    the same if twice as many are too many, or the receptances of the structure are unknown at their frequencies. None
+    is returned if the samples are too many as well, or are not used.
     """
     evaluator = problem.compiled(here)
     times = 1 if not evaluator.aft_laws else 2 if _samples_have_corners(evaluator) else 4
-    for harmonics in (2, 1) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
+    known = 2 * problem.H * here["Omega"] <= evaluator.structure.highest * problem.nu
+    for harmonics in (2, 1) if known and 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
         if harmonics == times == 1:
             break
         with suppress(ValueError):
