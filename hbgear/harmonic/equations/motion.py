@@ -432,15 +432,16 @@ def _finer(problem: Any, here: Mapping[str, float]) -> Any:
     """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
 
     There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
-    the same if twice as many are too many, or the receptances of the structure are unknown at their frequencies. None
+    the same if twice as many are too many, or a reduced or measured structure is not known at their frequencies. None
     is returned if the samples are too many as well, or are not used.
     """
-    evaluator = problem.compiled(here)
-    times = 1 if not evaluator.aft_laws else 2 if _samples_have_corners(evaluator) else 4
-    known = 2 * problem.H * here["Omega"] <= evaluator.structure.highest * problem.nu
-    for harmonics in (2, 1) if known and 2 * problem.size <= MAX_CHECKED_UNKNOWNS else (1,):
-        if harmonics == times == 1:
-            break
+    evaluator, refined = problem.compiled(here), problem.refined_problem
+    whole = problem.models.reduced_for is None and math.isinf(evaluator.structure.highest)
+    doubled = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and (whole or refined is not None)
+    if not evaluator.aft_laws:
+        return (refined or problem.denser(1, 2)) if doubled else None
+    times = 2 if _samples_have_corners(evaluator) else 4
+    for harmonics in (2, 1) if doubled else (1,):
         with suppress(ValueError):
             return problem.denser(times, harmonics)
     return None
