@@ -164,7 +164,10 @@ def test_resonances_of_neimark_sacker_points(tongue):
 
 
 def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):
-    """Omega = Omega_PD + beta a^2 of the doubled branch with amplitude a: beta changes sign at the point."""
+    """Omega = Omega_PD + beta a^2 of the doubled branch with amplitude a: beta changes sign at the point.
+
+    From the resonance 1:2 the curve reaches the same point, which rounding displaced by 7e-7.
+    """
     point = tongue["GPD1"]
     F = point.parameters["F"]
     slopes, values = [], (F - 0.02, F + 0.02)
@@ -178,6 +181,8 @@ def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):
         slopes.append(np.polyfit(np.square(part).sum(axis=1), doubled.values, 2)[1])
     assert slopes[0] * slopes[1] < 0
     assert np.interp(0.0, sorted(slopes), [values[i] for i in np.argsort(slopes)]) == pytest.approx(F, abs=1e-3)
+    few = hb.trace(tongue.problem, "F", (3.85, 4.2), tongue.at(3.85)[0], accuracy=None)
+    assert few["GPD1"].parameters["F"] == pytest.approx(F, abs=3e-9)
 
 
 @hb.mechanics.model

@@ -273,37 +273,72 @@ class GeneralisedDoublingEvent(CodimensionTwoEvent):
 
     @staticmethod
     def function(problem: Any, X: Array, here: dict[str, float]) -> float:
-        """Return the cubic coefficient of the doubled branch; its sign is that of the side on which it exists.
+        """Return the cubic coefficient, or zero if it is within a hundred times its rounding.
 
-        Derivatives along v and h are differences of Jacobians of fourth order.
+        Every point of a curve of a linear oscillator is degenerate.
         """
-        doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
-        u, _, vt = scipy.linalg.svd(problem.matrix(X, here)[0])
-        w, v = np.zeros(len(wide)), np.zeros(len(wide))
-        w[odd], v[odd] = u[:, -1], vt[-1]
-        t = DIFFERENCE_STEP * (norm(X) or 1.0)
+        value, rounding = cubic_coefficient(problem, X, here)
+        return 0.0 if abs(value) < rounding else value
 
-        def jacobian(change: Array) -> Array:
-            return as_dense(linearise(doubled, wide + change, "", here).dR_dX)
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Return the zero of the coefficient itself if its sign changes beyond rounding."""
 
-        def sides(along: Array) -> tuple[list[Array], float]:
-            size = norm(along) or 1.0
-            step = t / size
-            return [jacobian(k * step * along) for k in (-2, -1, 1, 2)], step
+        def test(point: CurvePoint) -> float:
+            X, own = segment.problem.split(point.X)
+            here = {**segment.parameters, **own, segment.name: point.value}
+            return cubic_coefficient(segment.problem, X, here)[0]
 
-        (A, B, C, D), step = sides(v)
-        first, second = (A - 8 * B + 8 * C - D) @ v / (12 * step), (-A + 16 * B + 16 * C - D) @ v
-        middle = jacobian(np.zeros(len(wide)))
-        third = (second - 30 * middle @ v) / (12 * step**2)
-        h = np.zeros(len(wide))
-        h[even] = -0.5 * np.linalg.solve(middle[np.ix_(even, even)], first[even])
-        (A, B, C, D), step = sides(h)
-        mixed = (A - 8 * B + 8 * C - D) @ v / (12 * step)
-        coefficient = float(w @ (mixed + third / 6))
-        rounding = MAX_ROUNDING * float(np.finfo(float).eps) * float(np.abs(middle).max()) / t**2
-        if abs(coefficient) < rounding:  # a linear oscillator: every point of the curve is degenerate
-            return 0.0
-        return coefficient * _border_sign(middle[np.ix_(odd, odd)], w[odd], v[odd])
+        first, last = (
+            self._value(segment.problem, segment.name, segment.parameters, end) for end in (segment.a, segment.b)
+        )
+        return [locate_root(segment, self, test)] if first * last < 0 else []
+
+
+def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[float, float]:
+    """Return the cubic coefficient of the doubled branch and a hundred times its rounding.
+
+    Its sign is that of the side on which the branch exists. Derivatives along v and h are differences of Jacobians of
+    fourth order.
+
+    Parameters
+    ----------
+    problem : PeriodDoublingProblem
+        Equations of the period doubling.
+    X : ndarray, shape (n,)
+        Motion.
+    here : dict of str to float
+        All parameters.
+
+    Returns
+    -------
+    (float, float)
+        Coefficient and rounding.
+    """
+    doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
+    u, _, vt = scipy.linalg.svd(problem.matrix(X, here)[0])
+    w, v = np.zeros(len(wide)), np.zeros(len(wide))
+    w[odd], v[odd] = u[:, -1], vt[-1]
+    t = DIFFERENCE_STEP * (norm(X) or 1.0)
+
+    def jacobian(change: Array) -> Array:
+        return as_dense(linearise(doubled, wide + change, "", here).dR_dX)
+
+    def sides(along: Array) -> tuple[list[Array], float]:
+        size = norm(along) or 1.0
+        step = t / size
+        return [jacobian(k * step * along) for k in (-2, -1, 1, 2)], step
+
+    (A, B, C, D), step = sides(v)
+    first, second = (A - 8 * B + 8 * C - D) @ v / (12 * step), (-A + 16 * B + 16 * C - D) @ v
+    middle = jacobian(np.zeros(len(wide)))
+    third = (second - 30 * middle @ v) / (12 * step**2)
+    h = np.zeros(len(wide))
+    h[even] = -0.5 * np.linalg.solve(middle[np.ix_(even, even)], first[even])
+    (A, B, C, D), step = sides(h)
+    mixed = (A - 8 * B + 8 * C - D) @ v / (12 * step)
+    coefficient = float(w @ (mixed + third / 6))
+    rounding = MAX_ROUNDING * float(np.finfo(float).eps) * float(np.abs(middle).max()) / t**2
+    return coefficient * _border_sign(middle[np.ix_(odd, odd)], w[odd], v[odd]), rounding
 
 
 DIFFERENCE_STEP = 5e-3
