@@ -347,9 +347,6 @@ PROJECTED_CHECK_INTERVAL = 8
 MIN_CHECKED_ERROR = 1e-9
 """Truncation error, relative to the motion, up to which it is not checked."""
 
-MAX_SECOND_STEP = 0.3
-"""Ratio of the second to the first Newton step up to which the first one is the error of a motion."""
-
 MAX_CHECKED_UNKNOWNS = 1200
 """Unknowns up to which the error of resolution is computed with twice the harmonics."""
 
@@ -450,7 +447,7 @@ def _finer(problem: Any, here: Mapping[str, float]) -> Any:
 def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
     """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
 
-    It is the Newton step at the same Omega if a second step with the same Jacobian is much shorter (Deuflhard's natural
+    It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
     monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
     free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
     the motion relative to its size.
@@ -469,7 +466,7 @@ def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> floa
         second = factors.solve(-more.linearise(start + step, "", **here).R)
     except np.linalg.LinAlgError:
         return math.nan
-    if norm(weight * second) <= MAX_SECOND_STEP * norm(weight * step):
+    if norm(weight * second) < norm(weight * step):
         return norm(weight * step)
     moved, along, size = weight * step, weight * drift, norm(weight * start)
     change = -(moved @ along) / (along @ along + (size / here["Omega"]) ** 2)
