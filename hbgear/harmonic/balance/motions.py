@@ -210,7 +210,7 @@ class PeriodicMotions(HarmonicEquations):
             check_modes(structure)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
-        """Return the quantities stored with X: multipliers (if requested), regime, clearance, truncation error."""
+        """Return the quantities stored with X: multipliers (if requested), regime, clearance, checked error."""
         return observe_all(self, np.append(X, parameters["Omega"])[None], "Omega", parameters, stability)[0]
 
     def observe_many(

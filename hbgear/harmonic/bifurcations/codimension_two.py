@@ -168,7 +168,7 @@ class ResonanceEvent(CodimensionTwoEvent):
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
     ) -> tuple[ContinuationProblem, BranchStart] | None:
-        """Return a Neimark-Sacker point near the resonance; None if none is found. There is one curve for both sides.
+        """Return a Neimark-Sacker point near the resonance, which does not depend on the side; None without one.
 
         It is searched near the points of the branch next to the resonance. On one side of it the pair is complex.
         """

@@ -466,8 +466,9 @@ def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> floa
         second = factors.solve(-more.linearise(start + step, "", **here).R)
     except np.linalg.LinAlgError:
         return math.nan
-    if norm(weight * second) < norm(weight * step):
-        return norm(weight * step)
-    moved, along, size = weight * step, weight * drift, norm(weight * start)
+    moved = weight * step
+    if norm(weight * second) < norm(moved):
+        return norm(moved)
+    along, size = weight * drift, norm(weight * start)
     change = -(moved @ along) / (along @ along + (size / here["Omega"]) ** 2)
     return norm(moved + change * along)
