@@ -11,6 +11,7 @@ from typing import Any
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
+from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.registry import event_of_kind
@@ -44,6 +45,7 @@ def follow(
     The equations depend on the kind of the point: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
     `NeimarkSackerProblem` for NS, `BranchPointProblem` for BP, `GrazingProblem` for GR, `AmplitudeExtremum` for PK, and
     the test function for an event of the user. They have the number of unknowns with which the point was located.
+    Points of a backbone are followed like points of a response curve.
 
     Points of codimension two are located along the curve:
 
@@ -106,8 +108,8 @@ def follow(
     if branch.problem is None:
         raise ValueError("following needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     problem = as_problem(branch.problem)
-    if problem.unknown_parameters:
-        raise ValueError("the branch is a curve of special points already; follow a point of a curve in one parameter")
+    if isinstance(problem, SpecialPointProblem):
+        raise ValueError("the branch is a curve of special points or limit cycles; follow a point of another curve")
     chosen = event or event_of(branch, here) or event_of_kind(here.kind)
     if chosen is None:
         raise ValueError(

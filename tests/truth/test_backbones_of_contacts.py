@@ -137,3 +137,33 @@ def test_a_backbone_at_an_internal_resonance_ends_with_a_reason():
     K = np.array([[3.001, -1.0], [-1.0, 1.0]])
     curve = hb.analysis.backbone(stop_between(K, None))
     assert "error" not in curve.message and [point.kind for point in curve.special][:1] == ["GR"]
+
+
+@hb.mechanics.model
+def loaded_gap(F: float = 0.3) -> hb.System:
+    return gap(F)
+
+
+def test_the_loss_of_contact_is_followed_over_the_load():
+    """The rms at which contact is lost is F / sqrt(2) for every mean force F."""
+    curve = hb.analysis.backbone(loaded_gap(), span=(0.1, 0.4))
+    followed = hb.follow(curve, "GR1", "F", (0.3, 0.6))
+    assert followed.status.complete and len(followed) > 3
+    np.testing.assert_allclose(followed.tracked["amplitude"], followed.values / math.sqrt(2), rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_contact_on_the_back_flank_is_followed_over_the_damping():
+    """The last point of the curve lies on the backbone traced with the changed damping."""
+    pair = hb.gears.DoubleHelicalPair()
+    zeta = pair.parameters["zeta"]
+    curve = hb.analysis.backbone(pair, mode=3, span=(0.01, 2.0))
+    followed = hb.follow(curve, "GR2", "zeta", (zeta, 1.1 * zeta))
+    again = hb.analysis.backbone(pair, mode=3, span=(0.01, 2.0), at={"zeta": 1.1 * zeta})["GR2"]
+    assert abs(followed.tracked["amplitude"][-1] - again.parameters["amplitude"]) < 3 * again.error
+
+
+def test_a_mode_that_the_elements_measure_little_continues_beyond_the_first_contact():
+    """The residual changes so much with Omega that its rounding errors exceed 1e-10 of the forces of the elements."""
+    curve = hb.analysis.backbone(hb.gears.DoubleHelicalPair(), mode=2, span=(0.4, 0.55))
+    assert curve.status.complete and curve["GR1"].parameters["amplitude"] < 0.45

@@ -91,7 +91,7 @@ class FoldProblem(MinimallyAugmentedProblem):
         int
             The direction.
         """
-        X, own = self.split(U)
+        X, own = self.solution_of(U)
         here = {**parameters, **own}
         now = linearise(self.problem, X, self.parameter, here)
         b, c, _ = borders_of(now.dR_dX)

@@ -156,7 +156,7 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         MinimallyAugmentedProblem
             A copy, or the problem itself if it keeps its borders.
         """
-        X, own = self.split(U)
+        X, own = self.solution_of(U)
         here = {**parameters, **own}
         inner = self.problem.with_borders_at(X, here, renew)
         renewing = self.base is None or (renew and self.base.b is not None)
@@ -272,7 +272,7 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
 
     def linearised(self, X: Array, names: Sequence[str], **parameters: float) -> tuple[Evaluation, Array]:
         """Return {R, g} with its Jacobian, and the derivatives (A, n + 1) of {R, g} in A further parameters."""
-        X, own = self.split(X)
+        X, own = self.solution_of(X)
         here = {**parameters, **own}
         extra = self.extra(X, here, names, self.base or replace(self.base_at(X, here), weight=1.0))
         J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)

@@ -62,8 +62,8 @@ class SpecialPointProblem(ContinuationProblem):
 
     @property
     def unknown_parameters(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The parameter of the curve."""
-        return (self.parameter,)
+        """The parameter of the curve, and the parameters among the unknowns of the problem; the last unknown first."""
+        return self.parameter, *self.problem.unknown_parameters
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -111,19 +111,28 @@ class SpecialPointProblem(ContinuationProblem):
         """Return whether a new value of the parameter is expensive for the problem."""
         return self.problem.is_expensive(name)
 
+    def smallest_scale(self, name: str) -> float:
+        """Return the smallest scale of a parameter among the unknowns."""
+        return self.problem.smallest_scale(name)
+
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
-        """Return X of the problem, and the parameter among the unknowns by name."""
+        """Return the coefficients of the solution, and the parameters among the unknowns by name."""
+        X, own = self.problem.split(U[:-1])
+        return X, {**own, self.parameter: float(U[-1])}
+
+    def solution_of(self, U: Array) -> tuple[Array, dict[str, float]]:
+        """Return X (n,), all unknowns of the problem, and the parameter of the curve by name."""
         return U[:-1], {self.parameter: float(U[-1])}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Return the unknowns (X, p) of this problem, from X of shape (n,) and all parameters.
+        """Return the unknowns (X, p) of this problem, from the coefficients of a solution and all parameters.
 
         Raises
         ------
         ValueError
             If the solution has another number of unknowns than the problem.
         """
-        size = self.problem.size
+        size, X = self.problem.size, self.problem.join(X, parameters)
         if size is not None and len(X) != size:
             raise ValueError(
                 f"the start has {len(X)} coefficients, this problem {size}: use the problem of the curve that has "
@@ -141,7 +150,7 @@ class SpecialPointProblem(ContinuationProblem):
 
     def observe(self, X: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
         """Return regime and error of the solution; the argument X holds the unknowns (X, p)."""
-        X, own = self.split(X)
+        X, own = self.solution_of(X)
         here = {**parameters, **own}
         observed = self.problem.observe_many(X[None], self.parameter, np.array([here[self.parameter]]), False, **{
             k: v for k, v in here.items() if k != self.parameter})[0]  # fmt: skip

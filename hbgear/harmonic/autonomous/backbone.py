@@ -41,6 +41,7 @@ from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import Layout
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.receptance import LinearPart
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.series.fourier import to_complex, to_real
@@ -91,8 +92,8 @@ class BackboneProblem(ContinuationProblem):
         counted("mode", mode, 10_000)
         self.balance = unforced_balance(model, harmonics)
         self.model, self.mode = model, int(mode)
-        mode_at_rest = linear_mode(self.balance.compiled({}), self.mode)
-        self._phase = phase_vector(self._linear_motion(mode_at_rest, 1.0)[:-2], self.balance.m)
+        self._mode_at_rest = linear_mode(self.balance.compiled({}), self.mode)
+        self._phase = phase_vector(self._linear_motion(self._mode_at_rest, 1.0)[:-2], self.balance.m)
 
     def __repr__(self) -> str:
         return f"BackboneProblem({self.model!r}, mode={self.mode}, harmonics={self.balance.H})"
@@ -123,6 +124,21 @@ class BackboneProblem(ContinuationProblem):
     def layout(self) -> Layout:
         """Names and measures of the unknowns of the motion."""
         return self.balance.layout
+
+    @property
+    def m(self) -> int:
+        """Number of displacements of the elements."""
+        return self.balance.m
+
+    @property
+    def H(self) -> int:
+        """Largest order."""
+        return self.balance.H
+
+    @property
+    def orders(self) -> Array:
+        """Orders of the harmonics."""
+        return self.balance.orders
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name other than ``amplitude`` and the parameters of the model."""
@@ -187,6 +203,11 @@ class BackboneProblem(ContinuationProblem):
         """Problems with other numbers of harmonics, with their weights in error estimates."""
         return tuple((self._on(other), weight) for other, weight in self.balance.comparisons)
 
+    def at_resolution_of(self, point: Point) -> Self:
+        """Return the problem with the harmonics of a point if these are more."""
+        balance = self.balance.at_resolution_of(point)
+        return self if balance is self.balance else self._on(balance)
+
     def _on(self, balance: Any) -> Self:
         """Return the problem with another balance."""
         return self._with(balance=balance, _phase=balance.resized(self._phase))
@@ -204,7 +225,8 @@ class BackboneProblem(ContinuationProblem):
         """
         checked("start", AMPLITUDE, amplitude, POSITIVE)
         here = {**parameters, AMPLITUDE: float(amplitude)}
-        mode = linear_mode(self.balance.compiled(parameters), self.mode)
+        changed = any(self.parameters[name] != value for name, value in parameters.items())
+        mode = linear_mode(self.balance.compiled(parameters), self.mode) if changed else self._mode_at_rest
         try:
             return solve(self, self._linear_motion(mode, amplitude), here).X
         except NoConvergence:
@@ -225,10 +247,12 @@ class BackboneProblem(ContinuationProblem):
         """Return the residual (n,), its Jacobian (n, n), its derivative in a parameter and the size of its terms."""
         d, own = self.split(X)
         evaluator, n = self.balance.compiled(_of_model(parameters)), self.balance.size
-        linear, rate = _linear_part(evaluator, own["Omega"], own["modal_damping"])
+        linear, rate, terms = _linear_part(evaluator, own["Omega"], own["modal_damping"])
         R, J, dR_dOmega, size = evaluator.linearise_with(d, own["Omega"], linear)
+        rows = to_complex(d.reshape(evaluator.m, -1))
         springs = np.repeat(_springs(evaluator), n // evaluator.m)
         size = max(size, norm(springs * d))  # in a linear mode without forces of the elements all terms are rounding
+        size = max(size, CANCELLED_TERMS * float(np.linalg.norm(terms @ np.abs(rows.T[1:, :, None]))))
         amplitude = parameters[AMPLITUDE]
         moving = d * self._alternating
         rms = norm(moving) / np.sqrt(2.0)
@@ -236,31 +260,15 @@ class BackboneProblem(ContinuationProblem):
         out, A = np.empty(n + 2), np.zeros((n + 2, n + 2))
         out[:n], out[n], out[n + 1] = R, weight * (self._phase @ d), weight * (rms - amplitude)
         A[:n, :n], A[:n, n + 1] = J, dR_dOmega
-        A[:n, n] = to_real(_applied(rate, to_complex(d.reshape(evaluator.m, -1)), evaluator)).ravel()
+        A[:n, n] = to_real(_applied(rate, rows, evaluator)).ravel()
         A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * moving / (rms or 1.0)
-        return Evaluation(out, A, self._rate(X, name, parameters, weight), size)
+        return Evaluation(out, A, _parameter_derivative(self, X, name, parameters, weight), size)
 
     @property
     def _alternating(self) -> Array:
         """Return ones (n,) at the alternating unknowns and zeros at the means."""
         out = np.ones(self.balance.size)
         out[self.balance.means] = 0.0
-        return out
-
-    def _rate(self, X: Array, name: str, parameters: dict[str, float], weight: float) -> Array:
-        """Return the derivative of the residual in a parameter, zeros without a name."""
-        out = np.zeros(len(X))
-        if name == AMPLITUDE:
-            out[-1] = -weight
-        elif name:
-            d, own = self.split(X)
-
-            def residual(at: dict[str, float]) -> tuple[Array]:
-                evaluator = self.balance.compiled(_of_model(at))
-                linear, _ = _linear_part(evaluator, own["Omega"], own["modal_damping"])
-                return (evaluator.linearise_with(d, own["Omega"], linear)[0],)
-
-            (out[:-2],) = parameter_derivatives(self, name, parameters, residual)
         return out
 
     # ---- monitored quantities
@@ -275,7 +283,7 @@ class BackboneProblem(ContinuationProblem):
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""
         slips = (SlipEvent(),) if self.slider_names else ()
-        return GrazingEvent(by_newton=False), *slips
+        return GrazingEvent(), *slips
 
     @property
     def slider_names(self) -> tuple[str, ...]:
@@ -299,6 +307,15 @@ class BackboneProblem(ContinuationProblem):
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Return the distances of extrema from breakpoints, see `HarmonicBalance.clearance`."""
         return self.balance.clearance(self.split(X)[0], **self._of_balance(X, parameters))
+
+    @property
+    def clearance_elements(self) -> tuple[int, ...]:
+        """Element to which each entry of `clearance` belongs."""
+        return self.balance.clearance_elements
+
+    def grazing_distance(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
+        """Return one entry of `clearance`, and the phase at which its extremum lies."""
+        return self.balance.grazing_distance(self.split(X)[0], which, **self._of_balance(X, parameters))
 
     def edge_extremes(self, X: Array, **parameters: float) -> Array:
         """Return the extrema of the edges of vector laws, see `HarmonicBalance.edge_extremes`."""
@@ -332,9 +349,39 @@ def _of_model(parameters: Mapping[str, float]) -> dict[str, float]:
     return {name: x for name, x in parameters.items() if name not in (AMPLITUDE, "Omega", "modal_damping")}
 
 
+def _parameter_derivative(
+    problem: BackboneProblem, X: Array, name: str, parameters: dict[str, float], weight: float
+) -> Array:
+    """Return the derivative of the residual in a parameter, zeros without a name."""
+    out = np.zeros(len(X))
+    if name == AMPLITUDE:
+        out[-1] = -weight
+    elif name:
+        d, own = problem.split(X)
+
+        def residual(at: dict[str, float]) -> tuple[Array]:
+            evaluator = problem.balance.compiled(_of_model(at))
+            linear, *_ = _linear_part(evaluator, own["Omega"], own["modal_damping"])
+            return (evaluator.linearise_with(d, own["Omega"], linear)[0],)
+
+        (out[:-2],) = parameter_derivatives(problem, name, parameters, residual)
+    return out
+
+
 _SPRING_FACTOR = np.sqrt(3.0)
 """Springs of the receptances over the reference springs. With a factor of one the receptance of an undamped structure
 would be infinite at the linear frequency, where backbones with backlash begin."""
+
+
+CANCELLED_TERMS = 1e-5
+"""Share of the terms of D q in the size of R [-]: at a relative tolerance of 1e-10 about five roundings of them.
+
+In a mode that the elements measure little, these terms are large and cancel, and R changes much with Omega.
+"""
+
+
+SYMMETRY_ROUNDING = 1e-15
+"""Difference of opposite entries of a matrix, relative to its largest entry, that is rounding error."""
 
 
 def _springs(evaluator: Evaluator) -> Array:
@@ -352,13 +399,23 @@ def _dynamic_stiffness(evaluator: Evaluator, Omega: float, D: float) -> ComplexA
     return out
 
 
-def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPart, ComplexArray]:
-    """Return the linear part of the balance with its derivative in Omega, and dZ_k/dD (K + 1, m, m)."""
+def _is_symmetric(structure: LinearStructure) -> bool:
+    """Return whether the matrices of a structure are symmetric except for rounding."""
+    matrices = structure.M, structure.C, structure.K
+    return all(np.abs(A - A.T).max() <= SYMMETRY_ROUNDING * np.abs(A).max() for A in matrices)
+
+
+def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPart, ComplexArray, Array]:
+    """Return the linear part of the balance with its derivative in Omega, and dZ_k/dD (K + 1, m, m).
+
+    With Y_k = (W^T D_k^-1 W)^-1, the last result is |Y W^T D^-1| |D| |D^-1 W Y| (K, m, m): the size of the terms of
+    the structure that cancel in Y.
+    """
     s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
     value, k = _dynamic_stiffness(evaluator, Omega, D), evaluator.orders[1:, None, None]
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
-    Q, turned = np.linalg.solve(value, W), value.transpose(0, 2, 1)
-    Lt = (Q if np.array_equal(value, turned) else np.linalg.solve(turned, W)).transpose(0, 2, 1)
+    Q = np.linalg.solve(value, W)
+    Lt = (Q if _is_symmetric(s) else np.linalg.solve(value.transpose(0, 2, 1), W)).transpose(0, 2, 1)
     G, damped, moved = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)
     in_Omega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * moved
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
@@ -368,8 +425,9 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     Y[own] = np.linalg.inv(G[own])
     dY[own] = Y[own] @ in_Omega[own] @ Y[own]
     dD[own] = Y[own] @ (-2j * k * Omega**2 * moved)[own] @ Y[own]
+    terms = np.abs(Y @ Lt) @ np.abs(value) @ np.abs(Q @ Y)
     Y -= np.diag(_springs(evaluator))
-    return out, rate
+    return out, rate, terms
 
 
 def _applied(rate: ComplexArray, d: ComplexArray, evaluator: Evaluator) -> ComplexArray:

@@ -94,7 +94,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return regime, truncation error and the multipliers without the one of the arbitrary phase."""
-        X, own = self.split(X)
+        X, own = self.solution_of(X)
         here = {**parameters, **own}
         Omega = np.array([here.pop(self.parameter)])
         seen = self.problem.observe_many(X[None], self.parameter, Omega, stability, **here)[0]

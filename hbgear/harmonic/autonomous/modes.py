@@ -94,7 +94,10 @@ _DAMPING_STEPS = 10
 """Steps in which damping is added to an undamped mode, so that modes do not change places."""
 
 _MODE_ITERATIONS = 6
-"""Inverse iterations for each of these steps; the error falls at least tenfold with each."""
+"""Inverse iterations for each of these steps at most; the error falls at least tenfold with each."""
+
+_SETTLED_CHANGE = 1e-13
+"""Relative change of an eigenvalue below which the inverse iteration has converged."""
 
 _EQUAL_MODES = 1e-6
 """Relative difference of frequency and damping below which two modes are the same."""
@@ -115,6 +118,8 @@ def _damped_mode(M: Array, C: Array, K: Array, square: float, v: Array) -> tuple
                 u = np.linalg.solve(A - eigenvalue * M, M @ u)
             except np.linalg.LinAlgError:
                 break  # the eigenvalue is exact
-            u = u / np.linalg.norm(u)
+            u, last = u / np.linalg.norm(u), eigenvalue
             eigenvalue = complex((u @ (A @ u)) / (u @ (M @ u)))
+            if abs(eigenvalue - last) <= _SETTLED_CHANGE * abs(eigenvalue):
+                break
     return eigenvalue, u * np.exp(-1j * np.angle(u[np.argmax(np.abs(u))]))

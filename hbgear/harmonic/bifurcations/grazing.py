@@ -30,7 +30,7 @@ class GrazingProblem(MinimallyAugmentedProblem):
 
     Parameters
     ----------
-    problem : HarmonicBalance
+    problem : HarmonicBalance or BackboneProblem
         The problem of the curve.
     parameter : str, optional
         The parameter of the curve, such as "Omega".
@@ -50,7 +50,7 @@ class GrazingProblem(MinimallyAugmentedProblem):
     ('GR', True)
     """
 
-    problem: Any  # a HarmonicBalance
+    problem: Any  # a HarmonicBalance or BackboneProblem
     which: int
 
     @checked_arguments()
@@ -76,18 +76,24 @@ class GrazingProblem(MinimallyAugmentedProblem):
         g, position = self.problem.grazing_distance(X, self.which, **here)
         element = self.problem.clearance_elements[self.which]
         w = waves(position, self.problem.H)[0, self.problem.orders]
-        slope = np.zeros((self.problem.m, 2 * len(w) - 1))
-        slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
+        slope, rows = self._rows(len(X))
+        rows[element, 0], rows[element, 1::2], rows[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         k = base.weight
         changes = (self._parameter_derivatives(X, here, name, now.dR_dX) for name in names)
         derivatives = tuple((dR, k * dg) for dR, dg in changes)
         return AugmentedResidual(
             now,
             k * g,
-            k * slope.ravel(),
+            k * slope,
             k * self._clearance_derivative(X, here, self.parameter, self.which),
             derivatives,
         )
+
+    def _rows(self, size: int) -> tuple[Array, Array]:
+        """Return zeros for all unknowns, and a view of the harmonics of the elements as rows (m, 2K + 1)."""
+        m, K = self.problem.m, len(self.problem.orders)
+        out = np.zeros(size)
+        return out, out[: m * (2 * K - 1)].reshape(m, -1)
 
     def _parameter_derivatives(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
         """Return the derivatives of R and of the clearance in a parameter.
@@ -99,12 +105,12 @@ class GrazingProblem(MinimallyAugmentedProblem):
         dg = self._clearance_derivative(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        shift, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
+        (X_a, shift), elements = self._rows(len(X)), self.problem.clearance_elements
         for which in np.flatnonzero(
             np.abs(self.problem.clearance(X, **here)) < SIMULTANEOUS_GRAZING_CLEARANCE * (1.0 + norm(X))
         ):
             shift[elements[which], 0] = -self._clearance_derivative(X, here, name, int(which))
-        X_a, value = shift.ravel(), here[name]
+        value = here[name]
         (dR,) = parameter_derivatives(
             self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
         )
@@ -112,7 +118,7 @@ class GrazingProblem(MinimallyAugmentedProblem):
 
     def _clearance_derivative(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
         """Return the derivative of a clearance in a parameter that moves the breakpoint."""
-        if name == "Omega":
+        if name == self.problem.usual_parameter:  # of the motion, not of the model
             return 0.0
         (derivative,) = parameter_derivatives(
             self.problem, name, here, lambda at: self.problem.grazing_distance(X, which, **at)[:1]
@@ -132,18 +138,12 @@ class GrazingEvent(Event):
     """Grazing contact: an extremum of an element passes a breakpoint of its law.
 
     Elements that graze at the same value of the parameter are one point.
-
-    Parameters
-    ----------
-    by_newton : bool, optional
-        Whether the point is located by Newton's method on `GrazingProblem`, the default, so that its curve in a second
-        parameter can be traced. If not, it is a bracketed root.
     """
 
     kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
 
-    def __init__(self, by_newton: bool = True) -> None:
-        self.by_newton = by_newton
+    def __init__(self) -> None:
+        pass
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -203,16 +203,15 @@ class GrazingEvent(Event):
                 known = problem.clearance(point.X, **{**segment.parameters, segment.name: point.value})
             return float(known[which])
 
-        if self.by_newton:
-            extended = GrazingProblem(problem, segment.name, which)
-            with suppress(NoConvergence, np.linalg.LinAlgError):
-                return locate_by_newton(segment, self, extended, before / (before - after), note)
+        extended = GrazingProblem(problem, segment.name, which)
+        with suppress(NoConvergence, np.linalg.LinAlgError):
+            return locate_by_newton(segment, self, extended, before / (before - after), note)
         return locate_root(segment, self, test, note)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
         clearances = monitored_values((segment.a, segment.b), "clearance")
-        if clearances is None or not self.by_newton:
+        if clearances is None:
             return None
         before, after = clearances
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -233,7 +232,5 @@ class GrazingEvent(Event):
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        if not self.by_newton:
-            return None
         names, first = list(problem.clearance_names), point.note.split(", ")[0]
         return GrazingProblem(problem, parameter, names.index(first)) if first in names else None
