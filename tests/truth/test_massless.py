@@ -80,6 +80,38 @@ def test_a_curve_has_stability_and_folds():
     )
 
 
+@hb.mechanics.model
+def self_excited(damping: float = 0.1) -> hb.System:
+    K = np.array([[1 + SPRING, -SPRING], [-SPRING, SPRING]])
+    return hb.System(np.diag([1.0, 0.0]), np.diag([damping, DAMPER]), K, [hb.Element([1.0, 0.0], hb.Cubic(1.0))])
+
+
+def test_the_hopf_point_of_a_maxwell_element_has_its_closed_form():
+    """d s^3 + (k + c d) s^2 + (c k + d + k d) s + k has the roots +- i Omega where (k + c d)(c k + d + k d) = d k."""
+    (hopf,) = hb.analysis.hopf_points(self_excited(), "damping", (0.1, -0.5))
+    k, d, c = SPRING, DAMPER, hopf.value
+    assert abs((k + c * d) * (c * k + d + k * d) - d * k) < 1e-12
+    assert abs(hopf.Omega**2 - (c * k + d + k * d) / d) < 1e-11
+    cycles = hb.analysis.limit_cycles(self_excited(), hopf, (-0.25, -0.15), harmonics=5)
+    assert cycles.status.complete and abs(cycles.tracked["Omega"][0] - hopf.Omega) < 2e-3
+
+
+def test_the_backbone_of_a_maxwell_element_is_the_limit_of_small_masses():
+    found = [hb.analysis.backbone(maxwell(mass, law=hb.Cubic(1.0)), span=(0.01, 1.0), harmonics=5)
+             for mass in (0.0, 1e-5, 1e-6)]  # fmt: skip
+    exact, *near = (np.array([one.tracked[name][-1] for name in ("Omega", "modal_damping")]) for one in found)
+    coarse, fine = (np.abs(one - exact) for one in near)
+    assert (coarse < 1e-4).all() and np.allclose(fine, 0.1 * coarse, rtol=0.1)  # first order in the mass
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_the_backbone_of_a_static_node_is_that_of_the_condensed_system(mode):
+    a, b = (hb.analysis.backbone(static_node(c), mode=mode, span=(0.01, 1.0), harmonics=7) for c in (False, True))
+    assert a.status.complete and len(a) == len(b)
+    for name in ("Omega", "modal_damping"):
+        np.testing.assert_allclose(a.tracked[name], b.tracked[name], rtol=0, atol=1e-10)
+
+
 def _without(K, direction=(1.0, 0.0), C=0.0):
     element = hb.Element(list(direction), STOP, name="stop")
     return hb.System(np.diag([1.0, 0.0]), np.diag([0.1, C]), K, [element], hb.Load(cosine={1: [0.2, 0.0]}))

@@ -33,6 +33,7 @@ from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY
 from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.equations.static_state import forces_at, statics
 from hbgear.harmonic.structure.linear_structure import dense
+from hbgear.harmonic.structure.massless import massless_modes
 from hbgear.mechanics.models import Model
 
 _IMAGINARY_TOLERANCE = 1e-6
@@ -142,17 +143,18 @@ class EquilibriumProblem(ContinuationProblem):
         raise ValueError("no equilibrium was found: support the structure, or give start= the displacements")
 
     def eigenvalues(self, X: Array, parameters: Mapping[str, float]) -> tuple[ComplexArray, ComplexArray]:
-        """Return the eigenvalues s (2n,) of small motions about an equilibrium, and modes (m, 2n)."""
+        """Return the eigenvalues s (N,) of small motions about an equilibrium, and modes (m, N).
+
+        N is 2n, less one for each coordinate with a damper and without mass, and two for one without both.
+        """
         evaluator = self.balance.compiled(dict(parameters))
         s, n = evaluator.structure, evaluator.structure.n
-        if s.system.massless:
-            raise ValueError(
-                f"eigenvalues of equilibria need a mass of every coordinate, and '{s.system.massless}' has none: give "
-                "it a small one"
-            )
         _, k, c = forces_at(evaluator, X, np.zeros(1))
         M, C, K = (np.asarray(dense(A)) for A in (s.M, s.C, s.K))
         K, C = K + s.W @ (k - np.diag(s.kr)) @ s.W.T, C + s.W @ c @ s.W.T
+        if s.system.massless:
+            values, vectors, *_ = massless_modes(s.system, M, C, K, np.eye(n), np.eye(n))
+            return values, s.W.T @ vectors
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
         values, vectors = scipy.linalg.eig(A)
         return values, s.W.T @ vectors[:n]

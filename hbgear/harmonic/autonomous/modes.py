@@ -74,7 +74,7 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
     structure = evaluator.structure
     M, C, W = (np.asarray(dense(A)) for A in (structure.M, structure.C, structure.W))
     K = np.asarray(dense(structure.K)) + W @ (stiffness - np.diag(structure.kr)) @ W.T
-    squares, vectors = scipy.linalg.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
+    squares, vectors = _undamped_modes(0.5 * (M + M.T), 0.5 * (K + K.T))
     sizes = np.linalg.norm(W.T @ vectors, axis=0)
     found: list[LinearMode] = []
     for r in np.flatnonzero(squares > _ZERO_MODE_RATIO * squares[-1]):
@@ -88,6 +88,25 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
             shape = W.T @ v
             found.append(LinearMode(omega, damping, shape / np.linalg.norm(shape), rest))
     return sorted(found, key=lambda mode: mode.omega)
+
+
+_MASSLESS_RATIO = 1e-13
+"""Eigenvalue of M with scaled coordinates, relative to the largest, that is zero."""
+
+
+def _undamped_modes(M: Array, K: Array) -> tuple[Array, Array]:
+    """Return the squared frequencies and the modes of K v = omega^2 M v; motions without mass follow statically.
+
+    With v = R a + N b, N the null space of M, the equations without mass give b = -(N^T K N)^-1 N^T K R a. A motion b
+    without stiffness, as of a damper alone, is left at rest here and follows when the damping is added.
+    """
+    own = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
+    masses, motions = scipy.linalg.eigh(M / np.outer(own, own))
+    zero = masses <= _MASSLESS_RATIO * masses[-1]
+    R, N = motions[:, ~zero] / own[:, None], motions[:, zero] / own[:, None]
+    T = R - N @ (np.linalg.pinv(N.T @ K @ N, hermitian=True) @ (N.T @ K @ R))
+    squares, V = scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))
+    return squares, T @ V
 
 
 _DAMPING_STEPS = 10
