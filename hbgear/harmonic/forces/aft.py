@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.law_checks import check_returned
 from hbgear.mechanics.laws.laws import Forces, Law
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import Transform, derive, evaluate, samples_of, to_complex, to_real
+from hbgear.mechanics.series.fourier import Transform, derive, evaluate, samples_of, to_complex, to_real, waves
 from hbgear.mechanics.series.real_basis import after_derivative, derivative, one_sided
 
 GAUSS_POINTS = 4
@@ -305,27 +305,27 @@ class _Panels:
             theta.append((ends[:-1, None] + half * (1 + x)).ravel())
             weights.append((half * w / np.pi).ravel())
         self.theta, self.weights = np.concatenate(theta), np.concatenate(weights)
-        self.tau, self._basis = nu * self.theta, np.zeros((0, 0))
+        self.tau, self._waves = nu * self.theta, np.zeros((0, 0), dtype=complex)
 
-    def basis(self, n: int) -> Array:
-        """Return 1, cos and sin of the harmonics at the points, (n, Q)."""
-        if len(self._basis) != n:
-            angles = np.arange(1, n // 2 + 1)[:, None] * self.theta
-            waves = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(n - 1, -1)
-            self._basis = np.concatenate([np.ones((1, len(self.theta))), waves])
-        return self._basis
+    def waves(self, H: int) -> ComplexArray:
+        """Return exp(i k theta) at the points, (Q, H + 1)."""
+        if self._waves.shape[1] != H + 1:
+            self._waves = waves(self.theta, H)
+        return self._waves
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:
         """Add forces to R (m, n) and slopes to blocks (m, n, m, n); return the norm of the forces."""
-        B = self.basis(coefficients.shape[1])
-        d = coefficients[elements] @ B
+        n = coefficients.shape[1]
+        w = self.waves(n - 1)  # of the slopes, whose products with the motion have orders up to 2H
+        own, mean = w[:, : n // 2 + 1], 0.5 * self.weights
+        d = (to_complex(coefficients[elements]) @ own.T).real
         force, kd, _ = law.force(d, np.zeros_like(d), self.tau)
-        weighted = self.weights * B
-        weighted[0] *= 0.5
-        f = force @ weighted.T
+        f = to_real(one_sided(((mean * force) @ own).conj()))
         R[elements] += f
-        for i, j in np.argwhere(kd.any(axis=2)):
-            blocks[elements[i], :, elements[j]] += weighted @ (kd[i, j] * B).T
+        pairs = np.argwhere(kd.any(axis=2))
+        kappa = ((mean * kd[tuple(pairs.T)]) @ w).conj()
+        for (i, j), T in zip(pairs, product_matrices(kappa), strict=True):
+            blocks[elements[i], :, elements[j]] += T
         return float(np.linalg.norm(f))
 
 
