@@ -321,7 +321,8 @@ def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None
 
 def load_with_problem(file: Path, name: str | None) -> hb.Branch:
     """Load a curve with its problem, which needs the metadata of the file and the model class of --model."""
-    return hb.load(file, problem=problem_in(hb.load(file), name))
+    cls = None if name is None else model_registry.model_class(name)
+    return hb.load(file, problem=model_registry.rebuild_traced_problem(hb.load(file).meta, cls))
 
 
 def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:

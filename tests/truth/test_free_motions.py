@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import scipy
 
 import hbgear as hb
+from hbgear.harmonic.models import model_registry
 
 
 def unloaded(b: float = 1.0, k: float = 1.0) -> hb.System:
@@ -93,7 +95,7 @@ def test_energy_grows_with_the_action():
     """dE = Omega dJ with the action J = int v^2 dt / 2 pi, computed from the harmonics of the coordinates alone."""
     curve = hb.analysis.backbone(two_masses(), span=(0.5, 1.0), harmonics=9)
     k = np.repeat(np.arange(1, 10), 2)
-    rows = np.array([curve.problem.motion(point)[:, 1:] * k for point in curve])
+    rows = np.array([curve.problem.motion(point.X, **point.parameters)[:, 1:] * k for point in curve])
     action, Omega = 0.5 * curve.tracked["Omega"] * np.sum(rows**2, axis=(1, 2)), curve.tracked["Omega"]
     slope = np.diff(hb.analysis.backbone_energy(curve)) / np.diff(action)
     assert np.abs(slope / (0.5 * (Omega[1:] + Omega[:-1])) - 1).max() < 1e-4
@@ -203,3 +205,47 @@ def test_flutter_of_two_coordinates_begins_where_frequencies_meet():
 
 def test_an_equilibrium_that_stays_stable_has_no_hopf_point():
     assert hb.analysis.hopf_points(hb.Duffing(), "zeta", (0.01, 0.3)) == ()
+
+
+def test_coordinates_of_a_saved_backbone_are_those_of_the_artificial_damping(tmp_path):
+    """Below contact the mode is linear: the ratio of two coordinates is that of an eigenvector."""
+    K, M = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.diag([1.0, 0.5])
+    model = hb.System(M, 0.02 * K, K, [hb.Element([1.0, 0.0], hb.Unilateral(k=5.0, gap=1.0))])
+    curve = hb.analysis.backbone(model, mode=2, span=(0.01, 0.1), harmonics=5)
+    curve.save(tmp_path / "curve.npz")
+    shape = scipy.linalg.eigh(K, M)[1][:, 1]
+    for one in (curve, hb.load(tmp_path / "curve.npz")):
+        ratio = one.amplitude("rms", dof=1) / one.amplitude("rms", dof=0)
+        np.testing.assert_allclose(ratio, abs(shape[1] / shape[0]), rtol=1e-9)
+        np.testing.assert_allclose(hb.analysis.backbone_energy(one), hb.analysis.backbone_energy(curve), rtol=1e-12)
+
+
+@dataclass(frozen=True)
+class _VanDerPol(hb.mechanics.Law):
+    eps: float = 0.2
+
+    def force(self, d, v, tau):
+        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
+
+
+@hb.mechanics.model
+def driven_van_der_pol(damping: float = 0.0, F: float = 5.0) -> hb.System:
+    load = hb.Load(cosine={1: [0.0, F]})
+    return hb.System(np.eye(2), [[damping, 0.0], [0.0, 0.05]], [[2.0, -0.5], [-0.5, 3.0]],
+                     [hb.Element([1.0, 0.0], _VanDerPol())], load)  # fmt: skip
+
+
+def test_the_excitation_is_left_out_of_saved_limit_cycles(tmp_path):
+    """Coordinates that no element measures are computed from the model in the file, which has its excitation."""
+    hopf = hb.analysis.hopf_points(driven_van_der_pol(), "damping", (0.4, 0.0))[-1]
+    cycles = hb.analysis.limit_cycles(driven_van_der_pol(), hopf, (0.0, 0.4), harmonics=7, stability=False)
+    cycles.save(tmp_path / "cycles.npz")
+    meta = hb.load(tmp_path / "cycles.npz").meta
+    problem = model_registry.rebuild_traced_problem(meta, type(driven_van_der_pol()))
+    saved = hb.load(tmp_path / "cycles.npz", problem=problem)
+    amplitude = cycles.amplitude("rms", dof=1)
+    np.testing.assert_allclose(saved.amplitude("rms", dof=1), amplitude, rtol=1e-12)
+    ratio = amplitude / cycles.amplitude("rms", dof=0)  # of the first harmonic: 0.5 / |3 - Omega^2 + 0.05 i Omega|
+    Omega = cycles.tracked["Omega"]
+    expected = 0.5 / np.abs(3.0 - Omega[0] ** 2 + 0.05j * Omega[0])
+    assert abs(ratio[0] / expected - 1) < 1e-3

@@ -141,6 +141,18 @@ def test_follow(folder):
 
 
 @pytest.mark.slow
+def test_a_point_of_a_saved_backbone_is_followed(tmp_path):
+    """Contact is lost where the rms is the mean load over the square root of 2."""
+    assert run("backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz").exit_code == 0
+    done = run("follow", f"{tmp_path}/b.npz", "GR1", "--in", "F_m=0.1:0.3", "-o", f"{tmp_path}/f.npz", "--plot",
+               f"{tmp_path}/f.png")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    found = hb.load(tmp_path / "f.npz")
+    assert found.tracked["amplitude"][-1] == pytest.approx(0.3 / 2**0.5, rel=1e-9)
+    assert isinstance(found.require_problem(), hb.harmonic.BackboneProblem)
+    assert (tmp_path / "f.png").stat().st_size > 1000
+
+
 def test_follow_in_a_parameter_of_a_drawing_with_its_unit(folder):
     pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     drawn = hb.gears.DrawnPair(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)

@@ -86,7 +86,9 @@ class SpecialPointProblem(ContinuationProblem):
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
-        return {**self.problem.describe(), "curve": {"of": type(self).__name__, "in": self.parameter}}
+        inner = self.problem.describe()
+        on = {"on": inner["curve"]} if "curve" in inner else {}
+        return {**inner, "curve": {"of": type(self).__name__, "in": self.parameter, **on}}
 
     def check_parameter(self, name: str) -> None:
         """Raise an error if the parameter is unknown to the problem or is an unknown already."""

@@ -334,12 +334,16 @@ class BackboneProblem(ContinuationProblem):
             "curve": {"of": type(self).__name__, "mode": self.mode},
         }
 
-    def motion(self, point: Point) -> Array:
-        """Return the harmonics of all coordinates at a point of a backbone, as real rows (n, 2H + 1)."""
-        evaluator = self.balance.compiled(_of_model(point.parameters))
-        Omega, D = point.parameters["Omega"], point.parameters["modal_damping"]
-        d = to_complex(point.X.reshape(evaluator.m, -1))
-        f = to_complex(evaluator.forces(point.X, Omega))
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of the coordinates of the structure."""
+        return self.balance.dof_names
+
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """Return the harmonics of all coordinates, as real rows (n, 2H + 1), with Omega and D among the parameters."""
+        evaluator = self.balance.compiled(_of_model(parameters))
+        Omega, D = parameters["Omega"], parameters["modal_damping"]
+        d, f = to_complex(X.reshape(evaluator.m, -1)), to_complex(evaluator.forces(X, Omega))
         rows: Array = to_real(_coordinates(evaluator, Omega, D, d, f).T)
         return rows
 

@@ -90,7 +90,7 @@ def backbone_energy(curve: Branch) -> Array:
     Parameters
     ----------
     curve : Branch
-        Curve of `backbone`, with its problem.
+        Curve of `backbone`, also from a file.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def backbone_energy(curve: Branch) -> Array:
     Raises
     ------
     ValueError
-        If the curve is not a backbone or has no problem.
+        If the curve is not a backbone, or its model is unknown.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def backbone_energy(curve: Branch) -> Array:
     >>> bool(abs(energy[0] / 0.01**2 - 1.0) < 1e-3)
     True
     """
-    problem = curve.problem
+    problem = curve.require_problem()
     if not isinstance(problem, BackboneProblem):
         raise ValueError("the energy is that of a backbone: give the curve of hb.analysis.backbone(model)")
     return np.array([_energy(problem, curve[i]) for i in range(len(curve))])
@@ -119,7 +119,7 @@ def backbone_energy(curve: Branch) -> Array:
 def _energy(problem: BackboneProblem, point: Point) -> float:
     """Return the mean energy of the motion of a point."""
     system = problem.balance.model.at(point.parameters).system()
-    rows, theta = problem.motion(point), 2 * np.pi * np.arange(_ENERGY_SAMPLES) / _ENERGY_SAMPLES
+    rows, theta = problem.motion(point.X, **point.parameters), 2 * np.pi * np.arange(_ENERGY_SAMPLES) / _ENERGY_SAMPLES
     q, v = evaluate(rows, theta), point.parameters["Omega"] * evaluate(rows, theta, 1)
     load = np.asarray(system.loads[0].constant)
     quadratic = 0.5 * np.sum(v * (system.M @ v), axis=0) + 0.5 * np.sum(q * (system.K @ q), axis=0) - load @ q

@@ -86,6 +86,17 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         """Return period doublings and Neimark-Sacker points."""
         return CycleDoublingEvent(), CycleTorusEvent()
 
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of the coordinates of the structure."""
+        names: tuple[str, ...] = self.problem.dof_names
+        return names
+
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """Return the harmonics of all coordinates, as real rows (n, 2H + 1), with Omega among the parameters."""
+        rows: Array = self.problem.motion(X, **parameters)
+        return rows
+
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
         model, balance = self.problem.model, self.problem.discretization.describe(None)

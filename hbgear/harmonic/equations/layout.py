@@ -525,9 +525,9 @@ class Layout:
         return measure(name, rows, self.nu)
 
     def problem_of(self, meta: Mapping[str, Any]) -> Any:
-        """Return the harmonic balance that the header of a file describes; None for a model outside hbgear."""
+        """Return the problem that the header of a file describes; None for a model outside hbgear."""
         try:
-            return call("hbgear.harmonic.models.model_registry.rebuild_problem", meta)
+            return call("hbgear.harmonic.models.model_registry.rebuild_traced_problem", meta)
         except (KeyError, TypeError, ValueError):
             return None
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.gears import (
     Beam,
     Bearing,
@@ -29,9 +30,12 @@ from hbgear.gears import (
     Train,
     Wheel,
 )
+from hbgear.harmonic.autonomous.backbone import BackboneProblem
+from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.autonomous.tori.two_tones import TwoToneProblem
+from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -222,19 +226,46 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
     KeyError, ValueError
         If the model is not part of hbgear (load with ``problem=`` instead), or the header has another form.
     """
-    if "model" not in meta or "balance" not in meta:
-        raise ValueError("the header of the file has no model and balance; load the file with problem=...")
-    settings = _settings(meta["balance"])
+    model, settings = _model_and_settings(meta, cls)
     if meta.get("discretisation") == CONTACT_INSTANTS:
-        return ContactInstants(rebuild_model(meta["model"], cls), int(settings["harmonics"]), int(settings["nu"]))
+        return ContactInstants(model, int(settings["harmonics"]), int(settings["nu"]))
     auto = settings.pop("auto")
     if settings["orders"] is not None:
         settings["orders"] = HarmonicSelection(**{name: tuple(some) for name, some in settings["orders"].items()})
-    model = rebuild_model(meta["model"], cls)
     if "torus" in meta:
         return _torus_problem(meta["torus"], model, settings)  # type: ignore[return-value]
     out = HarmonicBalance(model, **settings)
     return out if auto is None else out.with_tolerance(auto)
+
+
+def rebuild_traced_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> ContinuationProblem:
+    """Return the problem of the motions of a branch from the header of its file; see `rebuild_problem`.
+
+    Backbones have a `BackboneProblem`, limit cycles a `LimitCycleProblem`, and other motions the problem of
+    `rebuild_problem`. Curves of special points have the problem of the motions.
+
+    Raises
+    ------
+    KeyError, ValueError
+        As of `rebuild_problem`.
+    """
+    outer = meta.get("curve")
+    curve = outer.get("on", outer) if isinstance(outer, Mapping) else {}
+    kind = curve.get("of") if isinstance(curve, Mapping) else None
+    if kind not in (BackboneProblem.__name__, LimitCycleProblem.__name__):
+        return rebuild_problem(meta, cls)
+    model, settings = _model_and_settings(meta, cls)
+    if kind == LimitCycleProblem.__name__:
+        return LimitCycleProblem(unforced_balance(model, settings["harmonics"], reduce=True))
+    return BackboneProblem(model, curve.get("mode", 1), settings["harmonics"])
+
+
+def _model_and_settings(meta: Mapping[str, Any], cls: type[Model] | None) -> tuple[Model, dict[str, Any]]:
+    """Return the model of a header and the settings of its balance; raise an error if they are missing or invalid."""
+    if "model" not in meta or "balance" not in meta:
+        raise ValueError("the header of the file has no model and balance; load the file with problem=...")
+    settings = _settings(meta["balance"])
+    return rebuild_model(meta["model"], cls), settings
 
 
 def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusProblem:

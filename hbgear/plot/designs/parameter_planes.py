@@ -67,8 +67,8 @@ def special_curves(
     >>> axes.get_xlabel(), len(axes.lines)
     ('damping ratio $\zeta$', 2)
     """
-    planes = {(curve.parameter, *curve.tracked) for curve in curves}
-    if len(planes) != 1 or len(plane := next(iter(planes))) != 2:
+    planes = {(curve.parameter, curve.meta.get("curve", {}).get("in", "")) for curve in curves}
+    if len(planes) != 1 or (plane := next(iter(planes)))[1] not in curves[0].tracked:
         raise ValueError("special_curves needs results of hb.follow in one second parameter, from one first parameter")
     x, y = plane
     own, labels = ax is None, getattr(curves[0].layout, "labels", {})
