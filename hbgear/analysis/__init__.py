@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.quantities.mesh_dynamic_factor import dynamic_factor
     from hbgear.analysis.quantities.order_cuts import order_amplitudes
     from hbgear.analysis.run_ups import RunUp, run_up
-    from hbgear.harmonic.autonomous.backbone_curve import backbone, backbone_energy
+    from hbgear.harmonic.autonomous.backbone_curve import PredictedPeak, backbone, backbone_energy, predicted_peaks
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
     from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
     from hbgear.harmonic.autonomous.tori.branch import torus
@@ -39,6 +39,7 @@ __all__ = [
     "MachineQuantities",
     "NoFoldError",
     "NotCertifiedError",
+    "PredictedPeak",
     "RunUp",
     "Sensitivity",
     "ToothLoads",
@@ -55,6 +56,7 @@ __all__ = [
     "machine_quantities",
     "order_amplitudes",
     "peaks",
+    "predicted_peaks",
     "run_up",
     "sensitivity",
     "tooth_loads",

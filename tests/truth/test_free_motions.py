@@ -249,3 +249,48 @@ def test_the_excitation_is_left_out_of_saved_limit_cycles(tmp_path):
     Omega = cycles.tracked["Omega"]
     expected = 0.5 / np.abs(3.0 - Omega[0] ** 2 + 0.05j * Omega[0])
     assert abs(ratio[0] / expected - 1) < 1e-3
+
+
+def test_the_predicted_peak_of_a_linear_oscillator_has_its_closed_form():
+    """At phase resonance the amplitude is F / (2 zeta), for a load and a displacement of the support in any phase."""
+    for zeta in (0.02, 0.1):
+        spring = hb.Element([1.0], hb.Cubic(1e-12))
+        load = hb.Load(cosine={1: [0.01], 2: [0.03]}, sine={1: [0.02]})
+        curve = hb.analysis.backbone(hb.System([[1.0]], [[2 * zeta]], [[1.0]], [spring], load), span=(0.01, 3.0))
+        (peak,), (double,) = (hb.analysis.predicted_peaks(curve, order) for order in (1, 2))
+        assert peak.amplitude == pytest.approx(math.hypot(0.01, 0.02) / (2 * zeta) / math.sqrt(2), rel=1e-5)
+        assert peak.Omega == pytest.approx(1.0, abs=1e-9) and peak.is_maximum
+        assert double.amplitude == pytest.approx(0.03 / (2 * zeta) / math.sqrt(2), rel=1e-5)
+        assert double.Omega == pytest.approx(0.5, abs=1e-9)
+        assert hb.analysis.predicted_peaks(curve, 3) == ()
+    straight = hb.mechanics.PiecewiseLinear(corners=(5.0,), slopes=(1.0, 1.0))
+    moved = hb.Element([1.0], straight, hb.mechanics.Series(cosine=(0.01,)), damping=0.1)
+    model = hb.System([[1.0]], None, [[0.0]], [moved], hb.Load(sine={1: [0.02]}))
+    (peak,) = hb.analysis.predicted_peaks(hb.analysis.backbone(model, span=(0.01, 1.0)))
+    assert peak.amplitude == pytest.approx(abs(0.01 * (1 + 0.1j) - 0.02j) / 0.1 / math.sqrt(2), rel=1e-5)
+
+
+def test_predicted_peaks_have_an_error_of_the_order_of_the_squared_damping():
+    errors = []
+    for zeta in (0.04, 0.02):
+        model = hb.Duffing(zeta=zeta, k3=0.5, F=zeta)
+        (peak,) = hb.analysis.predicted_peaks(hb.analysis.backbone(model, span=(0.01, 3.0)))
+        exact = highest_peak(model, (0.5, 2.0))
+        errors.append([peak.Omega - exact.parameters["Omega"], peak.amplitude - exact.amplitude("rms")])
+    assert np.abs(errors[0]).max() < 2e-3
+    np.testing.assert_allclose(np.divide(*errors), 4.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(("e", "eps"), [((0.02,), ()), ((0.0,), (0.1,)), ((0.02,), (0.1,))])
+def test_predicted_peaks_of_gear_pairs_lie_on_their_response_curves(e, eps):
+    """Transmission error, varying stiffness, and both with their phases."""
+    pair = hb.SpurPair(zeta=0.01, e=e, eps=eps)
+    (peak,) = hb.analysis.predicted_peaks(hb.analysis.backbone(pair, span=(0.005, 3.0)))
+    exact = highest_peak(pair, (0.3, 1.2))
+    assert peak.Omega == pytest.approx(exact.parameters["Omega"], rel=6e-3)
+    assert peak.amplitude == pytest.approx(exact.amplitude("rms"), rel=1e-2)
+
+
+def highest_peak(model, span):
+    curve = hb.trace(hb.HarmonicBalance(model), "Omega", span, stability=False)
+    return max(hb.analysis.peaks(curve, "rms"), key=lambda point: point.amplitude("rms"))

@@ -35,12 +35,15 @@ axes = hb.plot.responses(curves, "pp2", names=[f"e = {e:g}" for e in errors])
 hb.plot.backbone(backbone, "pp2", ax=axes, color="black")
 
 # %%
-# The peaks of the curves, and the frequency of the backbone at their amplitudes:
-
-import numpy as np
+# Peaks without response curves
+# -----------------------------
+# At a peak the excitation supplies the power that the modal damping dissipates. This
+# condition gives its frequency and amplitude from the backbone alone.
 
 for e, curve in zip(errors, curves, strict=True):
+    free = hb.analysis.backbone(hb.SpurPair(zeta=0.02, e=(e,)), span=(0.01, 0.5))
+    (predicted,) = hb.analysis.predicted_peaks(free)
     peak = max(hb.analysis.peaks(curve, "rms"), key=lambda point: point.amplitude("rms"))
-    predicted = np.interp(peak.amplitude("rms"), backbone.values, Omega)
-    found = peak.parameters["Omega"]
-    print(f"e = {e:g}: peak at Omega = {found:.4f}, backbone {predicted:.4f}")
+    found, rms = peak.parameters["Omega"], peak.amplitude("rms")
+    print(f"e = {e:g}: peak at Omega = {found:.4f}, rms {rms:.4f}")
+    print(f"  predicted {predicted.Omega:.4f}, rms {predicted.amplitude:.4f}")

@@ -91,7 +91,14 @@ def backbone(
             [across.number(found.tracked["Omega"][i]), f"{found.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
             for i in _some(len(found))
         ]
-        print_table([across.name, "damping ratio", f"{measure}{'' if length is None else ' [um]'}"], rows)
+        unit = "" if length is None else " [um]"
+        print_table([across.name, "damping ratio", f"{measure}{unit}"], rows)
+        peaks = [
+            [across.number(peak.Omega), f"{factor_of('rms', length) * peak.amplitude:.5g}"]
+            for peak in hb.analysis.predicted_peaks(found)
+        ]
+        if peaks:
+            print_table([across.name, f"rms of all elements{unit}"], peaks, "predicted resonance peaks, order 1")
     raise typer.Exit(exit_code(found))
 
 

@@ -246,7 +246,7 @@ class BackboneProblem(ContinuationProblem):
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual (n,), its Jacobian (n, n), its derivative in a parameter and the size of its terms."""
         d, own = self.split(X)
-        evaluator, n = self.balance.compiled(_of_model(parameters)), self.balance.size
+        evaluator, n = self.balance.compiled(of_model(parameters)), self.balance.size
         linear, rate, terms = _linear_part(evaluator, own["Omega"], own["modal_damping"])
         R, J, dR_dOmega, size = evaluator.linearise_with(d, own["Omega"], linear)
         rows = to_complex(d.reshape(evaluator.m, -1))
@@ -276,7 +276,7 @@ class BackboneProblem(ContinuationProblem):
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the regime and the truncation error of the motion."""
         d, own = self.split(X)
-        here = _of_model(parameters)
+        here = of_model(parameters)
         seen = self.balance.observe_many(d[None], "Omega", np.array([own["Omega"]]), False, **here)[0]
         return {name: seen[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in seen}
 
@@ -323,7 +323,7 @@ class BackboneProblem(ContinuationProblem):
 
     def _of_balance(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters of the balance at a solution."""
-        return {**_of_model(parameters), "Omega": self.split(X)[1]["Omega"]}
+        return {**of_model(parameters), "Omega": self.split(X)[1]["Omega"]}
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
@@ -341,14 +341,14 @@ class BackboneProblem(ContinuationProblem):
 
     def motion(self, X: Array, **parameters: float) -> Array:
         """Return the harmonics of all coordinates, as real rows (n, 2H + 1), with Omega and D among the parameters."""
-        evaluator = self.balance.compiled(_of_model(parameters))
+        evaluator = self.balance.compiled(of_model(parameters))
         Omega, D = parameters["Omega"], parameters["modal_damping"]
         d, f = to_complex(X.reshape(evaluator.m, -1)), to_complex(evaluator.forces(X, Omega))
         rows: Array = to_real(_coordinates(evaluator, Omega, D, d, f).T)
         return rows
 
 
-def _of_model(parameters: Mapping[str, float]) -> dict[str, float]:
+def of_model(parameters: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of the model alone."""
     return {name: x for name, x in parameters.items() if name not in (AMPLITUDE, "Omega", "modal_damping")}
 
@@ -364,7 +364,7 @@ def _parameter_derivative(
         d, own = problem.split(X)
 
         def residual(at: dict[str, float]) -> tuple[Array]:
-            evaluator = problem.balance.compiled(_of_model(at))
+            evaluator = problem.balance.compiled(of_model(at))
             linear, *_ = _linear_part(evaluator, own["Omega"], own["modal_damping"])
             return (evaluator.linearise_with(d, own["Omega"], linear)[0],)
 

@@ -1,25 +1,37 @@
-"""Backbone curves: modal frequency and damping over amplitude, and their energy.
+"""Backbone curves: modal frequency and damping over amplitude, their energy, and the resonance peaks on them.
 
     E = 1/2 q'^T M q' + 1/2 q^T K q - F_0^T q + sum_j int_0^d_j p_j        mean over a period
 
-Without dissipation E is constant during the motion.
+Without dissipation E is constant during the motion. At a resonance peak the excitation supplies the power of the
+artificial damping:
+
+    max_phi <q'^T F - (p - c d')^T e' - d'^T dk g>  =  2 D Omega <q'^T M q'>
+
+F, e and dk are the periodic parts of loads, prescribed displacements and stiffness, shifted by the phase phi; g is the
+force of the springs of unit stiffness.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
-from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem
+from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, of_model
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.fourier import Series, evaluate, to_complex
+
+_POWER_SAMPLES = 512
+"""Instants of a period at which the power of a varying stiffness is evaluated."""
 
 _ENERGY_SAMPLES = 64
 """Instants of a period over which the energy is averaged; it varies only by the dissipation within a period."""
@@ -128,6 +140,120 @@ def _energy(problem: BackboneProblem, point: Point) -> float:
         d = system.W[:, j] @ q - element.displacement.mean
         total += float(np.mean([_potential(element.law, x) for x in d]))
     return total
+
+
+class PredictedPeak(NamedTuple):
+    """A resonance peak that a backbone predicts.
+
+    Attributes
+    ----------
+    amplitude : float
+        Rms of the alternating displacements of all elements, the parameter of the backbone.
+    Omega : float
+        Excitation frequency.
+    is_maximum : bool
+        Whether the amplitude of the response is largest here. If not, it is the smallest one of a disconnected curve.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.analysis.backbone(hb.Duffing(zeta=0.02, k3=0.5, F=0.02), span=(0.01, 1.0), harmonics=5)
+    >>> (peak,) = hb.analysis.predicted_peaks(curve)
+    >>> round(peak.Omega, 4), round(peak.amplitude, 4), peak.is_maximum
+    (1.0424, 0.3391, True)
+    """
+
+    amplitude: float
+    Omega: float
+    is_maximum: bool
+
+
+@checked_arguments()
+def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
+    """Return the resonance peaks of the model of a backbone under its periodic excitation, without a response curve.
+
+        max_phi <q'^T F - (p - c d')^T e' - d'^T dk g>  =  2 D Omega <q'^T M q'>
+
+    The excitation is in quadrature with the motion of the mode. The relative error is of the order of the square of the
+    damping ratio, and of the part of other modes in the response.
+
+    Parameters
+    ----------
+    curve : Branch
+        Curve of `backbone`, also from a file.
+    order : int, optional
+        Order l of the excitation that meets the mode, with the excitation frequency Omega = Omega_mode / l. Default: 1.
+
+    Returns
+    -------
+    tuple of PredictedPeak
+        Peaks in the order of the curve.
+
+    Raises
+    ------
+    ValueError
+        If the curve is not a backbone, or its model is unknown.
+
+    References
+    ----------
+    Krack (2015), Comput. Struct. 154, 59-71, https://doi.org/10.1016/j.compstruc.2015.03.008.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.SpurPair(zeta=0.02, e=(0.02,))
+    >>> (peak,) = hb.analysis.predicted_peaks(hb.analysis.backbone(pair, span=(0.01, 1.0)))
+    >>> response = hb.trace(hb.HarmonicBalance(pair), "Omega", (0.5, 1.2))
+    >>> exact = max(hb.analysis.peaks(response, "rms"), key=lambda point: point.amplitude("rms"))
+    >>> bool(abs(peak.Omega / exact.parameters["Omega"] - 1) < 0.01)
+    True
+    """
+    problem = curve.require_problem()
+    if not isinstance(problem, BackboneProblem):
+        raise ValueError("peaks are predicted on a backbone: give the curve of hb.analysis.backbone(model)")
+    counted("order", order)
+    with np.errstate(divide="ignore"):
+        ratios = np.log([_power_ratio(problem, curve[i], order) for i in range(len(curve))])
+    known = np.flatnonzero(np.isfinite(ratios))
+    if len(known) < 2:  # no excitation of this order, or no dissipation
+        return ()
+    along = {name: PchipInterpolator(known, values[known]) for name, values in
+             (("ratio", ratios), (AMPLITUDE, curve.values), ("Omega", curve.tracked["Omega"]))}  # fmt: skip
+    found = []
+    for s in along["ratio"].roots(extrapolate=False):
+        grows = along[AMPLITUDE](s, 1) > 0
+        found.append(
+            PredictedPeak(
+                float(along[AMPLITUDE](s)), float(along["Omega"](s)) / order, bool((along["ratio"](s, 1) < 0) == grows)
+            )
+        )
+    return tuple(found)
+
+
+def _power_ratio(problem: BackboneProblem, point: Point, order: int) -> float:
+    """Return the largest power of the excitation over that of the artificial damping, for the motion of a point."""
+    here = of_model(point.parameters)
+    system, evaluator = problem.model.at(here).system(), problem.balance.compiled(here)
+    Omega, D = point.parameters["Omega"], point.parameters["modal_damping"]
+    rate, q = 1j * Omega, to_complex(problem.motion(point.X, **point.parameters))
+    d, p = (to_complex(x.reshape(evaluator.m, -1))[:, 1] for x in (point.X, evaluator.forces(point.X, Omega)))
+    power = 0j
+    for load in system.loads:
+        if order in (vectors := load.complex(system.n)):
+            power += 0.5 * np.vdot(rate * q[:, 1], vectors[order]) * (Omega / order) ** load.power
+    theta = 2 * np.pi * np.arange(_POWER_SAMPLES) / _POWER_SAMPLES
+    for j, element in enumerate(system.elements):
+        e = to_complex(element.displacement.row(order))[order]
+        power -= 0.5 * np.conj(p[j] - element.damping * rate * d[j]) * rate * e
+        x, v = (evaluate(point.X.reshape(evaluator.m, -1)[j], theta, k) for k in (0, 1))
+        for spring in element.law.piecewise or ():
+            dk = to_complex(spring.stiffness.row(order))[order]
+            unit = dataclasses.replace(spring, stiffness=Series(mean=1.0))
+            first = 2 * np.mean(Omega * v * unit.force(x, v, theta)[0] * np.exp(-1j * theta))
+            power -= 0.5 * np.conj(first) * dk
+    k = np.arange(q.shape[1])
+    needed = D * Omega * float(np.sum((k * Omega) ** 2 * np.einsum("ik,ij,jk->k", q.conj(), system.M, q).real))
+    return float(abs(power) / needed) if needed > 0 else 0.0
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
