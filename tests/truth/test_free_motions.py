@@ -256,7 +256,8 @@ def test_the_predicted_peak_of_a_linear_oscillator_has_its_closed_form():
     for zeta in (0.02, 0.1):
         spring = hb.Element([1.0], hb.Cubic(1e-12))
         load = hb.Load(cosine={1: [0.01], 2: [0.03]}, sine={1: [0.02]})
-        curve = hb.analysis.backbone(hb.System([[1.0]], [[2 * zeta]], [[1.0]], [spring], load), span=(0.01, 3.0))
+        M = scipy.sparse.csc_array([[1.0]])
+        curve = hb.analysis.backbone(hb.System(M, [[2 * zeta]], [[1.0]], [spring], load), span=(0.01, 3.0))
         (peak,), (double,) = (hb.analysis.predicted_peaks(curve, order) for order in (1, 2))
         assert peak.amplitude == pytest.approx(math.hypot(0.01, 0.02) / (2 * zeta) / math.sqrt(2), rel=1e-5)
         assert peak.Omega == pytest.approx(1.0, abs=1e-9) and peak.is_maximum

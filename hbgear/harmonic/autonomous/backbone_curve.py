@@ -252,7 +252,7 @@ def _power_ratio(problem: BackboneProblem, point: Point, order: int) -> float:
             first = 2 * np.mean(Omega * v * unit.force(x, v, theta)[0] * np.exp(-1j * theta))
             power -= 0.5 * np.conj(first) * dk
     k = np.arange(q.shape[1])
-    needed = D * Omega * float(np.sum((k * Omega) ** 2 * np.einsum("ik,ij,jk->k", q.conj(), system.M, q).real))
+    needed = D * Omega * float(np.sum((k * Omega) ** 2 * (q.conj() * (system.M @ q)).real))
     return float(abs(power) / needed) if needed > 0 else 0.0
 
 
