@@ -14,7 +14,7 @@ from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel
 from hbgear.cli.output import STOPPED_EARLY, bar, print_message
-from hbgear.cli.support import chosen_model, problem_in, span_of
+from hbgear.cli.support import chosen_model, class_of, problem_in, span_of
 from hbgear.common.optional import needed
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
@@ -143,8 +143,7 @@ def explored(
         if changes:
             raise ValueError("--set: the curve defines the values; change them on the page")
         branch = hb.load(what)
-        cls = None if own is None else model_registry.model_class(own)
-        problem = model_registry.rebuild_problem(branch.meta, cls)
+        problem = model_registry.rebuild_problem(branch.meta, class_of(own))
         if branch.parameter != "Omega" or branch.tracked:
             raise ValueError(f"'{what}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
         machine = problem.model.at(branch.fixed)

@@ -315,14 +315,17 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
 
 def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:
     """Rebuild the problem of a saved curve, with the model class of --model, other harmonics or samples."""
-    cls = None if name is None else model_registry.model_class(name)
-    return model_registry.rebuild_problem(metadata_with(branch.meta, harmonics, samples), cls)
+    return model_registry.rebuild_problem(metadata_with(branch.meta, harmonics, samples), class_of(name))
 
 
 def load_with_problem(file: Path, name: str | None) -> hb.Branch:
     """Load a curve with its problem, which needs the metadata of the file and the model class of --model."""
-    cls = None if name is None else model_registry.model_class(name)
-    return hb.load(file, problem=model_registry.rebuild_traced_problem(hb.load(file).meta, cls))
+    return hb.load(file, problem=model_registry.rebuild_traced_problem(hb.load(file).meta, class_of(name)))
+
+
+def class_of(name: str | None) -> type[hb.mechanics.Model] | None:
+    """Return the model class of --model; None without it."""
+    return None if name is None else model_registry.model_class(name)
 
 
 def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:

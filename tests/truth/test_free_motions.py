@@ -282,6 +282,15 @@ def test_predicted_peaks_have_an_error_of_the_order_of_the_squared_damping():
     np.testing.assert_allclose(np.divide(*errors), 4.0, rtol=0.05)
 
 
+def test_peaks_are_predicted_along_the_amplitude_only(tmp_path):
+    """A followed point from a file has the problem of its backbone, but another parameter."""
+    lost = hb.follow(hb.analysis.backbone(hb.SpurPair(), span=(0.01, 0.2)), "GR1", "F_m", (0.1, 0.11))
+    lost.save(tmp_path / "lost.npz")
+    for one, message in ((lost, "a predicted peak is that of a backbone"), (hb.load(tmp_path / "lost.npz"), "in F_m")):
+        with pytest.raises(ValueError, match=message):
+            hb.analysis.predicted_peaks(one)
+
+
 @pytest.mark.parametrize(("e", "eps"), [((0.02,), ()), ((0.0,), (0.1,)), ((0.02,), (0.1,))])
 def test_predicted_peaks_of_gear_pairs_lie_on_their_response_curves(e, eps):
     """Transmission error, varying stiffness, and both with their phases."""

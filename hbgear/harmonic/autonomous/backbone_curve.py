@@ -27,7 +27,7 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, of_model
 from hbgear.mechanics.laws.laws import Law
-from hbgear.mechanics.models import Model
+from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.series.fourier import Series, evaluate, to_complex
 
 _POWER_SAMPLES = 512
@@ -122,10 +122,16 @@ def backbone_energy(curve: Branch) -> Array:
     >>> bool(abs(energy[0] / 0.01**2 - 1.0) < 1e-3)
     True
     """
+    problem = _problem_of(curve, "the energy")
+    return np.array([_energy(problem, curve[i]) for i in range(len(curve))])
+
+
+def _problem_of(curve: Branch, quantity: str) -> BackboneProblem:
+    """Return the problem of a backbone; raise ValueError for another curve."""
     problem = curve.require_problem()
     if not isinstance(problem, BackboneProblem):
-        raise ValueError("the energy is that of a backbone: give the curve of hb.analysis.backbone(model)")
-    return np.array([_energy(problem, curve[i]) for i in range(len(curve))])
+        raise ValueError(f"{quantity} is that of a backbone: give the curve of hb.analysis.backbone(model)")
+    return problem
 
 
 def _energy(problem: BackboneProblem, point: Point) -> float:
@@ -192,7 +198,7 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
     Raises
     ------
     ValueError
-        If the curve is not a backbone, or its model is unknown.
+        If the curve is not a backbone in the amplitude, or its model is unknown.
 
     References
     ----------
@@ -208,12 +214,16 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
     >>> bool(abs(peak.Omega / exact.parameters["Omega"] - 1) < 0.01)
     True
     """
-    problem = curve.require_problem()
-    if not isinstance(problem, BackboneProblem):
-        raise ValueError("peaks are predicted on a backbone: give the curve of hb.analysis.backbone(model)")
+    problem = _problem_of(curve, "a predicted peak")
+    if curve.parameter != AMPLITUDE:
+        raise ValueError(
+            f"peaks are predicted along the amplitude, this curve is in {curve.parameter}: give the curve of "
+            "hb.analysis.backbone(model)"
+        )
     counted("order", order)
+    system = problem.model.at(of_model(curve.parameters_at(0))).system()
     with np.errstate(divide="ignore"):
-        ratios = np.log([_power_ratio(problem, curve[i], order) for i in range(len(curve))])
+        ratios = np.log([_power_ratio(problem, system, curve[i], order) for i in range(len(curve))])
     known = np.flatnonzero(np.isfinite(ratios))
     if len(known) < 2:  # no excitation of this order, or no dissipation
         return ()
@@ -230,10 +240,12 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
     return tuple(found)
 
 
-def _power_ratio(problem: BackboneProblem, point: Point, order: int) -> float:
-    """Return the largest power of the excitation over that of the artificial damping, for the motion of a point."""
-    here = of_model(point.parameters)
-    system, evaluator = problem.model.at(here).system(), problem.balance.compiled(here)
+def _power_ratio(problem: BackboneProblem, system: System, point: Point, order: int) -> float:
+    """Return the largest power of the excitation over that of the artificial damping, for the motion of a point.
+
+    The system is the one with its periodic excitation, which the problem leaves out.
+    """
+    evaluator = problem.balance.compiled(of_model(point.parameters))
     Omega, D = point.parameters["Omega"], point.parameters["modal_damping"]
     rate, q = 1j * Omega, to_complex(problem.motion(point.X, **point.parameters))
     d, p = (to_complex(x.reshape(evaluator.m, -1))[:, 1] for x in (point.X, evaluator.forces(point.X, Omega)))
