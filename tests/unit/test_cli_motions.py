@@ -150,6 +150,7 @@ def test_a_point_of_a_saved_backbone_is_followed(tmp_path):
     found = hb.load(tmp_path / "f.npz")
     assert found.tracked["amplitude"][-1] == pytest.approx(0.3 / 2**0.5, rel=1e-9)
     assert isinstance(found.require_problem(), hb.harmonic.BackboneProblem)
+    assert hb.plot.special_curves([found]).get_ylabel() == "rms of $x$ [-]"
     assert (tmp_path / "f.png").stat().st_size > 1000
 
 

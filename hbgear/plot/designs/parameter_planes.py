@@ -82,7 +82,8 @@ def special_curves(
         _mark(ax, [p for curve in curves for p in curve.special], (x, y), scale)
         if own:
             ax.set_xlabel(labels.get(x, x))
-            ax.set_ylabel(across.label if y == "Omega" else labels.get(y, y))
+            rms = f"rms of {labels.get('amplitude', 'all elements')}"  # the parameter of a backbone
+            ax.set_ylabel({"Omega": across.label, "amplitude": rms}.get(y, labels.get(y, y)))
             dress(ax)
         if legend:
             _add_legend(ax)
