@@ -302,7 +302,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         at = _union([one.at for some in functions for one in some])
         return at, _common_rows(functions, at), np.array([float(one.side) for one in contacts])
 
-    @property
+    @cached_property
     def reference(self) -> float:
         """Mean stiffness of the flank with the larger one, with all of its gaps closed."""
         return max(sum(c.stiffness.mean for c in self.contacts if c.side == side) for side in (1, -1))
