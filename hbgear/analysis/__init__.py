@@ -23,11 +23,13 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.autonomous.backbone_curve import PredictedPeak, backbone, backbone_energy, predicted_peaks
     from hbgear.harmonic.autonomous.equilibrium import HopfPoint, hopf_points
     from hbgear.harmonic.autonomous.limit_cycle import limit_cycles
+    from hbgear.harmonic.autonomous.mode_stability import BackboneStability, StabilityChange, backbone_stability
     from hbgear.harmonic.autonomous.tori.branch import torus
     from hbgear.harmonic.autonomous.tori.two_tones import two_tones
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [
+    "BackboneStability",
     "BranchSearch",
     "Campbell",
     "Certificate",
@@ -42,9 +44,11 @@ __all__ = [
     "PredictedPeak",
     "RunUp",
     "Sensitivity",
+    "StabilityChange",
     "ToothLoads",
     "backbone",
     "backbone_energy",
+    "backbone_stability",
     "campbell",
     "certify",
     "critical_parameter",

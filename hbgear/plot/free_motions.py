@@ -17,8 +17,10 @@ from hbgear.analysis.quantities.axis_quantities import (
     kind_of,
 )
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
+from hbgear.harmonic.autonomous.mode_stability import BackboneStability
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import model_of, scales_at
@@ -32,9 +34,11 @@ if TYPE_CHECKING:
 @checked_arguments()
 def backbone(
     curve: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *, label: str = "backbone",
-    dimensionless: bool = False, **style: Any,
+    stability: BackboneStability | None = None, dimensionless: bool = False, **style: Any,
 ) -> Axes:  # fmt: skip
     """Draw a backbone: an amplitude over the modal frequency, also on the axes of a response curve.
+
+    With its stability, unstable motions are dashed, and circles mark the changes of stability.
 
     Parameters
     ----------
@@ -48,6 +52,8 @@ def backbone(
         Axes to draw on, such as those of `response`; new ones by default.
     label : str, optional
         Text of the legend; default "backbone". No legend if it is empty.
+    stability : BackboneStability, optional
+        Result of `hbgear.analysis.backbone_stability` for this curve. None by default: one line for all motions.
     dimensionless : bool, optional
         Whether frequency and amplitude keep the units of the model. By default they are the speed of the pinion [r/min]
         and the amplitude [um] if the model has scales, as in `response`.
@@ -62,7 +68,7 @@ def backbone(
     Raises
     ------
     ValueError
-        If the curve is not a backbone.
+        If the curve is not a backbone, or the stability is that of another curve.
 
     Examples
     --------
@@ -74,13 +80,19 @@ def backbone(
     """
     if curve.parameter != AMPLITUDE or "Omega" not in curve.tracked:
         raise ValueError("this curve is no backbone; give the curve of hb.analysis.backbone(model)")
+    if stability is not None and len(stability.states) != len(curve):
+        raise ValueError(
+            f"the stability of {len(stability.states)} points is given for a curve of {len(curve)} points: give "
+            "hb.analysis.backbone_stability(curve)"
+        )
     own, across = ax is None, OmegaAxis.of(model_of(curve), dimensionless)
     height = Ordinate(measure, element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
         line = {"color": COLOURS["no_impact"] if own else "black", "linestyle": "-" if own else "-.", "linewidth": 1.2}
         x = across.scale * curve.tracked["Omega"]
-        ax.plot(x, height.along(curve), **(line | style), label=label or "_", zorder=4, gid="backbone")
+        y = height.along(curve)
+        _add_line(ax, x, y, stability, {**line, **style}, label or "_")
         if own:
             unit = " [-]" if across.above and not across.is_speed else ""
             ax.set_xlabel(f"modal frequency, {across.label}" if across.is_speed else r"modal frequency $\Omega$" + unit)
@@ -90,9 +102,26 @@ def backbone(
             dress(ax)
             if scaled_axes(ax, across.above):
                 heighten(ax)
-        if label and not own:
+        if (label and not own) or (stability and stability.changes):
             add_legend(ax)
     return ax
+
+
+def _add_line(
+    ax: Axes, x: Array, y: Array, stability: BackboneStability | None, style: dict[str, Any], label: str
+) -> None:
+    """Draw the line of a backbone, dashed where it is unstable, and the changes of stability."""
+    states = stability.states if stability else ("unknown",) * len(x)
+    unstable = np.array([state == "unstable" for state in states])
+    ax.plot(x, np.where(unstable, np.nan, y), **style, label=label, zorder=4, gid="backbone")
+    if unstable.any():
+        joined = unstable | np.roll(unstable, 1) | np.roll(unstable, -1)  # the dashes reach the stable neighbours
+        ax.plot(x, np.where(joined, y, np.nan), **{**style, "linestyle": "--"}, label="_", zorder=4, gid="unstable")
+    if stability and stability.changes:
+        at, numbers = [change.position for change in stability.changes], np.arange(len(x))
+        circles: dict[str, Any] = {"marker": "o", "ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.8}
+        heights = np.interp(at, numbers, y)
+        ax.plot(np.interp(at, numbers, x), heights, **circles, label="change of stability", zorder=5, gid="changes")
 
 
 def with_other_kinds(

@@ -37,6 +37,12 @@ def masses(F: float = 0.13) -> hb.System:
     C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
     springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0), name="ground"), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
     return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+
+
+@hb.mechanics.model
+def equal_masses(k3: float = 1.0) -> hb.System:
+    springs = [hb.Element([1, 0], hb.Cubic(k3)), hb.Element([0, 1], hb.Cubic(k3))]
+    return hb.System(np.eye(2), None, [[3.0, -2.0], [-2.0, 3.0]], springs)
 """
 
 
@@ -91,6 +97,12 @@ def test_torus(folder):
                "-o", f"{folder}/longer.npz")  # fmt: skip
     assert done.exit_code == 0 and f"{len(saved)} points of {folder}/t.npz continued" in done.output, done.output
     assert hb.load(folder / "longer.npz").values[-1] == 1.14
+
+
+@pytest.mark.parametrize("end, expected", [("0.7", "all motions without dissipation are stable"), ("1", "0.78483")])
+def test_the_stability_of_a_backbone_without_dissipation(folder, end, expected):
+    done = run("backbone", f"{folder}/models.py:equal_masses", "--amplitudes", f"0.1:{end}", "--harmonics", "5")
+    assert done.exit_code == 0 and expected in done.output, done.output
 
 
 def test_tori_and_backbones_are_drawn_on_saved_curves(folder):

@@ -82,9 +82,11 @@ def backbone(
     machine = chosen_model(model, changes)
     found = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
     across, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
+    stability = hb.analysis.backbone_stability(found)
     with outputs() as out:
         out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which, dimensionless=dimensionless))
+        draw = {"stability": stability, "dimensionless": dimensionless}
+        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which, **draw))
         print(f"backbone of mode {mode}: {len(found)} points; {found.message}")
         heights = factor_of(measure, length) * found.amplitude(measure, which)
         rows = [
@@ -93,6 +95,12 @@ def backbone(
         ]
         unit = "" if length is None else " [um]"
         print_table([across.name, "damping ratio", f"{measure}{unit}"], rows)
+        if stability.changes:
+            changed = [[across.number(one.Omega), f"{factor_of('rms', length) * one.amplitude:.5g}", one.kind]
+                        for one in stability.changes]  # fmt: skip
+            print_table([across.name, f"rms of all elements{unit}", "multipliers"], changed, "changes of stability")
+        elif "stable" in stability.states and "unstable" not in stability.states:
+            print("all motions without dissipation are stable")
         peaks = [
             [across.number(peak.Omega), f"{factor_of('rms', length) * peak.amplitude:.5g}"]
             for peak in hb.analysis.predicted_peaks(found)
