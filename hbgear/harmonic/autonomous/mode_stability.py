@@ -42,6 +42,10 @@ _POSITION_TOLERANCE = 1e-10
 """Tolerance of the position of a change, as a fraction of its segment."""
 
 
+_NOT_FOUND = NoConvergence, np.linalg.LinAlgError
+"""Errors of `nearest_solution`."""
+
+
 class StabilityChange(NamedTuple):
     """A motion of a backbone at which multipliers leave the unit circle or return to it.
 
@@ -221,7 +225,7 @@ def _verified(
         return coarse
     try:
         U, amplitude = nearest_solution(finer, finer.resized(problem.join(X, parameters)), AMPLITUDE, parameters)
-    except NoConvergence:
+    except _NOT_FOUND:
         return coarse._replace(error=np.inf)
     X, own = finer.split(U)
     fine = _spectrum(finer, X, {**parameters, **own, AMPLITUDE: amplitude})
@@ -272,7 +276,7 @@ class _Path:
         """Return the parameters of the motion at a position; those of the nearest point if the motion is not found."""
         try:
             return self.at(t)[1]
-        except NoConvergence:
+        except _NOT_FOUND:
             return self.curve.parameters_at(round(t))
 
     def margin(self, t: float, which: int) -> float:
@@ -287,11 +291,9 @@ class _Path:
         for which, kind in enumerate(_KINDS):
             m, sure = margins[:, which], np.flatnonzero([one[which] for one in certain])
             for a, b in pairwise(sure.tolist()):
-                if m[a] * m[b] < 0:
-                    k = a + int(
-                        np.flatnonzero(m[a:b] * m[b] < 0)[-1]
-                    )  # the last change of sign, through uncertain points
-                    yield self._root(first + k, first + k + 1, which), kind
+                if m[a] * m[b] < 0:  # the last change of sign, through uncertain points
+                    k = first + a + int(np.flatnonzero(m[a:b] * m[b] < 0)[-1])
+                    yield self._root(k, k + 1, which), kind
             for i in range(1, len(m) - 1):
                 if self._may_be_positive(m[i - 1 : i + 2]):
                     for t in self._band(first + i - 1, first + i + 1, which):
@@ -304,10 +306,12 @@ class _Path:
         return bool(m[1] < 0 and m[1] >= max(m[0], m[2]) and -m[1] <= rise)
 
     def _root(self, low: float, high: float, which: int) -> float:
-        """Return the position at which a margin changes sign; the nearer end if motions between are not found."""
+        """Return the position at which a margin changes sign; the last one if the motions between are not found."""
         try:
+            if self.margin(low, which) * self.margin(high, which) > 0:  # a motion is known with few harmonics only
+                return high
             return float(brentq(self.margin, low, high, (which,), xtol=_POSITION_TOLERANCE))
-        except NoConvergence:
+        except _NOT_FOUND:
             return high
 
     def _band(self, low: int, high: int, which: int) -> list[float]:
@@ -315,7 +319,7 @@ class _Path:
         try:
             top = minimize_scalar(lambda t: -self.margin(t, which), bounds=(low, high), method="bounded").x
             spectrum, _ = self.at(top)
-        except NoConvergence:
+        except _NOT_FOUND:
             return []
         if spectrum is None or spectrum.margins[which] <= spectrum.tolerances[which]:
             return []
