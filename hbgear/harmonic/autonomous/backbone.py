@@ -41,7 +41,6 @@ from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import Layout
-from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.receptance import LinearPart
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.series.fourier import to_complex, to_real
@@ -394,19 +393,24 @@ def _springs(evaluator: Evaluator) -> Array:
     return springs
 
 
-def _dynamic_stiffness(evaluator: Evaluator, Omega: float, D: float) -> ComplexArray:
-    """Return D_k = K + i k Omega C - (k^2 + 2 i k D) Omega^2 M of the orders k above zero, (K, n, n)."""
-    s, k = evaluator.structure, evaluator.orders[1:, None, None]
-    out: ComplexArray = (-(k**2 + 2j * k * D) * Omega**2) * s.M
-    out += (1j * k * Omega) * s.C
-    out += s.K + (s.W * (_springs(evaluator) - s.kr)) @ s.W.T
+def _matrices(evaluator: Evaluator) -> Array:
+    """Return M, C and K with the springs of the receptances, (3, n, n)."""
+    s = evaluator.structure
+    return np.stack([s.M, s.C, s.K + (s.W * (_springs(evaluator) - s.kr)) @ s.W.T])
+
+
+def _dynamic_stiffness(matrices: Array, orders: Array, Omega: float, D: float) -> ComplexArray:
+    """Return D_k = K + i k Omega C - (k^2 + 2 i k D) Omega^2 M of orders k, (K, n, n)."""
+    factors = np.stack([-(orders**2 + 2j * orders * D) * Omega**2, 1j * orders * Omega, np.ones(len(orders))])
+    n = matrices.shape[-1]
+    out: ComplexArray = (factors.T @ matrices.reshape(3, -1)).reshape(-1, n, n)
     return out
 
 
-def _is_symmetric(structure: LinearStructure) -> bool:
-    """Return whether the matrices of a structure are symmetric except for rounding."""
-    matrices = structure.M, structure.C, structure.K
-    return all(np.abs(A - A.T).max() <= SYMMETRY_ROUNDING * np.abs(A).max() for A in matrices)
+def _are_symmetric(matrices: Array) -> bool:
+    """Return whether matrices (3, n, n) are symmetric except for rounding."""
+    difference = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2))
+    return bool(np.all(difference <= SYMMETRY_ROUNDING * np.abs(matrices).max(axis=(1, 2))))
 
 
 def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPart, ComplexArray, Array]:
@@ -416,10 +420,11 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     the structure that cancel in Y.
     """
     s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
-    value, k = _dynamic_stiffness(evaluator, Omega, D), evaluator.orders[1:, None, None]
+    matrices, k = _matrices(evaluator), evaluator.orders[1:, None, None]
+    value = _dynamic_stiffness(matrices, evaluator.orders[1:], Omega, D)
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
     Q = np.linalg.solve(value, W)
-    Lt = (Q if _is_symmetric(s) else np.linalg.solve(value.transpose(0, 2, 1), W)).transpose(0, 2, 1)
+    Lt = (Q if _are_symmetric(matrices) else np.linalg.solve(value.transpose(0, 2, 1), W)).transpose(0, 2, 1)
     G, damped, moved = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)
     in_Omega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * moved
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
@@ -446,5 +451,6 @@ def _coordinates(evaluator: Evaluator, Omega: float, D: float, d: ComplexArray, 
     q = np.zeros((len(evaluator.orders), s.n), dtype=complex)
     q[0] = evaluator.receptance.motion(STATIC_FREQUENCY, d.T, f.T)[0]
     u = (f.T - _springs(evaluator) * d.T)[1:]
-    q[1:] = np.linalg.solve(_dynamic_stiffness(evaluator, Omega, D), -(u @ s.W.T)[..., None])[..., 0]
+    stiffness = _dynamic_stiffness(_matrices(evaluator), evaluator.orders[1:], Omega, D)
+    q[1:] = np.linalg.solve(stiffness, -(u @ s.W.T)[..., None])[..., 0]
     return q
