@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
 
 import hbgear as hb
 from hbgear import Status
+from hbgear.continuation.curve.asymptote import power_law_limit
 from hbgear.harmonic.structure.recession import Receded, longest, receded, recession
 
 PAIR = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
@@ -187,6 +189,74 @@ def test_a_curve_that_was_stopped_runs_off_when_it_is_extended():
     whole = hb.extend(part)
     assert whole.status is Status.UNBOUNDED
     assert whole.asymptotes["last"] == pytest.approx(traced(PAIR).asymptotes["last"], abs=1e-11)
+
+
+# ---- limit cycles, which approach an asymptote by a power law
+
+SPRING, DAMPER = 0.5, 0.3
+
+
+def maxwell(law, c):
+    """A mass with the damping c < 0, a law, and a spring in series with a damper."""
+    K = np.array([[1 + SPRING, -SPRING], [-SPRING, SPRING]])
+    return hb.System(np.diag([1.0, 0.0]), np.diag([c, DAMPER]), K, [hb.Element([1.0, 0.0], law)])
+
+
+@hb.mechanics.model
+def with_cubic_spring(c: float = 0.1) -> hb.System:
+    return maxwell(hb.Cubic(1.0), c)
+
+
+@hb.mechanics.model
+def with_play(c: float = 0.1) -> hb.System:
+    return maxwell(hb.mechanics.PiecewiseLinear((-1.0, 1.0), (1.0, 0.0, 1.0)), c)
+
+
+def cycles(model, span, length=1.0, **options):
+    """The limit cycles from the Hopf point of a model; a search of rounding errors took minutes from 400 points on."""
+    (hopf,) = hb.analysis.hopf_points(model(), "c", (0.1, -0.5))
+    steps = hb.StepControl(max_points=600)
+    return hb.analysis.limit_cycles(model(), hopf, span, harmonics=7, length=length, steps=steps, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0.1, 0.0, -1e-9])
+def test_limit_cycles_with_a_cubic_spring_run_off_to_infinity_without_special_points(end):
+    """The power of the Maxwell element decreases: c <v^2> = -(k^2 / d) <x^2>, with x = A cn(A t | 1/2) far out."""
+    curve = cycles(with_cubic_spring, (-0.5, end))
+    assert curve.status is Status.UNBOUNDED and curve.asymptotes == {"last": pytest.approx(0.0, abs=1e-6)}
+    assert curve.message == "the curve runs off to infinity towards c = 0" and not curve.special and len(curve) < 320
+    K, E = ellipk(0.5), ellipe(0.5)
+    squares = 3 * (2 * E / K - 1) * (np.pi / (2 * K)) ** 2  # Omega^2 <x^2> / <v^2>
+    assert curve.values[-1] * curve.tracked["Omega"][-1] ** 2 == pytest.approx(
+        -(SPRING**2) / DAMPER * squares, rel=1e-4
+    )
+
+
+@pytest.mark.slow
+def test_limit_cycles_reach_the_end_of_a_span_before_the_asymptote():
+    curve = cycles(with_cubic_spring, (-0.5, -1e-6))
+    assert curve.status is Status.REACHED_END and not curve.asymptotes and not curve.special
+
+
+@pytest.mark.slow
+def test_limit_cycles_with_play_run_off_at_the_hopf_point_of_the_machine_in_contact():
+    """Hurwitz: (k + c d) (c k + (2 + k) d) = 2 k d at c = -1/6."""
+    curve = cycles(with_play, (-0.5, 0.1), length=40.0)
+    assert curve.status is Status.UNBOUNDED and curve.asymptotes["last"] == pytest.approx(-1 / 6, abs=1e-6)
+
+
+@pytest.mark.parametrize("k", [0.5, 1.0, 2.0, 6.0])
+def test_the_limit_of_a_power_law_is_exact_to_its_rounding(k):
+    r = np.geomspace(1.0, 10.0, 400)
+    limit = power_law_limit(r, 0.3 - 1e-4 / r**k)
+    assert limit == pytest.approx(0.3, abs=0.1 * 1e-4 / 10**k)
+
+
+def test_a_finite_top_and_other_laws_are_no_power_laws():
+    r = np.geomspace(1.0, 10.0, 400)
+    for values in (np.sqrt(1 / r**2 - 0.99e-2), np.log(r), r, np.sin(r), np.full(400, 0.3)):
+        assert power_law_limit(r, values) is None
 
 
 # ---- recession of laws and systems

@@ -6,10 +6,18 @@ Equations whose terms grow at most linearly with the unknowns become homogeneous
 approaches a solution (y, p) of the limit equations. With u = 1 / r it is a smooth curve (y, p)(u) that ends at u = 0. A
 point belongs to such a curve if its tangent, extrapolated to u = 0, meets a solution of the limit equations up to terms
 of second order in u.
+
+    p = p_inf + C r^-k
+
+Free motions of unknown frequency have no such limit equations. An unbounded curve of them approaches its asymptote by a
+power of its size, as the damping of a limit cycle with a cubic spring by r^-2. The exponent is the same between r / 8,
+r / 4, r / 2 and r, and the limit follows from it. Farther out the parameter changes by less than it is known, so that
+any special point there would be a rounding error.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -42,6 +50,29 @@ MAX_TANGENT_MISS = 0.2
 
 SOLUTION_RESIDUAL = 1e-11
 """Residual of a solution of the limit equations, as a relative parameter change. Finite resonances leave more."""
+
+
+MAX_REMAINING_CHANGE = 1e-5
+"""Distance from the limit of a power law, relative to the width of the span, up to which a curve ends there.
+
+The parameter is known to about the tolerance of the corrector, so that several digits of the distance are left.
+"""
+
+
+MAX_DOUBLING_RATIO = 0.75
+"""Change of the parameter as the size doubles, over that of the doubling before, above which no limit is assumed."""
+
+
+MAX_RATIO_DIFFERENCE = 0.1
+"""Relative difference of two successive ratios up to which they are those of a power law."""
+
+
+LIMIT_ERROR = 0.1
+"""Error of the limit of a power law, relative to its distance; ratios that differ by a tenth leave less at k >= 1."""
+
+
+SIZE_RATIO = 8.0
+"""Growth of the size over which a power law is compared: three doublings, which have two ratios."""
 
 
 def unbounded_message(name: str, value: float) -> str:
@@ -121,3 +152,36 @@ def _limit_solution(
             return None
         y = y / norm(y)
     return None
+
+
+def power_law_limit(sizes: Array, values: Array) -> float | None:
+    """Return the limit p_inf of a curve whose parameter follows p_inf + C r^-k as its size r grows.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (P,)
+        Sizes r of the last points, which grow by a factor of eight at least.
+    values : ndarray, shape (P,)
+        Values p of the parameter.
+
+    Returns
+    -------
+    float or None
+        The limit, rounded to its error; None if the changes of p follow no power law.
+
+    Examples
+    --------
+    >>> r = np.geomspace(1.0, 10.0, 80)
+    >>> power_law_limit(r, 0.3 - 1e-4 / r**2), power_law_limit(r, np.log(r))
+    (0.3, None)
+    """
+    doublings = sizes[-1] / SIZE_RATIO * np.array([1.0, 2.0, 4.0, 8.0])
+    changes = np.diff(np.interp(np.log(doublings), np.log(sizes), values))
+    if not changes.all():
+        return None
+    first, last = (changes[1:] / changes[:-1]).tolist()
+    if not 0 < last < MAX_DOUBLING_RATIO or abs(first - last) > MAX_RATIO_DIFFERENCE * last:
+        return None
+    remaining = float(changes[-1]) * last / (1 - last)
+    digits = -math.ceil(math.log10(LIMIT_ERROR * abs(remaining)))
+    return round(float(values[-1]) + remaining, digits) + 0.0  # no negative zero

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.curve.asymptote import vertical_asymptote
+from hbgear.continuation.curve.asymptote import (
+    LIMIT_ERROR,
+    MAX_REMAINING_CHANGE,
+    SIZE_RATIO,
+    power_law_limit,
+    vertical_asymptote,
+)
 from hbgear.continuation.curve.segment import CurvePoint, Points, cosine, normal_of, point_from_solution
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.fold import FoldEvent, far_side_of_fold
@@ -140,12 +147,38 @@ class CurveEnds:
         if len(path) == 1 or float(size(last.X)) <= state.solution_scale or outside(last.value) is not None:
             return path, None
         if vertical_asymptote(state.problem, setup.name, setup.fixed, last) is None:
-            return path, None
+            return path, self._power_law_asymptote(path)
         for i, point in enumerate(path[1:], 1):
             asymptote = vertical_asymptote(state.problem, setup.name, setup.fixed, point)
             if asymptote is not None and outside(asymptote) is None:
                 return Points(path[: i + 1]), asymptote
         return path, None
+
+    def _power_law_asymptote(self, path: Points) -> float | None:
+        """Return the asymptote that a path has practically reached by a power law; None if there is none.
+
+        Only problems with a parameter among the unknowns, such as the frequency of free motions, are examined. Forced
+        motions have limit equations, without which a sharp resonance has the same power law up to its finite top.
+        """
+        state, span, last = self.state, self.state.setup.span, path[-1]
+        reach, size = MAX_REMAINING_CHANGE * span.width, state.problem.solution_norm
+        if not state.problem.unknown_parameters or abs(last.value - path[-2].value) > reach:
+            return None
+        points = [last]
+        for point in itertools.chain(path[-2::-1], state.points[-2::-1]):
+            if not 0 < size(point.X) < size(points[-1].X):
+                return None
+            points.append(point)
+            if SIZE_RATIO * size(point.X) <= size(last.X):
+                break
+        else:
+            return None
+        sizes, values = np.array([(float(size(point.X)), point.value) for point in reversed(points)]).T
+        limit = power_law_limit(sizes, values)
+        if limit is None or abs(limit - last.value) > reach:
+            return None
+        nearest = limit - LIMIT_ERROR * (limit - last.value)  # the end of the span may be the limit
+        return limit if span.end_at(nearest) is None else None
 
     # ---- closure and retrace
 

@@ -152,9 +152,9 @@ def limit_cycles(
         R(X, Omega, p) = 0,   <x_ref', x> = 0
 
     From a Hopf point the branch begins at a small amplitude and leaves it in the direction in which the amplitude
-    grows, also if the bifurcation is subcritical. It ends at either end of the span. From a motion, which has reached a
-    limit cycle of the model, it is traced to both ends of the span. Systems with backlash or stick-slip often have
-    limit cycles without a Hopf point.
+    grows, also if the bifurcation is subcritical. It ends at either end of the span, or where the cycles grow without
+    bound. From a motion, which has reached a limit cycle of the model, it is traced to both ends of the span. Systems
+    with backlash or stick-slip often have limit cycles without a Hopf point.
 
     Parameters
     ----------
