@@ -222,20 +222,20 @@ def cycles(model, span, length=1.0, **options):
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [0.1, 0.0, -1e-9])
 def test_limit_cycles_with_a_cubic_spring_run_off_to_infinity_without_special_points(end):
-    """The power of the Maxwell element decreases: c <v^2> = -(k^2 / d) <x^2>, with x = A cn(A t | 1/2) far out."""
+    """The power of the Maxwell element decreases: c <v^2> = -(k^2 / d) <x^2>, with x = A cn(A t | 1/2) up to A^-2."""
     curve = cycles(with_cubic_spring, (-0.5, end))
-    assert curve.status is Status.UNBOUNDED and curve.asymptotes == {"last": pytest.approx(0.0, abs=1e-6)}
+    assert curve.status is Status.UNBOUNDED and curve.asymptotes == {"last": pytest.approx(0.0, abs=5e-6)}
     assert curve.message == "the curve runs off to infinity towards c = 0" and not curve.special and len(curve) < 320
     K, E = ellipk(0.5), ellipe(0.5)
     squares = 3 * (2 * E / K - 1) * (np.pi / (2 * K)) ** 2  # Omega^2 <x^2> / <v^2>
     assert curve.values[-1] * curve.tracked["Omega"][-1] ** 2 == pytest.approx(
-        -(SPRING**2) / DAMPER * squares, rel=1e-4
+        -(SPRING**2) / DAMPER * squares, rel=5e-4
     )
 
 
 @pytest.mark.slow
 def test_limit_cycles_reach_the_end_of_a_span_before_the_asymptote():
-    curve = cycles(with_cubic_spring, (-0.5, -1e-6))
+    curve = cycles(with_cubic_spring, (-0.5, -1e-5))
     assert curve.status is Status.REACHED_END and not curve.asymptotes and not curve.special
 
 
@@ -246,11 +246,23 @@ def test_limit_cycles_with_play_run_off_at_the_hopf_point_of_the_machine_in_cont
     assert curve.status is Status.UNBOUNDED and curve.asymptotes["last"] == pytest.approx(-1 / 6, abs=1e-6)
 
 
+@pytest.mark.slow
+def test_a_curve_of_folds_without_bound_ends_as_the_damping_vanishes():
+    """It was followed with ever shorter steps. Power at the top of a resonance: 2 zeta Omega sum (n A_n)^2 = F A_1."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.02), 3), "Omega", (0.8, 2.5), cover=False)
+    folds = hb.follow(curve, "LP1", "zeta", (0.02, 0.0), steps=hb.StepControl(max_points=300))
+    assert folds.status is Status.UNBOUNDED and folds.asymptotes["last"] == pytest.approx(0.0, abs=1e-7)
+    first, third = (folds.amplitude(name)[-1] for name in ("H1", "H3"))
+    power = 2 * folds.values[-1] * folds.tracked["Omega"][-1] * (first**2 + (3 * third) ** 2)
+    assert power == pytest.approx(0.18 * first, rel=1e-3)
+
+
 @pytest.mark.parametrize("k", [0.5, 1.0, 2.0, 6.0])
-def test_the_limit_of_a_power_law_is_exact_to_its_rounding(k):
+@pytest.mark.parametrize("second", [0.0, 0.2])
+def test_the_limit_of_a_power_law_is_known_to_its_error(k, second):
     r = np.geomspace(1.0, 10.0, 400)
-    limit = power_law_limit(r, 0.3 - 1e-4 / r**k)
-    assert limit == pytest.approx(0.3, abs=0.1 * 1e-4 / 10**k)
+    limit, error = power_law_limit(r, 0.3 - 1e-4 / r**k * (1 + second / r))
+    assert abs(limit - 0.3) <= error <= 0.5 * 1e-4 / 10**k
 
 
 def test_a_finite_top_and_other_laws_are_no_power_laws():

@@ -52,10 +52,11 @@ SOLUTION_RESIDUAL = 1e-11
 """Residual of a solution of the limit equations, as a relative parameter change. Finite resonances leave more."""
 
 
-MAX_REMAINING_CHANGE = 1e-5
+MAX_REMAINING_CHANGE = 1e-4
 """Distance from the limit of a power law, relative to the width of the span, up to which a curve ends there.
 
-The parameter is known to about the tolerance of the corrector, so that several digits of the distance are left.
+Farther out rounding errors of the parameter shorten the steps and change signs of test functions: from a fifth of this
+distance on a curve of folds, a hundredth on one of limit cycles.
 """
 
 
@@ -67,8 +68,8 @@ MAX_RATIO_DIFFERENCE = 0.1
 """Relative difference of two successive ratios up to which they are those of a power law."""
 
 
-LIMIT_ERROR = 0.1
-"""Error of the limit of a power law, relative to its distance; ratios that differ by a tenth leave less at k >= 1."""
+MIN_LIMIT_ERROR = 0.01
+"""Smallest error of the limit of a power law, relative to its distance, because points are interpolated."""
 
 
 SIZE_RATIO = 8.0
@@ -154,8 +155,8 @@ def _limit_solution(
     return None
 
 
-def power_law_limit(sizes: Array, values: Array) -> float | None:
-    """Return the limit p_inf of a curve whose parameter follows p_inf + C r^-k as its size r grows.
+def power_law_limit(sizes: Array, values: Array) -> tuple[float, float] | None:
+    """Return the limit p_inf of a curve whose parameter follows p_inf + C r^-k as its size r grows, and its error.
 
     Parameters
     ----------
@@ -166,22 +167,34 @@ def power_law_limit(sizes: Array, values: Array) -> float | None:
 
     Returns
     -------
-    float or None
-        The limit, rounded to its error; None if the changes of p follow no power law.
+    (float, float) or None
+        The limit and its error; None if the changes of p follow no power law.
 
     Examples
     --------
     >>> r = np.geomspace(1.0, 10.0, 80)
-    >>> power_law_limit(r, 0.3 - 1e-4 / r**2), power_law_limit(r, np.log(r))
-    (0.3, None)
+    >>> limit, error = power_law_limit(r, 0.3 - 1e-4 / r**2)
+    >>> round(limit, 7), error < 2e-8, power_law_limit(r, np.log(r))
+    (0.3, True, None)
     """
     doublings = sizes[-1] / SIZE_RATIO * np.array([1.0, 2.0, 4.0, 8.0])
     changes = np.diff(np.interp(np.log(doublings), np.log(sizes), values))
     if not changes.all():
         return None
     first, last = (changes[1:] / changes[:-1]).tolist()
-    if not 0 < last < MAX_DOUBLING_RATIO or abs(first - last) > MAX_RATIO_DIFFERENCE * last:
+    difference = abs(first - last) / last
+    if not 0 < last < MAX_DOUBLING_RATIO or difference > MAX_RATIO_DIFFERENCE:
         return None
-    remaining = float(changes[-1]) * last / (1 - last)
-    digits = -math.ceil(math.log10(LIMIT_ERROR * abs(remaining)))
-    return round(float(values[-1]) + remaining, digits) + 0.0  # no negative zero
+    remaining = float(changes[-1]) * last / (1 - last)  # later ratios differ by as much as the last two together
+    return float(values[-1]) + remaining, abs(remaining) * max(2 * difference / (1 - last), MIN_LIMIT_ERROR)
+
+
+def rounded_to_error(value: float, error: float) -> float:
+    """Return a value without the digits that are smaller than its error.
+
+    Examples
+    --------
+    >>> rounded_to_error(0.123456, 2e-3), rounded_to_error(-3e-9, 1e-6)
+    (0.12, 0.0)
+    """
+    return round(value, -math.ceil(math.log10(error))) + 0.0  # no negative zero

@@ -10,10 +10,10 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.asymptote import (
-    LIMIT_ERROR,
     MAX_REMAINING_CHANGE,
     SIZE_RATIO,
     power_law_limit,
+    rounded_to_error,
     vertical_asymptote,
 )
 from hbgear.continuation.curve.segment import CurvePoint, Points, cosine, normal_of, point_from_solution
@@ -174,11 +174,12 @@ class CurveEnds:
         else:
             return None
         sizes, values = np.array([(float(size(point.X)), point.value) for point in reversed(points)]).T
-        limit = power_law_limit(sizes, values)
-        if limit is None or abs(limit - last.value) > reach:
+        found = power_law_limit(sizes, values)
+        if found is None or abs(found[0] - last.value) > reach:
             return None
-        nearest = limit - LIMIT_ERROR * (limit - last.value)  # the end of the span may be the limit
-        return limit if span.end_at(nearest) is None else None
+        limit, error = found
+        nearest = limit - math.copysign(error, limit - last.value)  # the end of the span may be the limit
+        return rounded_to_error(limit, error) if span.end_at(nearest) is None else None
 
     # ---- closure and retrace
 
