@@ -155,7 +155,7 @@ class CurveEnds:
         return path, None
 
     def _power_law_asymptote(self, path: Points) -> float | None:
-        """Return the asymptote that a path approaches by a power law and is close to; None if there is none.
+        """Return the asymptote close to the last point that a path approaches by a power law; None without one.
 
         Only problems with a parameter among the unknowns, such as the frequency of free motions, are examined. Forced
         motions have limit equations, without which a sharp resonance has the same power law up to its finite top.
