@@ -600,21 +600,6 @@ class System(Model):  # numpydoc ignore=PR02
                 "integration need M, C and K of all coordinates"
             )
 
-    def check_masses(self) -> None:
-        """Raise ValueError if a coordinate has no mass, so that the structure cannot be integrated in time.
-
-        Raises
-        ------
-        ValueError
-            If M is singular, or as of `check_matrices`.
-        """
-        self.check_matrices()
-        if self.massless:
-            raise ValueError(
-                f"time integration needs a mass of every coordinate, and '{self.massless}' has none: give it a small "
-                "one, or use harmonic balance, whose multipliers need none"
-            )
-
     @property
     def title(self) -> str:
         """Number of coordinates and names of the elements, up to three of them."""

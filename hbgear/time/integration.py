@@ -117,7 +117,8 @@ def start_state(problem: Any, X: Array, **parameters: float) -> Array:
     y = state_of(problem, X, start / problem.nu, **parameters)
     flow = Flow(problem.model.at(parameters).system(), Omega)
     try:
-        return flow.integrate(start / Omega, y, 0.0, "DOP853", _START_TOLERANCE)[0]
+        end = flow.integrate(start / Omega, flow.states(y), 0.0, "DOP853", _START_TOLERANCE)[0]
+        return flow.coordinates(0.0, end)[:, 0]
     except ArithmeticError:
         return state_of(problem, X, **parameters)
 
@@ -212,7 +213,7 @@ def _runge_kutta(
     flow: Flow, y: Array, phase: float, periods: int, method: str, tolerance: float, samples: int
 ) -> Motion:
     """Return the motion from one state by a method of SciPy."""
-    y = complete_state(flow, phase / flow.Omega, np.asarray(y))
+    y = flow.states(complete_state(flow, phase / flow.Omega, np.asarray(y)))
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
     t = tau / flow.Omega
     d, v = np.empty((2, flow.m, len(t)))
@@ -224,7 +225,7 @@ def _runge_kutta(
 
     end = (phase + 2 * np.pi * periods) / flow.Omega
     Y, instants, count = flow.integrate(phase / flow.Omega, y, end, method, tolerance, visit)
-    return Motion(flow.Omega, tau, d, v, Y, flow.Omega * np.array(instants), count)
+    return Motion(flow.Omega, tau, d, v, flow.coordinates(end, Y)[:, 0], flow.Omega * np.array(instants), count)
 
 
 def _exponential(

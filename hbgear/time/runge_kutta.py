@@ -2,6 +2,8 @@
 
     y' = A y + f(tau) - B (p(d, d', tau) - c e'),   y = (q, q')
 
+Coordinates without mass are eliminated from y, see `structure_states`.
+
 Each step ends where an element reaches a breakpoint of its law. On its segment a piecewise-linear law is a straight
 line, which is continued beyond the breakpoint within the step; the step is then repeated up to the breakpoint.
 Breakpoints of the excitation are known in advance: between two of them stiffness and displacement are polynomials,
@@ -32,6 +34,7 @@ from hbgear.time.flows.contact_flow import ContactFlow
 from hbgear.time.flows.excitation import Excitation, Interval
 from hbgear.time.flows.slider_flow import SliderFlow
 from hbgear.time.flows.stick_flow import StickFlow
+from hbgear.time.flows.structure_states import StructureStates
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
@@ -56,7 +59,7 @@ class Flow:
     Attributes
     ----------
     size : int
-        Number of states: 2n, and the positions of the friction sliders.
+        Number of states: `order` of the structure, 2n without massless coordinates, and the positions of the sliders.
 
     Raises
     ------
@@ -68,42 +71,58 @@ class Flow:
         if not (np.isfinite(Omega) and Omega > 0):
             raise ValueError(f"Omega = {Omega} must be positive and finite")
         system = system.at_speed(Omega)
-        system.check_masses()
-        self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
+        self.Omega, self.m = Omega, len(system.elements)
+        self.structure = StructureStates(system, Omega)
+        self.n, self.order, self.W = self.structure.inertial, self.structure.order, self.structure.W
+        self.A, self.B, self.D = self.structure.A, self.structure.B, self.structure.D
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)
         self.sliders, self.contacts = SliderFlow(system.elements), ContactFlow(system.elements)
-        self.size = 2 * self.n + len(self.sliders)
+        self.size = self.order + len(self.sliders)
         self.columns = 1 + self.size if variational else 1
         self.c = np.array([e.damping for e in system.elements])
         self.vectors = vector_groups(self.laws)
         curved = [j for j in np.flatnonzero(~self.segments.line) if not isinstance(self.laws[j], Component)]
         jumps = [j for j in curved if self.laws[j].damped or isinstance(self.laws[j], RigidFriction)]
         self._curved = np.array([j for j in curved if j not in jumps], dtype=int)
-        self._matrices(system)
-        self.rigid = StickFlow(system.elements, self.W, self.B[self.n :])
-        self.excitation = Excitation(system, Omega, self.invert)
-
-    def _matrices(self, system: System) -> None:
-        """Store A, B and the function that solves with the mass matrix."""
-        n, Wd = self.n, self.W * self.c
-        if scipy.sparse.issparse(system.M):
-            invert = scipy.sparse.linalg.splu(scipy.sparse.csc_array(system.M)).solve
-            C, K = system.C + scipy.sparse.csr_array(Wd @ self.W.T), scipy.sparse.csr_array(system.K)
-            lower = scipy.sparse.hstack([-K, -C]).toarray()
-        else:
-            invert = np.linalg.inv(system.M).__matmul__
-            dense = [A.toarray() if scipy.sparse.issparse(A) else A for A in (system.K, system.C)]
-            lower = np.hstack([-dense[0], -dense[1] - Wd @ self.W.T])
-        self.A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), invert(lower)])
-        self.B = np.vstack([np.zeros((n, self.m)), invert(self.W)])
-        self.invert = invert
+        self.rigid = StickFlow(system.elements, self.W, self.B[self.n : 2 * self.n])
+        self.excitation = Excitation(system, Omega, self.structure.rates)
 
     def gaps(self, t: float, y: Array, between: Interval | None = None) -> tuple[Array, Array]:
         """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
-        e, de, *_ = self.excitation.at(t, between or self.excitation.between(t))
-        y = y.reshape(self.size, -1)[: 2 * self.n, 0]
-        return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
+        between = between or self.excitation.between(t)
+        e, de, k, f = self.excitation.at(t, between)
+        y = y.reshape(self.size, -1)[: self.order, 0]
+        d, v = self.D @ y - e, self._free_rates(y, de, f)
+        if len(self.structure.following):
+            none = np.zeros((2, len(self.sliders)), dtype=int)
+            line = self._lines(self.segments.at(d, v), none, self.contacts.at(d, v), np.zeros(len(self.rigid), int))
+            v = self._consistent_rates(line, d, v, self.excitation.phase(t, between), k)
+        return d, v
+
+    def _free_rates(self, y: Array, de: Array, f: Array) -> Array:
+        """Return the rates of the elements (m,) without forces on coordinates without mass."""
+        v: Array = self.structure.V @ y - de
+        if len(self.structure.following):
+            v += self.D[:, self.n :] @ f + self.D @ (self.B @ (self.c * de))
+        return v
+
+    def states(self, y: Array) -> Array:
+        """Return the state of (q, q') and the positions of sliders, (size,): the same without massless coordinates."""
+        return self.structure.states(y)
+
+    def coordinates(self, t: float, Y: Array) -> Array:
+        """Return (q, q') and the positions of sliders (2n + Q, columns) of states, the inverse of `states`."""
+        Y = Y.reshape(self.size, -1)
+        if not self.structure.massless:
+            return Y
+        between = self.excitation.between(t)
+        d, v = self.gaps(t, Y, between)
+        slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y[self.order :, 0])
+        line = self._lines(self.segments.at(d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int))
+        dx = self._rates_and_forces(line, between, t, Y)[0][: self.order]
+        q = self.structure.coordinates(self.Omega * t, self.Omega, Y[: self.order], dx)
+        return np.concatenate([q, Y[self.order :]])
 
     def columns_of(self, Y: Array) -> Array:
         """Return states (size columns, T) as an array (size, columns, T)."""
@@ -111,9 +130,17 @@ class Flow:
 
     def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
         """Return d and v (m, T) of states (size, T) at instants t."""
-        y = self.columns_of(Y)[: 2 * self.n, 0]
+        y = self.columns_of(Y)[: self.order, 0]
+        if len(self.structure.following):
+            every = [self.gaps(x, own) for x, own in zip(t.tolist(), Y.T, strict=True)]
+            return np.array([d for d, _ in every]).T, np.array([v for _, v in every]).T
         e, de = self.excitation.over(t)
-        return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
+        return self.D @ y - e, self.structure.V @ y - de
+
+    def _lines(self, segment: Integers, slip: Integers, contact: Integers, rigid: Integers) -> Lines:
+        """Return the segments of the elements, and the states of sliders and contacts."""
+        every = np.arange(self.m)
+        return self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact, rigid
 
     def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
@@ -121,45 +148,58 @@ class Flow:
 
     def _rates_and_forces(self, line: Lines, between: Interval, t: float, Y: Array) -> tuple[Array, Array]:
         """Return y' or (y', Phi'), and the forces (R, columns) of sticking elements and their derivatives."""
-        n, on = self.n, self.sliders.element
+        n, N, on = self.n, self.order, self.sliders.element
         e, de, k, f = self.excitation.at(t, between)
         Y = Y.reshape(self.size, -1)
-        Y, z = Y[: 2 * n], Y[2 * n :]
-        d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
-        p, kd, kv = self._forces(line, d, v, self.excitation.phase(t, between), k)
+        Y, z = Y[:N], Y[N:]
+        d, tau = self.D @ Y[:, 0] - e, self.excitation.phase(t, between)
+        v = self._consistent_rates(line, d, self._free_rates(Y[:, 0], de, f), tau, k)
+        p, kd, kv = self._forces(line, d, v, tau, k)
         slip, zone = line[2]
         limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
         friction, stuck = self.sliders.forces(line[2], d, z[:, 0], limit)
         np.add.at(p, on, friction)
         np.add.at(kd, on, stuck)
         out = np.zeros((self.size, Y.shape[1]))
-        out[: 2 * n] = self.A @ Y
-        out[n : 2 * n, 0] += f
-        out[: 2 * n, 0] -= self.B @ (p - self.c * de)
+        out[:N] = self.A @ Y
+        out[n:N, 0] += f
+        out[:N, 0] -= self.B @ (p - self.c * de)
         slips = np.flatnonzero(slip)
-        out[2 * n + slips, 0] = (v[on] - slip * change / self.sliders.k)[slips]
+        out[N + slips, 0] = (v[on] - slip * change / self.sliders.k)[slips]
         if Y.shape[1] > 1:
-            u, rate = self.W.T @ Y[:n, 1:], self.W.T @ Y[n:, 1:]
-            out[: 2 * n, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
-            for rows, kd, kv in self._coupling(d, v, self.excitation.phase(t, between)):
-                out[: 2 * n, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
-            out[: 2 * n, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
+            u = self.D @ Y[:, 1:]
+            rate = self.structure.variations(u, self.structure.V @ Y[:, 1:], kd, kv)
+            out[:N, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
+            for rows, kd, kv in self._coupling(d, v, tau):
+                out[:N, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
+            out[:N, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
             pushes, normal = (slip * gain)[:, None], self.sliders.normal
-            out[: 2 * n, 1:] -= self.B[:, on] @ (pushes * u[normal])
-            out[2 * n + slips, 1:] = (rate[on] - pushes / self.sliders.k[:, None] * rate[normal])[slips]
+            out[:N, 1:] -= self.B[:, on] @ (pushes * u[normal])
+            out[N + slips, 1:] = (rate[on] - pushes / self.sliders.k[:, None] * rate[normal])[slips]
         return out, self.rigid.hold(line[4], out[n : 2 * n])
 
     def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
-        """Return df/dy (2n, 2n) for implicit methods."""
+        """Return df/dy (order, order) for implicit methods."""
         d, v = self.gaps(t, y, between)
-        _, kd, kv = self._forces(line, d, v, self.excitation.phase(t, between), self.excitation.at(t, between)[2])
-        J = self.A.copy()
-        J[:, : self.n] -= (self.B * kd) @ self.W.T
-        J[:, self.n :] -= (self.B * kv) @ self.W.T
-        for rows, kd, kv in self._coupling(d, v, self.excitation.phase(t, between)):
-            J[:, : self.n] -= self.B[:, rows] @ kd @ self.W[:, rows].T
-            J[:, self.n :] -= self.B[:, rows] @ kv @ self.W[:, rows].T
+        tau = self.excitation.phase(t, between)
+        _, kd, kv = self._forces(line, d, v, tau, self.excitation.at(t, between)[2])
+        V = self.structure.variations(self.D, self.structure.V, kd, kv)
+        J: Array = self.A - (self.B * kd) @ self.D - (self.B * kv) @ V
+        for rows, kd, kv in self._coupling(d, v, tau):
+            J -= self.B[:, rows] @ (kd @ self.D[rows] + kv @ V[rows])
         return J
+
+    def _consistent_rates(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> Array:
+        """Return the rates of the elements with the forces on coordinates without mass, on their linear segments."""
+        rows = self.structure.following
+        if not len(rows):
+            return v
+
+        def forces(v: Array) -> tuple[Array, Array]:
+            p, _, kv = self._forces(line, d, v, tau, k)
+            return p[rows], kv[rows]
+
+        return self.structure.consistent_rates(v, forces)
 
     def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
         """Return p, dp/dd and dp/dv (m,)."""
@@ -239,11 +279,11 @@ class Flow:
         """Integrate an interval without breakpoints of the excitation."""
         d, v = self.gaps(t, Y, between)
         segment, instants, count = self.segments.at(d, v), [], 0
-        slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[2 * self.n :, 0])
-        contact, every = self.contacts.at(d, v), np.arange(self.m)
+        slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[self.order :, 0])
+        contact = self.contacts.at(d, v)
 
         def lines(rigid: Integers) -> Lines:
-            return self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact, rigid
+            return self._lines(segment, slip, contact, rigid)
 
         def rates(rigid: Integers, t: float, Y: Array) -> tuple[Array, Array]:
             return self._rates_and_forces(lines(rigid), between, t, Y)
@@ -295,12 +335,14 @@ class Flow:
 
     def _sizes(self, t: float, Y: Array) -> Array:
         """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
-        y = Y.reshape(self.size, -1)[: 2 * self.n, 0]
+        y, n = Y.reshape(self.size, -1)[: self.order, 0], self.n
         breakpoints = [abs(x) for law in self.laws for x in law.breakpoints]
-        length = max([float(np.abs(y[: self.n]).max()), *breakpoints, self.excitation.size()]) or 1.0
-        rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
+        moved = float(np.abs(np.delete(y, slice(n, 2 * n))).max())
+        length = max([moved, *breakpoints, self.excitation.size()]) or 1.0
+        rate = max(float(np.abs(y[n : 2 * n]).max(initial=0.0)), self.Omega * length)
         size = np.ones((self.size, self.columns))
-        size[: self.n, 0], size[self.n : 2 * self.n, 0], size[2 * self.n :, 0] = length, rate, length
+        size[:, 0] = length
+        size[n : 2 * n, 0] = rate
         return size.ravel()
 
     def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:

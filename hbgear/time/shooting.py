@@ -117,15 +117,14 @@ def variation(
     reduced : ndarray, shape (r, r)
         The same derivative in modal coordinates, without free motions.
     """
-    n = flow.size
-    Y = np.column_stack([y, np.eye(n)])
-    end, _, _ = flow.integrate(0.0, Y, nu * 2 * np.pi / flow.Omega, "DOP853", tolerance)
-    end = end.reshape(n, -1)
-    Phi = end[:, 1:]
-    slides = 2 * flow.n
-    fixed = slides + np.flatnonzero((Phi[slides:] == np.eye(n)[slides:]).all(axis=1))
-    Phi[:, fixed] = 0.0  # sliders that never slip have prescribed positions, instead of a multiplier +1
-    return end[:, 0], Phi, _reduced(structure, Phi)
+    N, T = flow.size, nu * 2 * np.pi / flow.Omega
+    start = np.column_stack([flow.states(y), np.eye(N)])
+    end = flow.integrate(0.0, start, T, "DOP853", tolerance)[0].reshape(N, -1)
+    fixed = flow.order + np.flatnonzero((end[flow.order :, 1:] == np.eye(N)[flow.order :]).all(axis=1))
+    end[:, 1 + fixed] = 0.0  # sliders that never slip have prescribed positions, instead of a multiplier +1
+    after = flow.coordinates(T, end)
+    Phi = after[:, 1:] @ np.apply_along_axis(flow.states, 0, np.eye(len(y)))
+    return after[:, 0], Phi, _reduced(structure, Phi)
 
 
 def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
@@ -240,6 +239,7 @@ def shoot(
         raise ValueError(f"the guess {y} has entries that are not finite; give finite numbers")
     history: list[float] = []
     for iteration in range(max_iterations + 1):
+        y = flow.coordinates(0.0, flow.states(y))[:, 0]  # coordinates without mass follow the others
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))
         z = to_modal(structure, y)
         residual = to_modal(structure, end) - z

@@ -1,4 +1,4 @@
-"""Modes of structures with coordinates without mass, such as Maxwell elements and nodes of finite-element models.
+"""Structures with coordinates without mass, such as Maxwell elements and nodes of finite-element models.
 
     q = B (R a + N (P c + Q e)),   N: null space of M,   Q: null space of N^T C N
     M_a a'' + C_a a' + C_ac c' + K_a a + K_ac c + K_ae e = F_a
@@ -11,6 +11,8 @@ if no element acts on e.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
@@ -18,6 +20,76 @@ from hbgear.mechanics.models import System
 
 MATRIX_ROUNDING = 1e-10
 """Entry of a matrix, over its largest one, that is attributed to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateEquations:
+    """First-order equations of a structure: x' = A x + (0, F f), q = S x + G f, x = (a, a', c), f: forces on q.
+
+    Attributes
+    ----------
+    A : ndarray, shape (N, N)
+        Matrix of the states.
+    F : ndarray, shape (N - na, n)
+        Rates of a' and c by forces.
+    S : ndarray, shape (n, N)
+        Motions of the coordinates in the states, with the static coordinates that follow them.
+    G : ndarray, shape (n, n)
+        Motions of the static coordinates by forces.
+    bases : tuple of ndarray, shapes (n, na), (n, nc) and (n, ne)
+        Directions of the coordinates a, c and e.
+    """
+
+    A: Array
+    F: Array
+    S: Array
+    G: Array
+    bases: tuple[Array, Array, Array]
+
+
+def state_equations(system: System, M: Array, C: Array, K: Array, B: Array, T: Array) -> StateEquations:
+    """Return the equations of the states that remain without the static coordinates.
+
+    Parameters
+    ----------
+    system : System
+        System, for the names in messages and the directions of the elements.
+    M, C, K : ndarray, shape (n, n)
+        Matrices with the dampers of the elements.
+    B, T : ndarray, shape (n, p)
+        Bases of the motions and of the equations.
+
+    Returns
+    -------
+    StateEquations
+        Equations in the bases B and T.
+
+    Raises
+    ------
+    ValueError
+        If coordinates without mass cannot be eliminated.
+    """
+    (R, N), (R_left, N_left) = _split(T.T @ M @ B)
+    (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N)
+    right = (B @ R, B @ N @ P, B @ N @ Q)
+    left = (T @ R_left, T @ N_left @ P_left, T @ N_left @ Q_left)
+    _check_static(system, C, K, right[2], left[2])
+    Cr, Kr = ([[x.T @ A @ y for y in right] for x in left] for A in (C, K))
+    # e and its force are eliminated from the other equations
+    Kei = np.linalg.inv(Kr[2][2])
+    rows = [x.T - Kr[i][2] @ Kei @ left[2].T for i, x in enumerate(left[:2])]
+    Ka, Kc = ([Kr[i][j] - Kr[i][2] @ Kei @ Kr[2][j] for j in range(2)] for i in range(2))
+    Mi, Ci = np.linalg.inv(left[0].T @ M @ right[0]), np.linalg.inv(Cr[1][1])
+    n, c = len(Mi), len(Ci)
+    A, F = np.zeros((2 * n + c, 2 * n + c)), np.zeros((n + c, system.n))
+    A[:n, n : 2 * n] = np.eye(n)
+    A[2 * n :] = -Ci @ np.hstack([Kc[0], Cr[1][0], Kc[1]])
+    F[n:] = Ci @ rows[1]
+    A[n : 2 * n] = -Mi @ (np.hstack([Ka[0], Cr[0][0], Ka[1]]) + Cr[0][1] @ A[2 * n :])
+    F[:n] = Mi @ (rows[0] - Cr[0][1] @ F[n:])
+    static = right[2] @ Kei @ left[2].T
+    moved = [one - static @ K @ one for one in right[:2]]
+    return StateEquations(A, F, np.hstack([moved[0], np.zeros((system.n, n)), moved[1]]), static, right)
 
 
 def massless_modes(
@@ -44,32 +116,22 @@ def massless_modes(
     ValueError
         If coordinates without mass cannot be eliminated.
     """
-    (R, N), (R_left, N_left) = _split(T.T @ M @ B)
-    (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N)
-    right = [B @ R, B @ N @ P, B @ N @ Q]
-    left = [T @ R_left, T @ N_left @ P_left, T @ N_left @ Q_left]
-    _check_static(system, C, K, right[2], left[2])
-    Cr, Kr = ([[x.T @ A @ y for y in right] for x in left] for A in (C, K))
-    # e and its force are eliminated from the other equations
-    Kei = np.linalg.inv(Kr[2][2])
-    rows = [x.T - Kr[i][2] @ Kei @ left[2].T for i, x in enumerate(left[:2])]
-    Ka, Kc = ([Kr[i][j] - Kr[i][2] @ Kei @ Kr[2][j] for j in range(2)] for i in range(2))
-    Mi, Ci = np.linalg.inv(left[0].T @ M @ right[0]), np.linalg.inv(Cr[1][1])
-    n, c = len(Mi), len(Ci)
-    clock = np.sqrt(np.abs(Mi @ Ka[0]).max(initial=0.0)) or 1.0  # states (a, a'/clock, c) as in LinearStructure
-    A, F = np.zeros((2 * n + c, 2 * n + c)), np.zeros((2 * n + c, system.n))
-    A[:n, n : 2 * n] = clock * np.eye(n)
-    A[2 * n :] = -Ci @ np.hstack([Kc[0], clock * Cr[1][0], Kc[1]])
-    F[2 * n :] = Ci @ rows[1]
-    A[n : 2 * n] = -Mi @ (np.hstack([Ka[0], clock * Cr[0][0], Ka[1]]) + Cr[0][1] @ A[2 * n :]) / clock
-    F[n : 2 * n] = Mi @ (rows[0] - Cr[0][1] @ F[2 * n :]) / clock
-    static = [one - right[2] @ Kei @ (left[2].T @ K @ one) for one in right[:2]]
-    poles, V = np.linalg.eig(A)
+    found = state_equations(system, M, C, K, B, T)
+    n = len(found.A) - len(found.F)
+    clock = np.sqrt(np.abs(found.A[n : 2 * n, :n]).max(initial=0.0)) or 1.0
+    units = np.ones(len(found.A))  # states (a, a'/clock, c) as in LinearStructure
+    units[n : 2 * n] = clock
+    poles, V = np.linalg.eig(found.A * units / units[:, None])
     V = V.astype(complex)
     U = np.linalg.inv(V)
-    motion = np.hstack([static[0], np.zeros((system.n, n)), static[1]])
     condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1))
-    return poles.astype(complex), motion @ V, U @ F, condition
+    return poles.astype(complex), found.S @ V, U[:, n:] @ (found.F / units[n:, None]), condition
+
+
+def mass_basis(M: Array) -> Array:
+    """Return the diagonal basis (n, n) in which the masses are one; coordinates without mass have the largest one."""
+    mass = np.abs(np.diag(M))
+    return np.diag(1.0 / np.sqrt(np.where(mass > 0, mass, mass.max(initial=0.0) or 1.0)))
 
 
 def _check_static(system: System, C: Array, K: Array, right: Array, left: Array) -> None:

@@ -31,6 +31,7 @@ from hbgear.common.process.threads import for_each, processors
 from hbgear.common.ranges import counted
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
 from hbgear.harmonic.structure.linear_structure import LinearStructure
+from hbgear.harmonic.structure.massless import mass_basis
 from hbgear.harmonic.structure.modes import mobility_of
 from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component
@@ -38,6 +39,7 @@ from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
+from hbgear.time.exponential.massless import check_masses_of_elements, following_loads
 from hbgear.time.exponential.modal_states import (
     StateBatch,
     StoredModes,
@@ -135,10 +137,12 @@ class ExponentialIntegrator:
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
         for system in self.systems:
-            system.check_masses()
+            system.check_matrices()
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
         ]
+        for structure in self.structures:
+            check_masses_of_elements(structure)
         sizes = {(st.n, st.m, len(modes_of(st).poles), len(st.system.elements)) for st in self.structures}
         if len(sizes) > 1:
             raise ValueError("the models must have the same numbers of coordinates, elements and modes")
@@ -303,13 +307,16 @@ class ExponentialIntegrator:
             whole = np.zeros((len(rows), len(modes_of(structure).poles)), dtype=complex)
             whole[:, stored.kept] = stored.factor * (z[rows, :size] + 1j * z[rows, self.q : self.q + size])
             out[rows] = physical_state(structure, whole)
+            if structure.system.massless:
+                each = self.Omega[rows] if self.rows > 1 else self.Omega
+                out[rows] += np.array([following_loads(structure, w) for w in each.tolist()])
         return out
 
     def weights(self) -> Array:
         """Return the size (rows or 1, 2 q) of the motion of each component of z, with mass-normalized coordinates."""
         each = np.zeros((len(self.structures), self.q))
         for i, (structure, stored) in enumerate(zip(self.structures, self.stored, strict=True)):
-            size = np.sqrt(np.abs(np.diag(structure.M)))[:, None] * modes_of(structure).right[:, stored.kept]
+            size = modes_of(structure).right[:, stored.kept] / np.diag(mass_basis(structure.M))[:, None]
             each[i, : len(stored.kept)] = np.linalg.norm(size, axis=0) * np.sqrt(stored.factor)
         return np.tile(each[self.of], 2)
 

@@ -28,17 +28,24 @@ def steady_part(
     k = np.arange(order + 1)
     modes, rate = modes_of(structure), 1j * k[:, None] * Omega
     e = np.zeros((order + 1, structure.m), dtype=complex)
-    F = np.zeros((order + 1, structure.n), dtype=complex)
+    loads = load_harmonics(system, Omega).T
+    F = np.pad(loads, ((0, order + 1 - len(loads)), (0, 0)))
     for j, element in enumerate(system.elements):
         if isinstance(element.displacement, Series):
             c = to_complex(element.displacement.row())
             e[: len(c), j] = c
-    for load in system.loads:
-        for harmonic, vector in load.complex(structure.n).items():
-            F[harmonic] += Omega**load.power * vector
     pull = (structure.kr + structure.c * rate) * e
     positive = (F @ modes.left.T + pull @ modes.input.T) / (rate - modes.poles)
     negative = (F.conj() @ modes.left.T + pull.conj() @ modes.input.T) / (-rate - modes.poles)
     d = positive @ modes.output.T - e
     z: Array = 0.5 * (positive + negative)[:, kept].sum(axis=0)
     return z, np.concatenate([d, rate * d], axis=1)
+
+
+def load_harmonics(system: System, Omega: float) -> ComplexArray:
+    """Return the complex harmonics (n, L + 1) of the loads of a system at a frequency."""
+    forces = np.zeros((system.n, 1 + max([0, *(load.order for load in system.loads)])), dtype=complex)
+    for load in system.loads:
+        for order, vector in load.complex(system.n).items():
+            forces[:, order] += Omega**load.power * vector
+    return forces

@@ -98,7 +98,7 @@ class ContactFlow:
 
     def after(self, flow: Any, t: float, Y: Array, state: Integers, passed: np.ndarray) -> tuple[Array, Integers]:
         """Return the state of the motion and of the contacts after an event at t of the contacts ``passed``."""
-        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
+        Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         depth, _, force = self._state(*flow.gaps(t, Y.ravel()))
         state = state.copy()
         for i in np.flatnonzero(passed).tolist():
@@ -111,5 +111,5 @@ class ContactFlow:
                 state[i] = PUSHES if abs(force[i]) < self.k[i] * abs(depth[i]) else FREE
             sign = (state[i] == PUSHES) * 1.0 - (before == PUSHES)
             if FREE in (before, state[i]) and sign and Y.shape[1] > 1:
-                Y[: 2 * n, 1:] -= sign * self.c[i] * np.outer(flow.B[:, j], flow.W[:, j] @ Y[:n, 1:])
+                Y[:N, 1:] -= sign * self.c[i] * np.outer(flow.B[:, j], flow.D[j] @ Y[:N, 1:])
         return Y.ravel(), state

@@ -16,6 +16,7 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, to_complex
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.time.exponential.segments import stiffness_of
+from hbgear.time.exponential.steady_part import load_harmonics
 
 
 @dataclass(frozen=True)
@@ -48,44 +49,42 @@ class Excitation:
         System of equations of a model.
     Omega : float
         Excitation frequency.
-    invert : callable
-        Function that solves with the mass matrix.
+    rates : callable
+        Function that returns the rates of the states by forces, accelerations if every coordinate has a mass.
 
     Attributes
     ----------
     breakpoints : ndarray
         Phases in [0, 2 pi) at which the excitation or a law has a breakpoint, ascending.
-    series : ndarray, shape (3 m + n, L + 1)
-        Complex harmonics of e, e', the stiffness and the accelerations by loads; zero for piecewise polynomials.
+    series : ndarray, shape (3 m + R, L + 1)
+        Complex harmonics of e, e', the stiffness and the R rates by loads; zero for piecewise polynomials.
     orders : ndarray, shape (L + 1,)
         Their orders.
     """
 
-    def __init__(self, system: System, Omega: float, invert: Callable[[Array], Array]) -> None:
-        self.Omega, self.n, self.m = Omega, system.n, len(system.elements)
+    def __init__(self, system: System, Omega: float, rates: Callable[[Array], Array]) -> None:
+        self.Omega, self.m = Omega, len(system.elements)
         phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
         self.breakpoints = np.unique(phases)
         self._no_breakpoints = Interval(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
         self.displacements = [e.displacement for e in system.elements]
         self._stiffness = [stiffness_of(e.law) for e in system.elements]
-        self.series = self._harmonics(system, invert)
+        self.series = self._harmonics(system, rates)
         self.orders = np.arange(self.series.shape[1])
 
-    def _harmonics(self, system: System, invert: Callable[[Array], Array]) -> ComplexArray:
+    def _harmonics(self, system: System, rates: Callable[[Array], Array]) -> ComplexArray:
         """Return `series`."""
-        n, m = self.n, self.m
+        m, loads = self.m, load_harmonics(system, self.Omega)
         rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
                            for each in (self.displacements, self._stiffness))  # fmt: skip
-        L = max([len(r) // 2 for r in (*rows, *stiffness)] + [load.order for load in system.loads])
-        c = np.zeros((3 * m + n, L + 1), dtype=complex)
+        accelerations = rates(loads.real) + 1j * rates(loads.imag)
+        L = max([len(r) // 2 for r in (*rows, *stiffness)] + [loads.shape[1] - 1])
+        c = np.zeros((3 * m + len(accelerations), L + 1), dtype=complex)
         for j in range(m):
             for i, row in ((j, rows[j]), (2 * m + j, stiffness[j])):
                 c[i, : len(row) // 2 + 1] = to_complex(row)
         c[m : 2 * m] = self.Omega * derive(c[:m])
-        for load in system.loads:
-            for order, vector in load.complex(n).items():
-                c[3 * m :, order] += self.Omega**load.power * vector
-        c[3 * m :] = invert(c[3 * m :].real) + 1j * invert(c[3 * m :].imag)
+        c[3 * m :, : loads.shape[1]] = accelerations
         return c
 
     def between(self, t: float) -> Interval:

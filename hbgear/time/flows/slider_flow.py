@@ -5,9 +5,9 @@
     open:   f = 0,          z' = d'                 while the contact of the normal force is open
 
 The limit is that of `FrictionLimit`, in each of its zones linear in the displacement d_n of an element. The positions z
-of the sliders follow the state (q, q'). Their disturbances are states of the variational equation. Where a slider
-begins to slip they jump, to those of its bound d -+ limit / k, because z' jumps there, and where it begins to stick as
-d_n leaves a zone, because a disturbance moves this instant.
+of the sliders follow the states of the structure. Their disturbances are states of the variational equation. Where a
+slider begins to slip they jump, to those of its bound d -+ limit / k, because z' jumps there, and where it begins to
+stick as d_n leaves a zone, because a disturbance moves this instant.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class SliderFlow:
             """Return functions (Q, T) in [-1, 1] while sticking or not negative while slipping, and d_n."""
             Y = dense(at)
             d, v = flow.gaps_over(at, Y)
-            z = flow.columns_of(Y)[2 * flow.n :, 0]
+            z = flow.columns_of(Y)[flow.order :, 0]
             limit, rate, _ = self.limit(zone, flow.Omega * at, flow.Omega, d, v)
             stretch = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
             moves = slip[:, None] * v[self.element] - rate / self.k[:, None]
@@ -159,22 +159,22 @@ class SliderFlow:
 
         ``passed`` are the sliders that begin to slip or stick, ``left`` those whose limits leave their zones.
         """
-        Y, n = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n
+        Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         d, v = flow.gaps(t, Y.ravel())
         limit, _, gain = self.limit(state[ZONE], flow.Omega * t, flow.Omega, d, v)
-        u, state = flow.W.T @ Y[:n, 1:], state.copy()
+        u, state = flow.D @ Y[:N, 1:], state.copy()
         for i in np.flatnonzero(passed & ~left).tolist():
             j, before = self.element[i], state[SLIP, i]
-            side = int(before) or int(np.sign(d[j] - Y[2 * n + i, 0]))
+            side = int(before) or int(np.sign(d[j] - Y[N + i, 0]))
             state[SLIP, i] = 0 if before else side
-            Y[2 * n + i, 0] = d[j] - side * limit[i] / self.k[i]
-            Y[2 * n + i, 1:] = u[j] - side * gain[i] / self.k[i] * u[self.normal[i]]
+            Y[N + i, 0] = d[j] - side * limit[i] / self.k[i]
+            Y[N + i, 1:] = u[j] - side * gain[i] / self.k[i] * u[self.normal[i]]
         if left.any():
-            found = self.at(flow.Omega * t, flow.Omega, d, v, Y[2 * n :, 0])
+            found = self.at(flow.Omega * t, flow.Omega, d, v, Y[N:, 0])
             for i in np.flatnonzero(left).tolist():
                 j, other = self.element[i], self.normal[i]
                 if state[SLIP, i] and v[other]:
-                    Y[2 * n + i, 1:] = u[j] - v[j] / v[other] * u[other]
+                    Y[N + i, 1:] = u[j] - v[j] / v[other] * u[other]
                 state[:, i] = found[:, i]
         return Y.ravel(), state
 
@@ -201,13 +201,13 @@ def complete_state(flow: Any, t: float, y: Array) -> Array:
     ValueError
         If the state has another shape.
     """
-    n, Q = 2 * flow.n, len(flow.sliders)
+    n, Q = 2 * flow.structure.n, len(flow.sliders)
     if y.shape not in ((n,), (n + Q,)):
         more = f", or ({n + Q},) with the positions of the sliders" if Q else ""
         raise ValueError(
-            f"a state of shape {y.shape} does not fit {flow.n} coordinates; give an array of shape ({n},){more}"
+            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){more}"
         )
     if not Q:
         return y
-    d, _ = flow.gaps(t, np.append(y[:n], np.zeros(Q)))
+    d, _ = flow.gaps(t, flow.states(np.append(y[:n], np.zeros(Q))))
     return np.append(y[:n], flow.sliders.positions(flow.Omega * t, d, y[n:] if len(y) > n else None))

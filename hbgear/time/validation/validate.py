@@ -368,7 +368,7 @@ def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
     It is inf if the motion diverges.
     """
     flow = Flow(model.system(), Omega)
-    T = nu * 2 * np.pi / Omega
+    T, y = nu * 2 * np.pi / Omega, flow.states(y)
     try:
         end, _, _ = flow.integrate(0.0, y, T, "DOP853", _INTEGRATION_TOLERANCE)
     except ArithmeticError:
@@ -409,13 +409,14 @@ def _growth(model: Any, orbit: Orbit) -> float:
     T = orbit.nu * 2 * np.pi / orbit.Omega
     try:
         ends = [
-            flow.integrate(0.0, orbit.state + s * delta, periods * T, "DOP853", _INTEGRATION_TOLERANCE)[0]
+            flow.integrate(0.0, flow.states(orbit.state + s * delta), periods * T, "DOP853", _INTEGRATION_TOLERANCE)[0]
             for s in (1, -1)
         ]
     except ArithmeticError:
         return np.inf
     first = left @ to_modal(structure, delta)
-    last = left @ to_modal(structure, 0.5 * (ends[0] - ends[1]))
+    a, b = (flow.coordinates(periods * T, end)[:, 0] for end in ends)
+    last = left @ to_modal(structure, 0.5 * (a - b))
     return float(abs(last / first) ** (1 / periods))
 
 

@@ -1,0 +1,43 @@
+"""Coordinates without mass in the exponential method: parts of a state that follow the loads without delay.
+
+    q = right z + G F,   q' = right (poles z + left F) + G F'
+
+The modes of `harmonic.structure.massless` hold the rest. The rates of the elements are continuous in the method, so
+that no element may act on a coordinate without mass: right left W = 0 there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.harmonic.structure.linear_structure import LinearStructure
+from hbgear.harmonic.structure.massless import MATRIX_ROUNDING, mass_basis, state_equations
+from hbgear.time.exponential.modal_states import modes_of
+from hbgear.time.exponential.steady_part import load_harmonics
+
+
+def check_masses_of_elements(structure: LinearStructure) -> None:
+    """Raise ValueError if an element acts on coordinates without mass, so that its rate follows its force."""
+    if not structure.system.massless:
+        return
+    modes = modes_of(structure)
+    rates = np.abs(np.diag(modes.output @ modes.input))
+    acts = rates > MATRIX_ROUNDING * np.diag(np.abs(modes.output) @ np.abs(modes.input))
+    if acts.any():
+        element = structure.system.elements[int(np.argmax(acts))]
+        raise ValueError(
+            f"element '{element.name}' acts on coordinates without mass, which the exponential method, sweeps and "
+            "basins do not integrate: use hb.time.integrate(..., method='DOP853') or hb.time.shoot, or give them masses"
+        )
+
+
+def following_loads(structure: LinearStructure, Omega: float) -> Array:
+    """Return the parts of q and q' (2n,) at tau = 0 that follow the loads."""
+    system, modes = structure.system, modes_of(structure)
+    F = load_harmonics(system, Omega)
+    force, rate = F.sum(axis=1).real, (F * (1j * Omega * np.arange(F.shape[1]))).sum(axis=1).real
+    basis = mass_basis(structure.M)
+    static = state_equations(system, structure.M, structure.C, structure.K, basis, basis).G
+    velocity = (modes.right @ (modes.left @ force)).real + static @ rate
+    return np.concatenate([static @ force, velocity])
