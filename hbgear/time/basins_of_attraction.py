@@ -25,6 +25,7 @@ from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
+from hbgear.harmonic.structure.massless import mass_basis
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import check_frequency, check_model
 from hbgear.mechanics.series.fourier import real_numbers
@@ -261,12 +262,18 @@ def _plane(
             raise ValueError("the directions of the plane must be linearly independent, and must not be free motions")
         return through, directions
     element, w = system.elements[which], system.W[:, which]
-    e, a = element.displacement, np.linalg.solve(integrator.structures[0].M, w)
+    M, e = integrator.structures[0].M, element.displacement
+    basis = mass_basis(M)
+    a = basis @ np.linalg.lstsq(basis @ M @ basis, basis @ w, rcond=_MASSLESS_RATIO)[0]  # M may be singular
     a /= w @ a
     here = w @ through[:n] - float(e(0.0)), w @ through[n:] - Omega * float(e(0.0, 1))
     directions = np.zeros((2, 2 * n))
     directions[0, :n], directions[1, n:] = a, a
     return through - np.asarray(here) @ directions, directions
+
+
+_MASSLESS_RATIO = 1e-13
+"""Singular value of M with scaled coordinates, relative to the largest, that is zero."""
 
 
 @dataclass(eq=False)

@@ -132,7 +132,31 @@ def test_coordinates_that_cannot_be_eliminated(model, message):
         hb.HarmonicBalance(model, 5).start(Omega=1.0)
 
 
-def test_time_integration_states_that_it_needs_masses():
-    for method in ("DOP853", "exponential"):
-        with pytest.raises(ValueError, match="time integration needs a mass of every coordinate, and 'q2' has none"):
-            hb.time.integrate(maxwell(), np.zeros(4), 1, 1.0, method=method)
+def _chain(count, damping, direct=True):
+    """Return a chain of coordinates, every second one without mass, or the condensed chain of the others."""
+    K = 2 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)
+    kept, left = np.arange(0, count, 2), np.arange(1, count, 2)
+    if direct:
+        M = np.diag(1.0 - np.arange(count) % 2)
+        return hb.System(M, damping * M, K, [hb.Element(np.eye(count)[0], STOP)])
+    K = K[np.ix_(kept, kept)] - K[np.ix_(kept, left)] @ np.linalg.solve(K[np.ix_(left, left)], K[np.ix_(left, kept)])
+    unit = np.eye(len(kept))
+    return hb.System(unit, damping * unit, K, [hb.Element(unit[0], STOP)])
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02])
+@pytest.mark.parametrize("turned", [False, True])
+def test_many_coordinates_without_mass_or_damping(damping, turned):
+    """Structures of more than 30 coordinates try real modes first, which need a regular M."""
+    model, condensed = _chain(41, damping), LinearStructure(_chain(41, damping, direct=False))
+    if turned:  # rounding in N^T C N is no damping
+        Q = np.linalg.qr(np.random.default_rng(0).standard_normal((41, 41)))[0]
+        M, C, K = (0.5 * (A + A.T) for A in (Q.T @ A @ Q for A in (model.M, model.C, model.K)))
+        model = hb.System(M, C, K, [hb.Element(Q.T @ model.W[:, 0], STOP)])
+    structure = LinearStructure(model)
+    assert len(structure.modes.poles) == len(condensed.modes.poles) == 42
+    for w in (0.7, 1.3):
+        G, expected = (
+            one.modes.output @ (one.modes.input / (1j * w - one.modes.poles)[:, None]) for one in (structure, condensed)
+        )
+        np.testing.assert_allclose(G, expected, rtol=1e-10)

@@ -201,7 +201,7 @@ class LinearStructure:
         helps, the state matrix is disturbed by 1e-10 to separate the poles.
         """
         references = self.kr
-        modes = self._real_modes(system) if self.n > _REAL_MODES_FROM else None
+        modes = self._real_modes(system) if self.n > _REAL_MODES_FROM and not system.massless else None
         if modes is not None:
             self.modes, self.parted = modes, False
             return

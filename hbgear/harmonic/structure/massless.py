@@ -69,8 +69,8 @@ def state_equations(system: System, M: Array, C: Array, K: Array, B: Array, T: A
     ValueError
         If coordinates without mass cannot be eliminated.
     """
-    (R, N), (R_left, N_left) = _split(T.T @ M @ B)
-    (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N)
+    (R, N), (R_left, N_left) = _split(T.T @ M @ B, T.T @ M @ B)
+    (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N, T.T @ C @ B)
     right = (B @ R, B @ N @ P, B @ N @ Q)
     left = (T @ R_left, T @ N_left @ P_left, T @ N_left @ Q_left)
     _check_static(system, C, K, right[2], left[2])
@@ -165,8 +165,11 @@ def _name(system: System, motion: Array) -> str:
     return system.dof_names[int(np.argmax(np.abs(motion)))]
 
 
-def _split(A: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return bases of the rows and of the null space of a square matrix, and the same of its transpose."""
+def _split(A: Array, whole: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return bases of the rows and of the null space of a square matrix, and the same of its transpose.
+
+    whole : matrix of which A is a part, for the size of its rounding errors.
+    """
     u, s, vt = np.linalg.svd(A)
-    rank = int(np.sum(s > 1e-13 * s.max(initial=0.0)))
+    rank = int(np.sum(s > 1e-13 * np.linalg.norm(whole, 2)))
     return (vt[:rank].T, vt[rank:].T), (u[:, :rank], u[:, rank:])

@@ -28,9 +28,9 @@ Forces = Callable[[Array], tuple[Array, Array]]
 """Forces p and slopes dp/dv of the elements that act on coordinates without mass, at rates (m,)."""
 
 _MAX_ITERATIONS = 50
-"""Newton iterations for the rates of coordinates without mass; two suffice for laws of displacements."""
+"""Newton iterations for the rates of coordinates without mass; a law of displacements needs none."""
 
-_RATE_TOLERANCE = 1e-14
+_RATE_TOLERANCE = 1e-13
 """Change of these rates, relative to their size, with which the iteration ends."""
 
 
@@ -163,7 +163,11 @@ class StructureStates:
         for _ in range(_MAX_ITERATIONS if len(rows) else 0):
             p, kv = forces(out)
             effect = self._through @ p
-            step = np.linalg.solve(np.eye(len(rows)) + self._through * kv, out[rows] - v[rows] + effect)
+            residual = out[rows] - v[rows] + effect
+            if not kv.any():  # laws of displacements
+                out[rows] -= residual
+                return out
+            step = np.linalg.solve(np.eye(len(rows)) + self._through * kv, residual)
             out[rows] -= step
             if not np.abs(step).max() > _RATE_TOLERANCE * max(np.abs(v[rows]).max(), np.abs(effect).max()):
                 return out
