@@ -147,7 +147,8 @@ def integrate(
     model : Model or sequence of Model
         Model; for the method "exponential" also B models of one kind.
     state : array_like, shape (2n,) or (B, 2n)
-        State (q, q') at tau = phase. The positions of friction sliders may follow; by default they are the residual
+        State (q, q') at tau = phase. Coordinates without mass follow: of those with a damper only q is used, of the
+        others nothing. The positions of friction sliders may follow; by default they are the residual
         ones of the laws, moved to within the friction limits.
     periods : int
         Number of excitation periods, at least 1.
