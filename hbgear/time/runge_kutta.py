@@ -58,6 +58,8 @@ class Flow:
 
     Attributes
     ----------
+    states : callable
+        Returns the state of (q, q') and the positions of sliders; the same without massless coordinates.
     size : int
         Number of states: `order` of the structure, 2n without massless coordinates, and the positions of the sliders.
 
@@ -75,6 +77,7 @@ class Flow:
         self.structure = StructureStates(system, Omega)
         self.n, self.order, self.W = self.structure.inertial, self.structure.order, self.structure.W
         self.A, self.B, self.D = self.structure.A, self.structure.B, self.structure.D
+        self.states = self.structure.states
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)
         self.sliders, self.contacts = SliderFlow(system.elements), ContactFlow(system.elements)
@@ -93,23 +96,12 @@ class Flow:
         between = between or self.excitation.between(t)
         e, de, k, f = self.excitation.at(t, between)
         y = y.reshape(self.size, -1)[: self.order, 0]
-        d, v = self.D @ y - e, self._free_rates(y, de, f)
+        d, v = self.D @ y - e, self.structure.free_rates(y, de, f)
         if len(self.structure.following):
             none = np.zeros((2, len(self.sliders)), dtype=int)
             line = self._lines(self.segments.at(d, v), none, self.contacts.at(d, v), np.zeros(len(self.rigid), int))
             v = self._consistent_rates(line, d, v, self.excitation.phase(t, between), k)
         return d, v
-
-    def _free_rates(self, y: Array, de: Array, f: Array) -> Array:
-        """Return the rates of the elements (m,) without forces on coordinates without mass."""
-        v: Array = self.structure.V @ y - de
-        if len(self.structure.following):
-            v += self.D[:, self.n :] @ f + self.D @ (self.B @ (self.c * de))
-        return v
-
-    def states(self, y: Array) -> Array:
-        """Return the state of (q, q') and the positions of sliders, (size,): the same without massless coordinates."""
-        return self.structure.states(y)
 
     def coordinates(self, t: float, Y: Array) -> Array:
         """Return (q, q') and the positions of sliders (2n + Q, columns) of states, the inverse of `states`."""
@@ -153,7 +145,7 @@ class Flow:
         Y = Y.reshape(self.size, -1)
         Y, z = Y[:N], Y[N:]
         d, tau = self.D @ Y[:, 0] - e, self.excitation.phase(t, between)
-        v = self._consistent_rates(line, d, self._free_rates(Y[:, 0], de, f), tau, k)
+        v = self._consistent_rates(line, d, self.structure.free_rates(Y[:, 0], de, f), tau, k)
         p, kd, kv = self._forces(line, d, v, tau, k)
         slip, zone = line[2]
         limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
@@ -263,7 +255,7 @@ class Flow:
     ) -> tuple[Array, list[float], int]:  # fmt: skip
         """Integrate from one breakpoint of the excitation to the next."""
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
-        atol, nearly = tolerance * self._sizes(t, Y), 1e-14 * abs(end)
+        atol, nearly = tolerance * _sizes(self, Y), 1e-14 * abs(end)
         while end - t > nearly:
             between = self.excitation.between(t)
             stop = between.end if end - between.end > nearly else end
@@ -333,18 +325,6 @@ class Flow:
                 break
         return Y, instants, count
 
-    def _sizes(self, t: float, Y: Array) -> Array:
-        """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
-        y, n = Y.reshape(self.size, -1)[: self.order, 0], self.n
-        breakpoints = [abs(x) for law in self.laws for x in law.breakpoints]
-        moved = float(np.abs(np.delete(y, slice(n, 2 * n))).max())
-        length = max([moved, *breakpoints, self.excitation.size()]) or 1.0
-        rate = max(float(np.abs(y[n : 2 * n]).max(initial=0.0)), self.Omega * length)
-        size = np.ones((self.size, self.columns))
-        size[:, 0] = length
-        size[n : 2 * n, 0] = rate
-        return size.ravel()
-
     def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:
         """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
         every = np.arange(self.m)
@@ -361,6 +341,18 @@ class Flow:
             return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
 
         return first_exit(t, d, v, low, high, value)
+
+
+def _sizes(flow: Flow, Y: Array) -> Array:
+    """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
+    y, n = Y.reshape(flow.size, -1)[: flow.order, 0], flow.n
+    breakpoints = [abs(x) for law in flow.laws for x in law.breakpoints]
+    length = max([float(np.abs(np.delete(y, slice(n, 2 * n))).max()), *breakpoints, flow.excitation.size()]) or 1.0
+    rate = max(float(np.abs(y[n : 2 * n]).max(initial=0.0)), flow.Omega * length)
+    size = np.ones((flow.size, flow.columns))
+    size[:, 0] = length
+    size[n : 2 * n, 0] = rate
+    return size.ravel()
 
 
 def _repeat_step(

@@ -136,8 +136,6 @@ class ExponentialIntegrator:
                 "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
                 "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
             )
-        for system in self.systems:
-            system.check_matrices()
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
         ]
@@ -307,9 +305,7 @@ class ExponentialIntegrator:
             whole = np.zeros((len(rows), len(modes_of(structure).poles)), dtype=complex)
             whole[:, stored.kept] = stored.factor * (z[rows, :size] + 1j * z[rows, self.q : self.q + size])
             out[rows] = physical_state(structure, whole)
-            if structure.system.massless:
-                each = self.Omega[rows] if self.rows > 1 else self.Omega
-                out[rows] += np.array([following_loads(structure, w) for w in each.tolist()])
+            out[rows] += following_loads(structure, self.Omega[rows] if self.rows > 1 else self.Omega)
         return out
 
     def weights(self) -> Array:

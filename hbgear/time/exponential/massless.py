@@ -32,12 +32,17 @@ def check_masses_of_elements(structure: LinearStructure) -> None:
         )
 
 
-def following_loads(structure: LinearStructure, Omega: float) -> Array:
-    """Return the parts of q and q' (2n,) at tau = 0 that follow the loads."""
+def following_loads(structure: LinearStructure, Omega: Array) -> Array:
+    """Return the parts of q and q' (B, 2n) at tau = 0 that follow the loads, at frequencies (B,)."""
     system, modes = structure.system, modes_of(structure)
-    F = load_harmonics(system, Omega)
-    force, rate = F.sum(axis=1).real, (F * (1j * Omega * np.arange(F.shape[1]))).sum(axis=1).real
+    out = np.zeros((len(Omega), 2 * system.n))
+    if not system.massless:
+        return out
     basis = mass_basis(structure.M)
     static = state_equations(system, structure.M, structure.C, structure.K, basis, basis).G
-    velocity = (modes.right @ (modes.left @ force)).real + static @ rate
-    return np.concatenate([static @ force, velocity])
+    for own, w in zip(out, Omega.tolist(), strict=True):
+        F = load_harmonics(system, w)
+        force, rate = F.sum(axis=1).real, (F @ (1j * w * np.arange(F.shape[1]))).real
+        own[: system.n] = static @ force
+        own[system.n :] = (modes.right @ (modes.left @ force)).real + static @ rate
+    return out

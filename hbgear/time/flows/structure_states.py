@@ -70,7 +70,8 @@ class StructureStates:
     def __init__(self, system: System, Omega: float) -> None:
         self.n, self.massless = system.n, bool(system.massless)
         self._W = system.W
-        damping = self._W * np.array([e.damping for e in system.elements])
+        self._c = np.array([e.damping for e in system.elements])
+        damping = self._W * self._c
         if self.massless:
             self._eliminate(system, damping, Omega)
         else:
@@ -143,6 +144,13 @@ class StructureStates:
         waves = np.exp(1j * phase * order)
         out[:, 0] += np.concatenate([self._static @ waves, self._static @ (1j * Omega * order * waves)]).real
         return out
+
+    def free_rates(self, x: Array, de: Array, f: Array) -> Array:
+        """Return the rates of the elements (m,) without their forces, at rates e' and rates by loads f."""
+        v: Array = self.V @ x - de
+        if len(self.following):
+            v += self.D[:, self.inertial :] @ f + self.D @ (self.B @ (self._c * de))
+        return v
 
     def consistent_rates(self, v: Array, forces: Forces) -> Array:
         """Return the rates (m,) of all elements with the forces of those that act on coordinates without mass.
