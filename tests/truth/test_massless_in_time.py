@@ -221,7 +221,7 @@ def test_basins_are_those_of_small_masses():
 def test_a_curve_is_validated():
     curve = hb.trace(hb.HarmonicBalance(strong(), 40), "Omega", (1.2, 1.8))
     report = hb.validate(curve, 4)
-    assert report.agree, report
+    assert report.ok and len(report.jumps) == 2
     assert hb.time.compare_multipliers(curve, "LP1").agree
 
 
