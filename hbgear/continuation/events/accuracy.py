@@ -123,7 +123,8 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
     accuracy : float
         Target error, relative to the size of the parameter (`ContinuationProblem.unit_of`).
     work : Work, optional
-        Limit of the work; none by default. If it is reached, the last error estimate is kept.
+        Limit of the work; none by default. If it is reached, the last error estimate is kept. So it is if the highest
+        resolution has no comparison.
 
     Returns
     -------
@@ -180,12 +181,14 @@ def _deviation(segment: Segment, found: LocatedEvent) -> float:
 
 
 def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
-    """Return whether the limit of the work allows all comparisons of a problem.
+    """Return whether a problem has comparisons, and the limit of the work allows all of them.
 
     The first estimate of a point (``first``) has a limit of its own. Later estimates only improve it.
     """
-    sizes = [other.equivalent_size for other, _ in problem.comparisons]
-    return work.estimates(max(sizes), COMPARISON_COST) if first else work.allows(max(sizes), COMPARISON_COST)
+    if not problem.comparisons:
+        return False
+    largest = max(other.equivalent_size for other, _ in problem.comparisons)
+    return work.estimates(largest, COMPARISON_COST) if first else work.allows(largest, COMPARISON_COST)
 
 
 def _estimate(
