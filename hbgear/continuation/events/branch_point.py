@@ -86,7 +86,8 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     """Return the direction in the null space of [dR/dX, dR/dp] orthogonal to the traced curve, in scaled unknowns."""
     problem = as_problem(branch.problem)
     now = linearise(problem, point.X, branch.parameter, point.parameters)
-    scale = np.append(np.full(len(point.X), problem.solution_norm(point.X) or 1.0), np.ptp(branch.values) or 1.0)
+    size = float(problem.solution_norms(branch.X).max()) or 1.0  # the point itself may be zero up to rounding
+    scale = np.append(np.full(len(point.X), size), np.ptp(branch.values) or 1.0)
     null = scipy.linalg.svd(np.column_stack([as_dense(now.dR_dX), now.dR_dp]) * scale)[2][-2:]
     i = point.index
     before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)

@@ -45,6 +45,9 @@ DOMINANT_TERM_RANGE = 0.5, 3.0
 SAME_SOLUTION = 0.05
 """Distance, relative to their norm, up to which initial solutions of two searches are the same."""
 
+ZERO_SOLUTION_RATIO = 1e-12
+"""Norm of the solution at a special point, relative to the direction of a branch, below which it is rounding error."""
+
 
 class ArbitrarySolutionError(NoConvergence):
     """The initial solution is one of a continuum.
@@ -201,7 +204,8 @@ def _begin_branch(setup: TraceSetup, start: BranchStart) -> tuple[TraceState, li
     """Return the state at the first point of a branch with a known direction, and the second point if there is one."""
     problem = setup.problem.with_borders_at(start.X, setup.parameters_at(start.parameters[setup.name]))
     state = TraceState(setup, problem, setup.problem)
-    state.update_scale(start.X, float(problem.solution_norm(start.X)))
+    size, along = (float(problem.solution_norm(x)) for x in (start.X, start.direction[:-1]))
+    state.update_scale(start.X, along if size <= ZERO_SOLUTION_RATIO * along else size)
     if not start.away:
         state.points = [_point_along_branch(state, start, 0.0)]
         return state, []
