@@ -307,7 +307,7 @@ def test_a_point_without_equations_or_solutions():
 
 
 def test_steps_end_when_the_change_is_known():
-    """p = x^3 with the level x^2 = 4, from x = 1.5: steps of x are those of the square root, and p follows the tangent.
+    """p = 100 x^3 with the level x^2 = 4, from x = 1.5: steps of x are those of the square root, and p follows the tangent.
 
     The second step is 0.14 of the change of p, the third one 0.005.
     """
@@ -315,22 +315,22 @@ def test_steps_end_when_the_change_is_known():
     class Cubic(Moved):
         def linearise(self, X, name, p):
             self.evaluations += 1
-            R, J = np.array([p - X[0] ** 3]), np.array([[-3 * X[0] ** 2]])
+            R, J = np.array([p - 100 * X[0] ** 3]), np.array([[-300 * X[0] ** 2]])
             return hb.continuation.Evaluation(R, J, np.ones(1), 1.0)
 
     event = Event("level", lambda point: point.X[0] ** 2 - 4.0)
-    start = np.array([1.5, 3.375])
+    start = np.array([1.5, 337.5])
     problem = Cubic()
     x = 1.5
     for _ in range(3):
         step = (4 - x * x) / (2 * x)
-        x, p = x + step, x**3 + 3 * x * x * step
+        x, p = x + step, 100 * x**3 + 300 * x * x * step
     U = accuracy._newton_until_settled(event.equations(problem, "p", special_point(start)), start, {}, 1e-12)
-    assert U[-1] == pytest.approx(p, abs=1e-7) and abs(p - 8.0) > 1e-6
+    assert U[-1] == pytest.approx(p, abs=1e-5) and abs(p - 800.0) > 1e-4
     exact = accuracy._newton_until_settled(
-        event.equations(problem, "p", special_point(start)), np.array([2.0, 8.0]), {}, 1e-9
+        event.equations(problem, "p", special_point(start)), np.array([2.0, 800.0]), {}, 1e-9
     )
-    assert exact[-1] == pytest.approx(8.0, abs=1e-9)
+    assert exact[-1] == pytest.approx(800.0, abs=1e-7)
 
 
 def special_point(u):
