@@ -26,9 +26,9 @@ ONE = 7e2**-3 + 2e-3
 
 
 class Moved(ContinuationProblem):
-    """p = c + bend (x - d)^2 + slope x."""
+    """p = c + bend (x - d)^2 + slope x, and further unknowns that are zero: one for segments, two elsewhere."""
 
-    size = 1
+    size, equivalent_size = 3, 1
 
     def __init__(self, c=0.0, d=0.0, others=(), finer=None, smooth=True, bend=1.0, slope=0.0, fails=(), observed=None):
         self.c, self.d, self.others, self.finer, self.smooth = c, d, others, finer, smooth
@@ -51,38 +51,55 @@ class Moved(ContinuationProblem):
         self.evaluations += 1
         if "all" in self.fails:
             raise np.linalg.LinAlgError("no solution")
-        x = X[0] - self.d
-        R = np.array([p - self.c - self.bend * x**2 - self.slope * X[0]])
-        return hb.continuation.Evaluation(R, np.array([[-2 * self.bend * x - self.slope]]), np.ones(1), 1.0)
+        R, slope = p - self.f(X[0]), -2 * self.bend * (X[0] - self.d) - self.slope
+        return self.completed(X, R, slope)
+
+    def f(self, x):
+        return self.c + self.bend * (x - self.d) ** 2 + self.slope * x
+
+    def completed(self, X, R, slope):
+        """Return the evaluation with the equations of the further unknowns."""
+        J, rest = np.eye(self.size), X[1:]
+        J[0, 0] = slope
+        return hb.continuation.Evaluation(np.append(R, rest), J, np.eye(self.size)[0], 1.0)
+
+    def resized(self, X):
+        return np.append(X, np.zeros(self.size))[: self.size]
 
     def curvature(self, X, v, name, **parameters):
         if "equations" in self.fails:
             raise np.linalg.LinAlgError("no second derivatives")
-        return -2 * self.bend * np.diag(v), np.zeros((1, 1))
+        along = np.zeros((self.size, self.size))
+        along[0, 0] = -2 * self.bend * v[0]
+        return along, np.zeros_like(along)
 
     def observe(self, X, stability=True, **parameters):
         return dict(self.observed)
 
     def at(self, x):
-        u = np.array([x, self.c + self.bend * (x - self.d) ** 2 + self.slope * x])
-        tangent = np.array([1.0, 2 * self.bend * (x - self.d) + self.slope])
-        point = point_from_solution(solution_at(self, u, "p", {}), tangent, np.ones(2))
+        u, tangent = (self.unknowns(x, p) for x, p in ((x, self.f(x)), (1.0, self.f(x + 0.5) - self.f(x - 0.5))))
+        point = point_from_solution(solution_at(self, u, "p", {}), tangent, np.ones(self.size + 1))
         point.observed.update(self.observed)
         return point
 
+    def unknowns(self, x, p):
+        return np.append(self.resized(np.array([x])), p)
+
     def segment(self, a=-0.01, b=0.01):
-        return Segment(self, "p", {}, self.at(a), self.at(b), np.ones(2), hb.NewtonSettings())
+        return Segment(self, "p", {}, self.at(a), self.at(b), np.ones(self.size + 1), hb.NewtonSettings())
 
 
 def fold_of(problem, a=-0.01, b=0.01, event=None):
     """The segment and the fold on it."""
+    problem.size = 2
     segment = problem.segment(a, b)
-    point = CurvePoint(np.array([problem.d, problem.c]), np.array([1.0, 0.0]), 1, 0.0, 0)
+    point = CurvePoint(problem.unknowns(problem.d, problem.c), problem.unknowns(1.0, 0.0), 1, 0.0, 0)
     return segment, LocatedEvent(event or FoldEvent(), (problem.d - a) / (b - a), point, True, "note")
 
 
 def level_of(problem, x=0.5, a=0.4, b=0.6):
     """The segment of a line and the point at which x has a value."""
+    problem.size = 2
     segment = problem.segment(a, b)
     event = Event("level", lambda point: point.X[0] - x)
     return segment, LocatedEvent(event, (x - a) / (b - a), problem.at(x), True)
@@ -292,9 +309,9 @@ def test_a_point_that_moves_by_a_twentieth_is_another_one(c, found):
     if found:
         assert moved.value == pytest.approx(c, abs=1e-12) and moved.distance == pytest.approx(2**0.5 * abs(c))
         sharp = moved.sharp()
-        np.testing.assert_allclose(sharp.point.u, [c, c], atol=1e-12)
+        np.testing.assert_allclose(sharp.point.u, [c, 0.0, 0.0, c], atol=1e-12)
         assert sharp.point.residual < 1e-12 and sharp.point.orientation == segment.a.orientation
-        np.testing.assert_array_equal(sharp.point.tangent, segment.a.tangent)
+        np.testing.assert_array_equal(sharp.point.tangent, np.insert(segment.a.tangent, 2, 0.0))
 
 
 def test_a_point_without_equations_or_solutions():
@@ -307,7 +324,7 @@ def test_a_point_without_equations_or_solutions():
 
 
 def test_steps_end_when_the_change_is_known():
-    """p = 100 x^3 with the level x^2 = 4, from x = 1.5: steps of x are those of the square root, and p follows the tangent.
+    """p = 100 x^3 with the level x^2 = 4, from x = 1.5: steps of x are those of the square root; p follows the tangent.
 
     The second step is 0.14 of the change of p, the third one 0.005.
     """
@@ -315,11 +332,10 @@ def test_steps_end_when_the_change_is_known():
     class Cubic(Moved):
         def linearise(self, X, name, p):
             self.evaluations += 1
-            R, J = np.array([p - 100 * X[0] ** 3]), np.array([[-300 * X[0] ** 2]])
-            return hb.continuation.Evaluation(R, J, np.ones(1), 1.0)
+            return self.completed(X, p - 100 * X[0] ** 3, -300 * X[0] ** 2)
 
     event = Event("level", lambda point: point.X[0] ** 2 - 4.0)
-    start = np.array([1.5, 337.5])
+    start = np.array([1.5, 0.0, 0.0, 337.5])
     problem = Cubic()
     x = 1.5
     for _ in range(3):
@@ -328,7 +344,7 @@ def test_steps_end_when_the_change_is_known():
     U = accuracy._newton_until_settled(event.equations(problem, "p", special_point(start)), start, {}, 1e-12)
     assert U[-1] == pytest.approx(p, abs=1e-5) and abs(p - 800.0) > 1e-4
     exact = accuracy._newton_until_settled(
-        event.equations(problem, "p", special_point(start)), np.array([2.0, 800.0]), {}, 1e-9
+        event.equations(problem, "p", special_point(start)), np.array([2.0, 0.0, 0.0, 800.0]), {}, 1e-9
     )
     assert exact[-1] == pytest.approx(800.0, abs=1e-7)
 
@@ -341,7 +357,7 @@ def test_a_singular_step_leads_to_the_damped_iteration():
     """The damped iteration fails, too, and its error is raised."""
     equations = FoldProblem(Moved(bend=0.0, slope=1.0), "p")
     with pytest.raises((NoConvergence, np.linalg.LinAlgError)):
-        accuracy._newton_until_settled(equations, np.array([0.1, 0.1]), {}, 1e-12)
+        accuracy._newton_until_settled(equations, np.array([0.1, 0.0, 0.0, 0.1]), {}, 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -372,7 +388,7 @@ def test_a_point_is_searched_on_the_segment_solved_again_and_on_its_extension(d,
     assert moved.value == pytest.approx(1e-5, abs=1e-12)
     assert moved.distance == pytest.approx(math.hypot(d, 1e-5), rel=1e-6)
     assert moved.sharp().problem is finer
-    np.testing.assert_allclose(moved.sharp().point.u, [d, 1e-5], atol=1e-8)
+    np.testing.assert_allclose(moved.sharp().point.u, [d, 0.0, 0.0, 1e-5], atol=1e-8)
 
 
 @pytest.mark.parametrize(("d", "exists"), [(0.008, True), (0.0185, True), (-0.0185, True), (0.02, False)])
@@ -399,22 +415,22 @@ def test_a_fold_without_equations_is_shifted():
     finer = Moved(1e-5, 0.002, smooth=False)
     moved = accuracy._at_other_resolution(segment, fold, finer)
     assert moved.value == pytest.approx(1e-5 + 8e-6, rel=1e-3) and moved.distance == 0.0
-    np.testing.assert_allclose(moved.sharp().point.u, [0.002, 1e-5], atol=1e-8)
+    np.testing.assert_allclose(moved.sharp().point.u, [0.002, 0.0, 0.0, 1e-5], atol=1e-8)
 
 
 def test_distances_of_points_are_scaled():
     segment = Moved().segment()
     one, other = segment.problem.at(0.003), segment.problem.at(0.0)
     assert accuracy._distance(segment, one, other) == pytest.approx(math.hypot(0.003, 9e-6))
-    scaled = replace(segment, scale=np.array([0.5, 3.0]))
+    scaled = replace(segment, scale=np.array([0.5, 1.0, 1.0, 3.0]))
     assert accuracy._distance(scaled, one, other) == pytest.approx(math.hypot(0.006, 3e-6))
 
 
 def test_of_several_points_the_nearest_one_is_chosen():
-    segment, fold = fold_of(Moved())
-    points = [replace(fold, s=s, point=segment.problem.at(-0.01 + 0.02 * s)) for s in (0.1, 0.45, 0.8)]
-    points.append(replace(points[1], point=segment.problem.at(0.0), located=False))
-    points.append(replace(points[1], point=segment.problem.at(0.0), event=Doubling()))
+    (segment, fold), finer = fold_of(Moved()), Moved(smooth=False)
+    points = [replace(fold, s=s, point=finer.at(-0.01 + 0.02 * s)) for s in (0.1, 0.45, 0.8)]
+    points.append(replace(points[1], point=finer.at(0.0), located=False))
+    points.append(replace(points[1], point=finer.at(0.0), event=Doubling()))
     finder = type("Finder", (FoldEvent,), {"find": lambda self, segment: points})()
-    moved = accuracy._on_segment(segment, replace(fold, finder=finder), Moved(smooth=False))
+    moved = accuracy._on_segment(segment, replace(fold, finder=finder), finer)
     assert moved.value == points[1].point.value and moved.sharp().point is points[1].point

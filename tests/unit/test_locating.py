@@ -460,7 +460,7 @@ def test_the_far_side_of_a_fold():
 
 
 class Crossing(ContinuationProblem):
-    """(x - a p') (x - b p') + h = 0 and y = 2 p with p' = p - c: the lines x = a p' and x = b p' cross at c for h = 0."""
+    """(x - a p') (x - b p') + h = 0 and y = 2 p with p' = p - c: x = a p' and x = b p' cross at c for h = 0."""
 
     size = 2
 
