@@ -386,6 +386,8 @@ def test_segments_without_a_fold():
     for direction in (1, 0):
         same = segment.part(segment.a, replace(segment.b, parameter_direction=direction))
         assert FoldEvent().find(same) == []
+    back = (replace(end, parameter_direction=-1) for end in (segment.a, segment.b))
+    assert FoldEvent().find(segment.part(*back)) == []
 
 
 def test_a_fold_on_a_section_of_constant_parameter_is_its_first_point():

@@ -233,6 +233,7 @@ def unmatched(event, positions, kinds, replaced):
     ("kind", "sides", "changes", "known", "expected"),
     [
         ("limit", False, [1, 1, 0, 0], [0, 0, 0], {0: [0, 1]}),
+        ("zone", False, [1, 1, 0, 0], [0, 0, 0], {0: [0, 1]}),
         ("limit", False, [1, 0, 1, 0], [1, 0, 0], {1: [2]}),
         ("limit", False, [1, 0, 1, 1], [1, 0, 0], {1: [2], 2: [3]}),
         ("wall", False, [1, 1, 0, 0], [0, 0, 0], {}),
@@ -261,6 +262,9 @@ def test_the_sign_change_of_a_replaced_special_point(changes, expected):
     positions = [(0, 0.0), (0, 0.38), (0, 0.42), (0, 0.6), (1, 0.0), (2, 0.0), (3, 0.0)]
     event = Given("PD", {7: changes, 4: [1, 0, 0]}, sides=True)
     assert unmatched(event, positions, [""] * 7, {1: "PD"}) == expected
+    for kind in ("NS", "SL"):  # of another event
+        fresh = Given("PD", {7: [0, 1, 0, 0, 0, 0], 4: [0, 0, 0]}, sides=True)
+        assert unmatched(fresh, positions, [""] * 7, {1: kind}) == {0: [1]}
 
 
 def test_a_curve_without_special_points_has_no_unmatched_sign_change():
