@@ -496,7 +496,8 @@ def test_the_branch_point_of_two_lines(a):
     assert found.event is event and found.located and found.s == pytest.approx(0.25, abs=1e-7)
     np.testing.assert_allclose(found.point.u, [0.0, 4.0, 2.0], rtol=0, atol=1e-11)
     assert found.point.residual < 1e-12
-    np.testing.assert_array_equal(event.sign_changes([segment.a, segment.a, segment.b], np.zeros((3, 0))), [0, 1])
+    points = [segment.a, segment.a, segment.b, segment.b]
+    np.testing.assert_array_equal(event.sign_changes(points, np.zeros((4, 0))), [False, True, False])
     assert event.find(Crossing(a).segment(1.0, 1.5)) == [] and event.values([segment.a], None, "p", {}).shape == (1, 0)
     assert isinstance(event.equations(segment.problem, "p", None), BranchPointProblem)
     assert (event.kind, event.marker) == ("BP", "P")
@@ -577,6 +578,20 @@ def test_another_branch_leaves_across_the_traced_curve(a, c, place):
     finer = as_traced(curve, replace(point, layout="finer", X=np.zeros(7)))
     np.testing.assert_array_equal(finer.X, curve.X[index])
     assert finer.layout is curve.layout and finer.parameters == curve.parameters_at(index)
+
+
+def test_a_branch_leaves_a_zero_solution_in_the_direction_of_the_unknown():
+    """The pitchfork p x = x^3 on x = 0, where the size of the unknown is not known."""
+
+    class Pitchfork:
+        def evaluate(self, X, p):
+            return p * X - X**3, np.diag(p - 3 * X**2)
+
+    curve = hb.trace(Pitchfork(), "p", (-0.5, 1.0), np.zeros(1))
+    _, start = BranchPointEvent().branch_direction(curve, curve["BP1"], 1)
+    np.testing.assert_allclose(np.abs(start.direction), [1.0, 0.0], atol=1e-9)
+    other = hb.switch(curve, "BP1")
+    np.testing.assert_allclose(other.X[:, 0] ** 2, other.values, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(("a", "c"), [(0.7, 0.0), (0.3, 0.0), (0.7, 2.0)])
