@@ -122,10 +122,10 @@ def test_what_an_event_has_by_default():
     assert event.ahead(segment) is None and event.branch_direction(None, None, 1) is None
     assert event.deviation(np.array([3.0 + 0j])) == 0.0
     assert event.termination("p", 1 / 3) == (Status.EVENT, "wall at p = 0.333333")
-    assert event.test_function(replace_parameters(0.5)) == 0.25 and CuspEvent().test_function is None
+    assert event.test_function(point_of_line(0.5)) == 0.25 and CuspEvent().test_function is None
 
 
-def replace_parameters(p):
+def point_of_line(p):
     """A point of the line."""
     return SpecialPoint(np.array([p, 0.0]), {"p": p}, 0.0, 0, None, np.zeros(0, np.int8), math.nan, None, problem=LINE)
 
@@ -615,7 +615,7 @@ def test_events_of_a_problem():
     problem.turning_kind, problem.events = "LP", lambda parameter: (own_fold, wall)
     assert [event.kind for event in events_of(problem, "p")] == ["BP", "LP", "wall"]
     assert events_of(problem, "p")[1] is own_fold
-    point = replace(replace_parameters(0.0), kind="wall")
+    point = replace(point_of_line(0.0), kind="".join(["wa", "ll"]))  # another object, as from a file
     assert event_at(problem, "p", point) is wall and event_at(LINE, "p", point) is None
     other = level("wall", abs)
     assert event_at(problem, "p", replace(point, event=other)) is other
@@ -671,7 +671,7 @@ def test_folds_with_corners_are_not_searched_between_points():
 
 
 class Shifted(ContinuationProblem):
-    """x = (1 + d) p, the residual form of a problem without a residual, and a second unknown that is zero."""
+    """x = (1 + d) p q, the residual form of a problem without a residual, and a second unknown that is zero."""
 
     size = 2
 
@@ -682,8 +682,8 @@ class Shifted(ContinuationProblem):
     def refined_problem(self):
         return self.finer
 
-    def evaluate(self, X, p):
-        return np.array([X[0] - (1 + self.d) * p, X[1]]), np.eye(2)
+    def evaluate(self, X, p, q):
+        return np.array([X[0] - (1 + self.d) * p * q, X[1]]), np.eye(2)
 
     def __repr__(self):
         return f"shifted by {self.d:g}"
@@ -699,6 +699,11 @@ class NoResidual(ContinuationProblem):
         return point.X
 
 
+def formless(p):
+    """A point of the problem without a residual, at q = 1."""
+    return replace(point_of_line(p), parameters={"q": 1.0, "p": p})
+
+
 @pytest.mark.parametrize("by_event", [False, True])
 @pytest.mark.parametrize("p", [2.0, -2.0])
 @pytest.mark.parametrize(("d", "accurate"), [(0.9e-5, True), (1.1e-5, False), (-0.9e-5, True), (-1.1e-5, False)])
@@ -707,7 +712,7 @@ def test_a_residual_form_is_refined_until_it_has_the_point(d, accurate, p, by_ev
     # x / p = 1 + d; an event at x = p_0 lies at p_0 / (1 + d)
     event = Event("at", lambda point: point.X[0] - p) if by_event else None
     exact = Shifted(0.0)
-    point = replace_parameters(p)
+    point = formless(p)
     form, here = in_residual_form(NoResidual(Shifted(d, exact)), point, "p", event)
     assert (form is exact) != accurate and here.problem is form and here.X[0] == p
     if not accurate:
@@ -716,10 +721,10 @@ def test_a_residual_form_is_refined_until_it_has_the_point(d, accurate, p, by_ev
 
 
 def test_a_residual_form_at_zero_and_of_itself():
-    point = replace_parameters(0.0)
+    point = formless(0.0)
     assert in_residual_form(LINE, point, "p", None) == (LINE, point)
     form = Shifted(0.0)
     for event in (None, Event("at", lambda point: point.X[0])):
         assert in_residual_form(NoResidual(form), point, "p", event)[0] is form
     with pytest.raises(NoConvergence, match="LP1 is not known to shifted by 1"):
-        in_residual_form(NoResidual(Shifted(1.0)), replace(replace_parameters(1.0), label="LP1"), "p", None)
+        in_residual_form(NoResidual(Shifted(1.0)), replace(formless(1.0), label="LP1"), "p", None)
