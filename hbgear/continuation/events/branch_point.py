@@ -100,9 +100,9 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
 
 def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
     """Return a branch point refined by Newton's method on its equations, if the result solves the problem too."""
-    u, here = rough.point.u, {**segment.parameters, segment.name: rough.point.value}
+    u = rough.point.u
     try:
-        U = BranchPointProblem(segment.problem, segment.name).located(u, here).X
+        U = BranchPointProblem(segment.problem, segment.name).located(u, segment.parameters).X
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
     point = singular(segment, U, rough.point)

@@ -513,8 +513,7 @@ def locate_by_newton(
     """
     u = segment.guess(s)
     settings = _location_settings(segment.settings)
-    here = {**segment.parameters, segment.name: float(u[-1])}
-    solution = extended.located(u, here, settings)
+    solution = extended.located(u, segment.parameters, settings)
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
     fraction = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
