@@ -11,8 +11,10 @@ fall like 1/k and those of p like 1/k^3.
 import numpy as np
 import pytest
 
+import hbgear as hb
 from hbgear import HarmonicBalance, SpurPair, trace
 from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.multipliers.hill import hill_multipliers
 from hbgear.mechanics.series.fourier import resize
 
 N = np.array([10, 20, 40, 80, 160])
@@ -90,3 +92,28 @@ def test_in_contact_throughout_it_is_exact():
     X = problem.start(0.75)
     J = problem.evaluate(X, Omega=0.75)[1]
     assert apart(hill(J, 0.75, 0.05), problem.multipliers(X, Omega=0.75)) < 1e-12
+
+
+@pytest.mark.parametrize("law", [hb.Cubic(1.0), hb.Unilateral(8.0, 0.1)])
+def test_states_that_decay_fast_do_not_replace_others(law):
+    """A Maxwell element with a weak damper has a multiplier below 1e-9, whose vectors fill all harmonics."""
+    C = [[0.05, 0.0], [0.0, 0.05]]
+    system = hb.System(np.diag([1.0, 0.0]), C, [[1.5, -0.5], [-0.5, 0.5]], [hb.Element([0, 1], law)],
+                       hb.Load(cosine={1: [0.3, 0.0]}))  # fmt: skip
+    problem = HarmonicBalance(system, 32)
+    X = problem.start(Omega=0.9)
+    truth = problem.multipliers(X, Omega=0.9)
+    assert np.abs(truth).min() < 1e-9
+    assert apart(hill_multipliers(problem.compiled({}), X, 0.9), truth) < 5e-3
+
+
+def test_one_copy_of_each_exponent_is_chosen():
+    """Copies shifted by i omega lie close to the middle of the harmonics as well where several orders resonate."""
+    springs = [hb.Element([1, 0], hb.Unilateral(5.0, 0.1)), hb.Element([1, -1], hb.Cubic(0.5))]
+    system = hb.System(np.eye(2), [[0.07, -0.05], [-0.05, 0.07]], [[1.2, -0.2], [-0.2, 2.2]], springs,
+                       hb.Load(cosine={1: [0.3, 0.1]}))  # fmt: skip
+    curve = trace(HarmonicBalance(system, 24), "Omega", (0.23, 0.26), special=False, accuracy=None)
+    errors = [
+        apart(hill_multipliers(curve.problem.compiled({}), p.X, p.parameters["Omega"]), p.multipliers) for p in curve
+    ]
+    assert max(errors) < 0.02

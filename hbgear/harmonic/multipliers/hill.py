@@ -5,7 +5,7 @@
     [A - i k omega - s] z_k - B sum_l K_{k-l} C z_l = 0        K two-sided coefficients of k(theta) - kr
 
 This is an eigenproblem of r (2H + 1) equations for the exponents s, whose multipliers are e^{s T}. Each exponent occurs
-2H + 1 times, shifted by i omega. The copies whose vectors lie in the middle of the harmonics are the most accurate.
+2H + 1 times, shifted by i omega. The copy whose vector is closest to the middle of the harmonics is the most accurate.
 
 In terms of the m gaps d = C z, with the receptance G(s) = C (s - A)^-1 B, the same exponents are the zeros of a
 determinant of m (2H + 1) equations (`CondensedHillMatrix`),
@@ -59,10 +59,45 @@ def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArra
         modes.poles - 1j * (Omega / compiled.nu) * k[:, None]
     )
     s, V = np.linalg.eig(matrix.reshape(r * (2 * H + 1), -1))
-    weight = np.square(np.abs(V.reshape(2 * H + 1, r, -1))).sum(axis=1)
-    offset = np.abs(k @ weight / weight.sum(axis=0))
-    mu: ComplexArray = np.exp(s[np.argsort(offset, kind="stable")[:r]] * (2 * np.pi * compiled.nu / Omega))
+    central = _central_copies(s, V.reshape(2 * H + 1, r, -1), Omega / compiled.nu)
+    mu: ComplexArray = np.exp(s[central] * (2 * np.pi * compiled.nu / Omega))
     return mu[np.argsort(-np.abs(mu), kind="stable")]
+
+
+COPY_TOLERANCE = 0.05
+"""Difference of two exponents from a multiple of i omega, relative to omega, up to which they may be copies of one."""
+
+COPY_OVERLAP = 0.7
+"""Cosine of the angle between shifted vectors above which they are copies; other modes may have the same multiplier."""
+
+
+def _central_copies(s: ComplexArray, V: ComplexArray, omega: float) -> list[int]:
+    """Return the numbers of r exponents with their vectors V (2H + 1, r, r (2H + 1)), one of each set of copies.
+
+    They have the smallest second moments over the harmonics. Vectors of states that decay within a part of the period
+    fill all harmonics and are found last.
+    """
+    k, weight = np.arange(len(V)) - len(V) // 2, np.square(np.abs(V)).sum(axis=1)
+    chosen = list[int]()
+    for i in np.argsort(k**2 @ weight / weight.sum(axis=0), kind="stable").tolist():
+        turns = ((s[i] - s[chosen]) / (1j * omega)).round().real.astype(int)
+        near = np.abs(s[i] - s[chosen] - 1j * omega * turns) < COPY_TOLERANCE * omega
+        if not any(
+            _are_copies(V[..., i], V[..., chosen[j]], int(turns[j])) for j in np.flatnonzero(near & (turns != 0))
+        ):
+            chosen.append(i)
+        if len(chosen) == V.shape[1]:
+            break
+    return chosen
+
+
+def _are_copies(a: ComplexArray, b: ComplexArray, n: int) -> bool:
+    """Return whether vectors (2H + 1, r) are equal except for a factor and a shift, a_k = b_k+n."""
+    size = len(a) - abs(n)
+    if size <= 0:
+        return False
+    a, b = a[max(-n, 0) :][:size], b[max(n, 0) :][:size]
+    return bool(abs(np.vdot(a, b)) > COPY_OVERLAP * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
