@@ -115,7 +115,9 @@ def _add_line(
     unstable = np.array([state == "unstable" for state in states])
     ax.plot(x, np.where(unstable, np.nan, y), **style, label=label, zorder=4, gid="backbone")
     if unstable.any():
-        joined = unstable | np.roll(unstable, 1) | np.roll(unstable, -1)  # the dashes reach the stable neighbours
+        from scipy.ndimage import binary_dilation
+
+        joined = binary_dilation(unstable)  # the dashes reach the stable neighbours
         ax.plot(x, np.where(joined, y, np.nan), **{**style, "linestyle": "--"}, label="_", zorder=4, gid="unstable")
     if stability and stability.changes:
         at, numbers = [change.position for change in stability.changes], np.arange(len(x))

@@ -99,8 +99,7 @@ class Flow:
         d, v = self.D @ y - e, self.structure.free_rates(y, de, f)
         if len(self.structure.following):
             none = np.zeros((2, len(self.sliders)), dtype=int)
-            line = self._lines(self.segments.at(d, v), none, self.contacts.at(d, v), np.zeros(len(self.rigid), int))
-            v = self._consistent_rates(line, d, v, self.excitation.phase(t, between), k)
+            v = self._consistent_rates(self._lines_at(d, v, none), d, v, self.excitation.phase(t, between), k)
         return d, v
 
     def coordinates(self, t: float, Y: Array) -> Array:
@@ -111,8 +110,7 @@ class Flow:
         between = self.excitation.between(t)
         d, v = self.gaps(t, Y, between)
         slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y[self.order :, 0])
-        line = self._lines(self.segments.at(d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int))
-        dx = self._rates_and_forces(line, between, t, Y)[0][: self.order]
+        dx = self._rates_and_forces(self._lines_at(d, v, slip), between, t, Y)[0][: self.order]
         q = self.structure.coordinates(self.Omega * t, self.Omega, Y[: self.order], dx)
         return np.concatenate([q, Y[self.order :]])
 
@@ -133,6 +131,10 @@ class Flow:
         """Return the segments of the elements, and the states of sliders and contacts."""
         every = np.arange(self.m)
         return self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact, rigid
+
+    def _lines_at(self, d: Array, v: Array, slip: Integers) -> Lines:
+        """Return the segments and the states of contacts at displacements and rates (m,); no element sticks rigidly."""
+        return self._lines(self.segments.at(d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int))
 
     def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""

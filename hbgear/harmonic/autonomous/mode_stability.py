@@ -209,7 +209,7 @@ def _spectrum(problem: BackboneProblem, X: Array, parameters: dict[str, float]) 
     Omega = np.array([parameters["Omega"]])
     evaluator = problem.balance.compiled(of_model(parameters))
     # without the truncated harmonics, which an undamped mode in resonance with one of them would amplify
-    pairs = reciprocal_pairs(floquet_multipliers(evaluator, X[None], Omega)[0])
+    pairs = _reciprocal_pairs(floquet_multipliers(evaluator, X[None], Omega)[0])
     half = pairs.mean(axis=1)
     trivial = int(np.argmin(np.abs(half - 1.0)))
     error = max(float(abs(half[trivial] - 1.0)), STABILITY_TOLERANCE)
@@ -224,11 +224,9 @@ def _verified(
     if coarse is None or finer is None:
         return coarse
     try:
-        U, amplitude = nearest_solution(finer, finer.resized(problem.join(X, parameters)), AMPLITUDE, parameters)
+        fine, _ = _nearest(finer, finer.resized(problem.join(X, parameters)), parameters)
     except _NOT_FOUND:
         return coarse._replace(error=np.inf)
-    X, own = finer.split(U)
-    fine = _spectrum(finer, X, {**parameters, **own, AMPLITUDE: amplitude})
     if fine is None or len(fine.half_traces) != len(coarse.half_traces):
         return coarse._replace(error=np.inf)
     distances = np.abs(fine.half_traces[:, None] - coarse.half_traces)
@@ -236,7 +234,17 @@ def _verified(
     return fine._replace(error=max(coarse.error, fine.error, float(apart)))
 
 
-def reciprocal_pairs(multipliers: ComplexArray) -> ComplexArray:
+def _nearest(
+    problem: BackboneProblem, U: Array, parameters: dict[str, float]
+) -> tuple[_Spectrum | None, dict[str, float]]:
+    """Return the multipliers and the parameters of the motion nearest to unknowns U and parameters."""
+    U, amplitude = nearest_solution(problem, U, AMPLITUDE, parameters)
+    X, own = problem.split(U)
+    here = {**parameters, **own, AMPLITUDE: amplitude}
+    return _spectrum(problem, X, here), here
+
+
+def _reciprocal_pairs(multipliers: ComplexArray) -> ComplexArray:
     """Return multipliers in pairs (mu, 1 / mu), shape (r / 2, 2); the zeros of friction sliders are left out."""
     rest = [complex(mu) for mu in sorted(multipliers[multipliers != 0], key=abs)]
     pairs = list[tuple[complex, complex]]()
@@ -266,11 +274,7 @@ class _Path:
         i = min(int(t), len(self.along) - 2)
         s, values = t - i, self.curve.values
         guess = {**of_model(self.curve.parameters_at(i)), AMPLITUDE: float((1 - s) * values[i] + s * values[i + 1])}
-        U = (1 - s) * self._unknowns[i] + s * self._unknowns[i + 1]
-        U, amplitude = nearest_solution(self.problem, U, AMPLITUDE, guess)
-        X, own = self.problem.split(U)
-        here = {**guess, **own, AMPLITUDE: amplitude}
-        return _spectrum(self.problem, X, here), here
+        return _nearest(self.problem, (1 - s) * self._unknowns[i] + s * self._unknowns[i + 1], guess)
 
     def parameters_at(self, t: float) -> dict[str, float]:
         """Return the parameters of the motion at a position; those of the nearest point if the motion is not found."""

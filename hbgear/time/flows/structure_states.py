@@ -155,6 +155,8 @@ class StructureStates:
     def consistent_rates(self, v: Array, forces: Forces) -> Array:
         """Return the rates (m,) of all elements with the forces of those that act on coordinates without mass.
 
+        There must be such elements, see `following`.
+
         Parameters
         ----------
         v : ndarray, shape (m,)
@@ -168,7 +170,7 @@ class StructureStates:
             If no rates are found.
         """
         rows, out = self.following, v.copy()
-        for _ in range(_MAX_ITERATIONS if len(rows) else 0):
+        for _ in range(_MAX_ITERATIONS):
             p, kv = forces(out)
             effect = self._through @ p
             residual = out[rows] - v[rows] + effect
@@ -179,11 +181,9 @@ class StructureStates:
             out[rows] -= step
             if not np.abs(step).max() > _RATE_TOLERANCE * max(np.abs(v[rows]).max(), np.abs(effect).max()):
                 return out
-        if len(rows):
-            raise ArithmeticError(
-                "no rate of a coordinate without mass balances the forces: a law with negative damping acts on it"
-            )
-        return out
+        raise ArithmeticError(
+            "no rate of a coordinate without mass balances the forces: a law with negative damping acts on it"
+        )
 
     def variations(self, u: Array, rate: Array, kd: Array, kv: Array) -> Array:
         """Return disturbances of the rates (m, columns) from those of d and of the rates without forces."""
