@@ -43,9 +43,9 @@ def follow(
         R(X, p) = 0,   g(X, p) = 0           unknowns X and p, the parameter of the branch; see `Event.equations`
 
     The equations depend on the kind of the point: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
-    `NeimarkSackerProblem` for NS, `BranchPointProblem` for BP, `GrazingProblem` for GR, `AmplitudeExtremum` for PK, and
-    the test function for an event of the user. They have the number of unknowns with which the point was located.
-    Points of a backbone are followed like points of a response curve.
+    `NeimarkSackerProblem` for NS, `BranchPointProblem` for BP, `GrazingProblem` for GR, the margin of a slider for SL,
+    `AmplitudeExtremum` for PK, and the test function for an event of the user. They have the number of unknowns with
+    which the point was located. Points of a backbone are followed like points of a response curve.
 
     Points of codimension two are located along the curve:
 
@@ -127,7 +127,7 @@ def follow(
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
-            "are known for it; choose LP, PD, NS, GR, PK or an event of your own"
+            "are known for it; choose LP, PD, NS, GR, SL, PK or an event of your own"
         )
     found = trace_to_both_ends(equations, parameter, span, start, **options)
     if isinstance(equations, BranchPointProblem):

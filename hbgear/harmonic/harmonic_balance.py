@@ -33,6 +33,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import FREQUENCIES
+from hbgear.harmonic.balance.initial_guess import find_motion
 from hbgear.harmonic.balance.motions import PeriodicMotions
 from hbgear.harmonic.bifurcations.no_contact import ARBITRARY, pins_of
 from hbgear.harmonic.equations import motion
@@ -43,7 +44,6 @@ from hbgear.harmonic.equations.discretization import (
     warn_of_truncated_excitation,
 )
 from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection, select_harmonics
-from hbgear.harmonic.equations.initial_guess import find_motion
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.equations.model_cache import ModelCache
 from hbgear.harmonic.forces.law_checks import check_laws

@@ -226,7 +226,7 @@ def check_gaps(names: tuple[str, ...], clearances: Array) -> None:
         if distance > 0.5 * float((clearances[:, low + 1] - clearances[:, low]).max()):
             warn(
                 f"no element comes near a breakpoint of its law on this curve (nearest: {names[nearest]}, distance "
-                f"{distance:.3g}): the response is linear; check the size of the gap and its unit"
+                f"{distance:.3g}): its law acts as a linear spring; check the size of the gap and its unit"
             )
 
 

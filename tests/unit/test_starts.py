@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.harmonic.equations.initial_guess import from_damped
+from hbgear.harmonic.balance.initial_guess import from_damped
 from hbgear.harmonic.equations.static_state import statics
 
 

@@ -85,7 +85,13 @@ def parameter_names(
     """Return the wanted parameters after a check, or all parameters that are not unknowns of the point."""
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
-        return tuple(name for name in here if name not in own)
+        names = tuple(name for name in here if name not in own)
+        if not names:
+            raise ValueError(
+                "the model has no parameters; write it as a function of its parameters that returns a System, with the "
+                "decorator hb.mechanics.model"
+            )
+        return names
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
@@ -182,7 +188,7 @@ class PointSensitivity:
         if known is None:
             raise ValueError(
                 f"{point.label} ({point.meaning.partition(': ')[0]}) has no equations that can be differentiated; "
-                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a point of the branch"
+                "choose LP, PD, NS, BP, GR, SL, CP, a peak, a jump, or a point of the branch"
             )
         return known
 

@@ -303,6 +303,10 @@ class BackboneProblem(ContinuationProblem):
         """Return the margins of the friction sliders, see `HarmonicBalance.slip_margins`."""
         return self.balance.slip_margins(self.split(X)[0], **self._of_balance(X, parameters))
 
+    def slip_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return a margin of a slider and its derivative, see `HarmonicBalance.slip_threshold`."""
+        return self.balance.slip_threshold(self.split(X)[0], which, **self._of_balance(X, parameters))
+
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Return the distances of extrema from breakpoints, see `HarmonicBalance.clearance`."""
         return self.balance.clearance(self.split(X)[0], **self._of_balance(X, parameters))
@@ -319,6 +323,10 @@ class BackboneProblem(ContinuationProblem):
     def edge_extremes(self, X: Array, **parameters: float) -> Array:
         """Return the extrema of the edges of vector laws, see `HarmonicBalance.edge_extremes`."""
         return self.balance.edge_extremes(self.split(X)[0], **self._of_balance(X, parameters))
+
+    def edge_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return an extremum of an edge and its derivative, see `HarmonicBalance.edge_threshold`."""
+        return self.balance.edge_threshold(self.split(X)[0], which, **self._of_balance(X, parameters))
 
     def _of_balance(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters of the balance at a solution."""

@@ -24,7 +24,7 @@ from hbgear.harmonic.balance.postprocess import postprocess
 from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
-from hbgear.harmonic.equations import motion
+from hbgear.harmonic.equations import motion, thresholds
 from hbgear.harmonic.equations.evaluator import Crossings
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.multipliers.floquet import check_modes, floquet_multipliers
@@ -121,20 +121,28 @@ class PeriodicMotions(HarmonicEquations):
     def slip_margins(self, X: Array, **parameters: float) -> Array:
         """Return, for each friction slider, the range of its displacement minus 2 limit / k: positive if it slips."""
         X = self._checked_unknowns(X, parameters)
-        margins: Array = motion.slip_margins(self.compiled(parameters), X[None])[0]
+        margins: Array = thresholds.slip_margins(self.compiled(parameters), X[None])[0]
         return margins
+
+    def slip_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return one entry of `slip_margins`, and its derivative in the motion, rows (m, 2K - 1)."""
+        return thresholds.slip_threshold(self.compiled(parameters), X, which)
 
     @checked_arguments()
     def edge_extremes(self, X: Array, **parameters: float) -> Array:
         """Return the lowest and highest values of the edges of vector laws: zero where contact grazes."""
         X = self._checked_unknowns(X, parameters)
-        extremes: Array = motion.edge_extremes(self.compiled(parameters), X[None])[0]
+        extremes: Array = thresholds.edge_extremes(self.compiled(parameters), X[None])[0]
         return extremes
+
+    def edge_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return one entry of `edge_extremes`, and its derivative in the motion, rows (m, 2K - 1)."""
+        return thresholds.edge_threshold(self.compiled(parameters), X, which)
 
     @property
     def edge_names(self) -> tuple[str, ...]:
         """Meaning of each entry of `edge_extremes`."""
-        return motion.edge_names(self.compiled({}))
+        return thresholds.edge_names(self.compiled({}))
 
     @checked_arguments()
     def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:

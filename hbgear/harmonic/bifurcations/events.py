@@ -3,7 +3,7 @@
 PD, NS, EP  changes of stability and ends of subharmonic branches, see `multiplier_events`
 GR          an extremum of an element grazes a breakpoint of its law, see `grazing`
 SL          a friction slider begins to slip, see `slip`
-PK          a peak of an amplitude, see `peak_events`
+PK          a peak of an amplitude, see `peaks`
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from hbgear.harmonic.bifurcations.multiplier_events import (
     PeriodDoublingEvent,
     PeriodDoublingMergeEvent,
 )
-from hbgear.harmonic.bifurcations.peak_events import TracedPeakEvent
+from hbgear.harmonic.bifurcations.peaks import TracedPeakEvent
 from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.layout import Layout
 

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import monitored_values
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root, singular
-from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
-from hbgear.continuation.problem.evaluation import AnyProblem, Locating
-from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.events.event import Event, LocatedEvent, singular
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.evaluation import Locating
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.mechanics.series.fourier import waves
+from hbgear.harmonic.bifurcations.threshold import ThresholdProblem, locate_threshold
+from hbgear.harmonic.equations.thresholds import basis_values
 
 
-class GrazingProblem(MinimallyAugmentedProblem):
+class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
     """Grazing contacts (GR): an extremum of an element touches a breakpoint of its law.
 
         g = d(theta*) - breakpoint,   d'(theta*) = 0;   dg/dX is the row of cosines and sines at theta*
@@ -50,84 +47,52 @@ class GrazingProblem(MinimallyAugmentedProblem):
     ('GR', True)
     """
 
-    problem: Any  # a HarmonicBalance or BackboneProblem
-    which: int
-
-    @checked_arguments()
-    def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
-        super().__init__(problem, parameter)
-        self._fixed(which=which)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (self.which,)
-
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
         """Return the compiled locator of these equations; see `MinimallyAugmentedProblem.compiled`."""
         out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
         return out
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
+    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+        """Return the distance of an extremum from a breakpoint and its derivative; see `ThresholdProblem.threshold`."""
+        g, theta = self.problem.grazing_distance(X, which, **here)
+        rows = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
+        rows[self.problem.clearance_elements[which]] = basis_values(theta, self.problem.orders)
+        return g, rows
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        now = linearise(self.problem, X, self.parameter, here)
-        g, position = self.problem.grazing_distance(X, self.which, **here)
-        element = self.problem.clearance_elements[self.which]
-        w = waves(position, self.problem.H)[0, self.problem.orders]
-        slope, rows = self._rows(len(X))
-        rows[element, 0], rows[element, 1::2], rows[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
-        k = base.weight
-        changes = (self._parameter_derivatives(X, here, name, now.dR_dX) for name in names)
-        derivatives = tuple((dR, k * dg) for dR, dg in changes)
-        return AugmentedResidual(
-            now,
-            k * g,
-            k * slope,
-            k * self._clearance_derivative(X, here, self.parameter, self.which),
-            derivatives,
-        )
+    def direction(self, rows: Array, slope: Array) -> Array:
+        """Return the constant of the element that grazes; see `ThresholdProblem.direction`."""
+        out = np.zeros_like(rows)
+        out[slope.any(axis=1), 0] = 1.0
+        return out
 
-    def _rows(self, size: int) -> tuple[Array, Array]:
-        """Return zeros for all unknowns, and a view of the harmonics of the elements as rows (m, 2K + 1)."""
-        m, K = self.problem.m, len(self.problem.orders)
-        out = np.zeros(size)
-        return out, out[: m * (2 * K - 1)].reshape(m, -1)
-
-    def _parameter_derivatives(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
-        """Return the derivatives of R and of the clearance in a parameter.
-
-        Where a breakpoint moves away from a motion that grazes it, contact of the duration sqrt(h) begins or ends, and
-        finite differences are exact to O(sqrt(h)) only. The motion is therefore moved together with the breakpoint, R_a
-        = dR/da - J X_a, in every element that grazes.
-        """
-        dg = self._clearance_derivative(X, here, name, self.which)
-        if not dg:
-            return linearise(self.problem, X, name, here).dR_dp, dg
-        (X_a, shift), elements = self._rows(len(X)), self.problem.clearance_elements
-        for which in np.flatnonzero(
-            np.abs(self.problem.clearance(X, **here)) < SIMULTANEOUS_GRAZING_CLEARANCE * (1.0 + norm(X))
-        ):
-            shift[elements[which], 0] = -self._clearance_derivative(X, here, name, int(which))
-        value = here[name]
-        (dR,) = parameter_derivatives(
-            self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
-        )
-        return dR - J @ X_a, dg
-
-    def _clearance_derivative(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
-        """Return the derivative of a clearance in a parameter that moves the breakpoint."""
-        if name == self.problem.usual_parameter:  # of the motion, not of the model
-            return 0.0
-        (derivative,) = parameter_derivatives(
-            self.problem, name, here, lambda at: self.problem.grazing_distance(X, which, **at)[:1]
-        )
-        return float(derivative)
+    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+        """Return the distances of all extrema from the breakpoints."""
+        out: Array = self.problem.clearance(X, **here)
+        return out
 
 
-SIMULTANEOUS_GRAZING_CLEARANCE = 1e-7
-"""Clearance, relative to the motion, up to which another element grazes at the same point."""
+class EdgeProblem(ThresholdProblem):  # numpydoc ignore=PR02
+    """Grazing contacts (GR) of a vector law, such as a radial clearance: an extremum of an edge function is zero.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance or BackboneProblem
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    which : int, optional
+        Index into ``problem.edge_extremes``. The default is 0.
+    """
+
+    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+        """Return an extremum of an edge function and its derivative; see `ThresholdProblem.threshold`."""
+        out: tuple[float, Array] = self.problem.edge_threshold(X, which, **here)
+        return out
+
+    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+        """Return the extrema of all edge functions."""
+        out: Array = self.problem.edge_extremes(X, **here)
+        return out
 
 
 MAX_CONTACT_EXTRAPOLATION = 4.0
@@ -182,31 +147,18 @@ class GrazingEvent(Event):
         problem: Any = segment.problem
         located = []
         for i in np.flatnonzero(extremes[0] * extremes[1] < 0).tolist():
-
-            def test(point: CurvePoint, which: int = i) -> float:
-                known = point.observed.get("edge")
-                if known is None:
-                    known = problem.edge_extremes(point.X, **{**segment.parameters, segment.name: point.value})
-                return float(known[which])
-
-            located.append(locate_root(segment, self, test, problem.edge_names[i]))
+            before, after = float(extremes[0][i]), float(extremes[1][i])
+            extended = EdgeProblem(problem, segment.name, i)
+            located.append(
+                locate_threshold(segment, self, extended, "edge", before / (before - after), problem.edge_names[i])
+            )
         return located
 
     def _locate(self, segment: Segment, which: int, before: float, after: float) -> LocatedEvent:
-        """Locate the point by Newton's method on {R, extremum at the breakpoint}, or as a bracketed root."""
+        """Locate the zero of a clearance."""
         problem: Any = segment.problem
-        note = problem.clearance_names[which]
-
-        def test(point: CurvePoint) -> float:
-            known = point.observed.get("clearance")
-            if known is None:
-                known = problem.clearance(point.X, **{**segment.parameters, segment.name: point.value})
-            return float(known[which])
-
-        extended = GrazingProblem(problem, segment.name, which)
-        with suppress(NoConvergence, np.linalg.LinAlgError):
-            return locate_by_newton(segment, self, extended, before / (before - after), note)
-        return locate_root(segment, self, test, note)
+        extended, note = GrazingProblem(problem, segment.name, which), problem.clearance_names[which]
+        return locate_threshold(segment, self, extended, "clearance", before / (before - after), note)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
@@ -232,5 +184,8 @@ class GrazingEvent(Event):
         return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        names, first = list(problem.clearance_names), point.note.split(", ")[0]
-        return GrazingProblem(problem, parameter, names.index(first)) if first in names else None
+        first = point.note.split(", ")[0]
+        for equations, names in ((GrazingProblem, problem.clearance_names), (EdgeProblem, problem.edge_names)):
+            if first in names:
+                return equations(problem, parameter, names.index(first))
+        return None

@@ -3,12 +3,12 @@
     max d - min d = 2 limit / k      over the period of the steady motion
 
 A slider that never slips allows the displacement of its element this range. See
-`hbgear.harmonic.forces.slider_kernels`.
+`hbgear.harmonic.equations.thresholds`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,15 +16,42 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.harmonic.bifurcations.threshold import ThresholdProblem, locate_threshold
 
 SAME_SLIP_FRACTION = 1e-6
 """Fraction of a segment up to which several sliders begin to slip at the same point."""
 
 SLIP_LOCATION_TOLERANCE = 1e-10
-"""Tolerance of a first slip, as a fraction of a segment of at most .1: 1e-11 in the parameter, far below the truncation
-error. The margin has a kink where the number of sticking intervals changes, at which each digit costs three points."""
+"""Tolerance of a first slip as a bracketed root, as a fraction of a segment of at most .1: 1e-11 in the parameter, far
+below the truncation error. The margin has a kink where the number of sticking intervals changes."""
+
+
+class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
+    """First slips (SL): the range of the displacement of a slider is that in which it sticks.
+
+        g = max (d - limit / k) - min (d + limit / k)
+
+    Parameters
+    ----------
+    problem : HarmonicBalance or BackboneProblem
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    which : int, optional
+        Index into ``problem.slider_names``. The default is 0.
+    """
+
+    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+        """Return the margin of a slider and its derivative; see `ThresholdProblem.threshold`."""
+        out: tuple[float, Array] = self.problem.slip_threshold(X, which, **here)
+        return out
+
+    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+        """Return the margins of all sliders."""
+        out: Array = self.problem.slip_margins(X, **here)
+        return out
 
 
 class SlipEvent(Event):
@@ -47,24 +74,21 @@ class SlipEvent(Event):
         return np.array([np.full_like(example, np.nan) if one is None else one for one in known])
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """Locate the zeros of the margins as bracketed roots."""
+        """Locate the zeros of the margins."""
         ends = [point.observed.get("slip") for point in (segment.a, segment.b)]
         if ends[0] is None or ends[1] is None:
             return []
         problem: Any = segment.problem
         located: list[LocatedEvent] = []
         for i in np.flatnonzero(ends[0] * ends[1] < 0).tolist():
-
-            def test(point: CurvePoint, which: int = i) -> float:
-                known = point.observed.get("slip")
-                if known is None:
-                    known = problem.slip_margins(point.X, **{**segment.parameters, segment.name: point.value})
-                return float(known[which])
-
-            event = locate_root(segment, self, test, problem.slider_names[i], SLIP_LOCATION_TOLERANCE)
+            extended, first = SlipProblem(problem, segment.name, i), float(ends[0][i] / (ends[0][i] - ends[1][i]))
+            event = locate_threshold(
+                segment, self, extended, "slip", first, problem.slider_names[i], SLIP_LOCATION_TOLERANCE
+            )
             if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
                 located.append(event)
         return located
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        return None
+        names = list(problem.slider_names)
+        return SlipProblem(problem, parameter, names.index(point.note)) if point.note in names else None

@@ -34,10 +34,11 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
+from hbgear.harmonic.equations.thresholds import edge_extremes, edged_laws, slip_margins
 from hbgear.mechanics.laws.slider import friction_limits, limit_at
-from hbgear.mechanics.laws.vector_laws import Component, VectorLaw
+from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.reduction import Reduction
-from hbgear.mechanics.series.fourier import evaluate, places, to_complex, to_real
+from hbgear.mechanics.series.fourier import places, to_complex, to_real
 from hbgear.mechanics.series.real_basis import derivative
 
 # ---- forces and coordinates
@@ -85,71 +86,13 @@ def _fill_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.nda
         regimes[:, j] = STICK_REGIME + slips.any(axis=1) + slips.all(axis=1)
 
 
-def _edged_laws(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int]]:
-    """Return the elements of each vector law whose edges are events of a curve, the law and the number of edges."""
-    each = [(rows, law, len(law.edges(np.zeros((law.size, 1))))) for rows, law in evaluator.vectors if law.grazes]
-    return [one for one in each if one[2]]
-
-
 def _fill_vector_regimes(evaluator: Evaluator, extremes: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements of vector laws by the number of edges that the motion crosses."""
     at = 0
-    for rows, _, count in _edged_laws(evaluator):
+    for rows, _, count in edged_laws(evaluator):
         own = extremes[:, at : at + 2 * count].reshape(len(extremes), count, 2)
         regimes[:, rows] = np.minimum(((own[..., 0] < 0) & (own[..., 1] > 0)).sum(axis=1), 2)[:, None]
         at += 2 * count
-
-
-def edge_extremes(evaluator: Evaluator, X: Array) -> Array:
-    """Return the lowest and highest values (P, 2 E) of the edges of vector laws (`VectorLaw.edges`) in each motion."""
-    laws = _edged_laws(evaluator)
-    out = np.empty((len(X), 2 * sum(count for *_, count in laws)))
-    for own, x in zip(out, evaluator.spread(X) if laws else X, strict=True):
-        rows, at = x.reshape(evaluator.m, -1), 0
-        for elements, law, count in laws:
-            for edge in range(count):
-                for sign in (-1.0, 1.0):
-                    own[at] = sign * _highest_edge(law, rows[elements], edge, sign)
-                    at += 1
-    return out
-
-
-def _highest_edge(law: VectorLaw, rows: Array, edge: int, sign: float) -> float:
-    """Return the largest value of an edge times a sign in a motion with rows (p, 2H + 1)."""
-    theta = np.linspace(0.0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1), endpoint=False)
-    step = theta[1]
-    for _ in range(EDGE_REFINEMENTS + 1):
-        value = sign * law.edges(evaluate(rows, theta))[edge]
-        top = int(np.argmax(value))
-        theta = theta[top] + np.linspace(-step, step, EDGE_SAMPLES + 1)
-        step *= 2 / EDGE_SAMPLES
-    return float(value[top])
-
-
-EDGE_SAMPLES = 32
-"""Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
-
-EDGE_REFINEMENTS = 4
-"""Refinements of an extremum [-]: each divides the distance of the samples by 16; the error is 1e-13."""
-
-
-def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
-    """Return the meaning of each entry of `edge_extremes` in words."""
-    elements = evaluator.system.elements
-    return tuple(
-        f"{end} of {elements[rows[0]].name.removesuffix(' 1')}" + (f" at edge {edge + 1}" if count > 1 else "")
-        for rows, _, count in _edged_laws(evaluator) for edge in range(count) for end in ("lowest", "highest")
-    )  # fmt: skip
-
-
-def slip_margins(evaluator: Evaluator, X: Array) -> Array:
-    """Return the ranges (P, Q) of the displacements of motions X (P, n) minus those in which sliders stick."""
-    out = np.empty((len(X), evaluator.sliders))
-    if evaluator.sliders:
-        from hbgear.harmonic.forces.slider_kernels import slider_states
-
-        slider_states(evaluator.packed, evaluator.spread(X), evaluator.m, out)
-    return out
 
 
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
@@ -328,7 +271,7 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
         _fill_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
         for one, margin in zip(observed, margins, strict=True):
             one["slip"] = margin
-    if _edged_laws(evaluator):
+    if edged_laws(evaluator):
         extremes = edge_extremes(evaluator, X)
         _fill_vector_regimes(evaluator, extremes, regimes)
         for one, edges in zip(observed, extremes, strict=True):
@@ -386,7 +329,7 @@ def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float])
 def _samples_have_corners(evaluator: Evaluator) -> bool:
     """Return whether the slope of a law that is evaluated by AFT jumps at breakpoints."""
     scalar = (law for _, law in evaluator.aft_laws if not isinstance(law, Component))
-    return any(law.breakpoints for law in scalar) or bool(_edged_laws(evaluator))
+    return any(law.breakpoints for law in scalar) or bool(edged_laws(evaluator))
 
 
 def newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Array:

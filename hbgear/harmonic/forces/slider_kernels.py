@@ -71,6 +71,9 @@ class SliderWorkspace(NamedTuple):
         Whether the slider slips in the period.
     span : ndarray, shape (Q,)
         Range of the displacement in the period, minus twice limit / k: positive if the slider slips.
+    extreme : ndarray, shape (Q, 2)
+        Phases [rad] of the highest lower bound and the lowest upper bound of the position; their distance is ``span``;
+        nan for a slider at rest.
     zone : ndarray, shape (Q, I)
         Zone of the limit, see `FrictionLimit`.
     lean : ndarray, shape (Q, I)
@@ -101,6 +104,7 @@ class SliderWorkspace(NamedTuple):
     onset: Array
     slips: np.ndarray
     span: Array
+    extreme: Array
     zone: np.ndarray
     lean: Array
     turn: Array
@@ -133,7 +137,7 @@ def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
     return SliderWorkspace(
         np.zeros(Q, np.int64), np.empty((Q, intervals)), np.empty((Q, intervals)), np.empty((Q, intervals), np.int64),
         np.empty((Q, intervals)), np.empty((Q, intervals)), np.zeros(Q, np.bool_), np.empty(Q),
-        np.empty((Q, intervals), np.int64), np.empty((Q, intervals)),
+        np.empty((Q, 2)), np.empty((Q, intervals), np.int64), np.empty((Q, intervals)),
         np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C, np.int64), np.empty(C),
         np.empty((Q, length + extra if extra else 0), np.complex128),
         np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
@@ -311,10 +315,11 @@ def _march_slider(sliders: Any, i: int, rows: Any, turns: int, space: Any) -> No
         if side != 0 or not _has_limit(sliders, i, before):
             z, onset = lower[here] if side >= 0 else upper[here], turn[here]
             lean = _lean(sliders, i, before, side, space.ratio[here])
-    highest, lowest = lower[0], upper[0]
+    highest, lowest = 0, 0
     for n in range(1, turns):
-        highest, lowest = max(highest, lower[n]), min(lowest, upper[n])
-    space.span[i] = highest - lowest
+        highest, lowest = n if lower[n] > lower[highest] else highest, n if upper[n] < upper[lowest] else lowest
+    space.span[i] = lower[highest] - upper[lowest]
+    space.extreme[i, 0], space.extreme[i, 1] = turn[highest], turn[lowest]
     begin = turn[0]
     for n in range(turns):
         after, zone = n + 1 if n + 1 < turns else 0, space.after[n]
@@ -345,6 +350,7 @@ def _rest(sliders: Any, i: int, rows: Any, space: Any) -> None:
         z, onset, lean = d - side * reach, 0.0, _lean(sliders, i, zone, side, np.nan)
     is_open = not _has_limit(sliders, i, zone)
     space.span[i] = -2.0 * reach
+    space.extreme[i, :] = np.nan
     kind = np.int64(OPEN if is_open else STICK)
     _append(i, 0.0, 2 * math.pi, kind, z, onset, lean, zone, space)
 

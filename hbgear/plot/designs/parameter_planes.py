@@ -26,6 +26,8 @@ CURVES = {
     "NeimarkSackerProblem": ("Neimark-Sacker points", "-.", COLOURS["double_sided"]),
     "BranchPointProblem": ("branch points", ":", "black"),
     "GrazingProblem": ("grazing contacts", (0, (1, 2)), "grey"),
+    "EdgeProblem": ("grazing contacts", (0, (1, 2)), "grey"),
+    "SlipProblem": ("first slips", (0, (5, 1, 1, 1, 1, 1)), "grey"),
 }
 """Legend entry, line style and colour of each kind of curve, by the class of its equations."""
 

@@ -1,0 +1,145 @@
+"""Thresholds of periodic motions: where friction sliders begin to slip, and where edges of vector laws are reached.
+
+    slider    max (d - limit / k) - min (d + limit / k)      positive if it slips
+    edge      min edge(d), max edge(d)                       of different signs if the motion crosses the edge
+
+At its extremum a function of the phase has no slope, so the derivative of an extremum in the coefficients of the motion
+is that of the function at a fixed phase. Where the normal force of a slider opens or closes, the extremum may lie at
+this instant, which moves with the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.mechanics.laws.slider import FrictionLimit, Slider, friction_limits
+from hbgear.mechanics.laws.vector_laws import VectorLaw
+from hbgear.mechanics.series.fourier import evaluate, waves
+
+EDGE_SAMPLES = 32
+"""Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
+
+EDGE_REFINEMENTS = 4
+"""Refinements of an extremum [-]: each divides the distance of the samples by 16; the error is 1e-13."""
+
+EDGE_SLOPE_STEP = 1e-6
+"""Step of the central difference for the derivative of an edge, relative to the largest displacement [-]."""
+
+LEVEL_TOLERANCE = 1e-9
+"""Distance from a level, relative to the largest coefficient, at which an extremum lies at the instant it is passed."""
+
+
+# ---- friction sliders
+
+
+def slip_margins(evaluator: Evaluator, X: Array) -> Array:
+    """Return the ranges (P, Q) of the displacements of motions X (P, n) minus those in which sliders stick."""
+    out = np.empty((len(X), evaluator.sliders))
+    if evaluator.sliders:
+        from hbgear.harmonic.forces.slider_kernels import slider_states
+
+        slider_states(evaluator.packed, evaluator.spread(X), evaluator.m, out)
+    return out
+
+
+def slip_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, Array]:
+    """Return entry ``which`` of `slip_margins` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
+    from hbgear.harmonic.forces.slider_kernels import slider_motion
+
+    rows = evaluator.spread(X).reshape(evaluator.m, -1)
+    j, slider, limit = friction_limits(evaluator.system.elements)[which]
+    motion = slider_motion(evaluator.packed, rows)
+    derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
+    for side, theta in zip((1.0, -1.0), motion.extreme[which], strict=True):
+        if np.isfinite(theta):  # otherwise nothing moves
+            _add_bound(derivative, evaluator, rows, (j, slider, limit), side, float(theta))
+    return float(motion.span[which]), derivative
+
+
+def _add_bound(
+    derivative: Array, evaluator: Evaluator, rows: Array, slider: tuple[int, Slider, FrictionLimit], side: float,
+    theta: float,
+) -> None:  # fmt: skip
+    """Add the derivative of side d - limit / k at a phase, the highest lower or the lowest upper bound of a slider."""
+    j, one, limit = slider
+    basis = basis_values(theta, evaluator.orders)
+    derivative[j] += side * basis
+    if limit.normal < 0:
+        return
+    slope, slope_n = (float(evaluate(rows[i], theta, 1)[0]) for i in (j, limit.normal))
+    d_n = float(evaluate(rows[limit.normal], theta)[0])
+    gain = limit.gain[int(np.searchsorted(limit.level, d_n))] / one.k
+    derivative[limit.normal] -= gain * basis
+    if np.abs(np.array(limit.level) - d_n).min() <= LEVEL_TOLERANCE * float(np.abs(rows[limit.normal]).max()):
+        derivative[limit.normal] -= (side * slope - gain * slope_n) / slope_n * basis
+
+
+def basis_values(theta: float, orders: np.ndarray) -> Array:
+    """Return the values (2K - 1,) of the real basis at a phase."""
+    wave = waves(theta, int(orders[-1]))[0, orders]
+    out = np.ones(2 * len(orders) - 1)
+    out[1::2], out[2::2] = wave.real[1:], wave.imag[1:]
+    return out
+
+
+# ---- edges of vector laws
+
+
+def edged_laws(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int]]:
+    """Return the elements of each vector law whose edges are events of a curve, the law and the number of edges."""
+    each = [(rows, law, len(law.edges(np.zeros((law.size, 1))))) for rows, law in evaluator.vectors if law.grazes]
+    return [one for one in each if one[2]]
+
+
+def _extremes(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int, float]]:
+    """Return elements, law, edge and sign (-1 lowest, +1 highest) of each entry of `edge_extremes`."""
+    laws = edged_laws(evaluator)
+    return [(rows, law, edge, sign) for rows, law, count in laws for edge in range(count) for sign in (-1.0, 1.0)]
+
+
+def edge_extremes(evaluator: Evaluator, X: Array) -> Array:
+    """Return the lowest and highest values (P, 2 E) of the edges of vector laws (`VectorLaw.edges`) in each motion."""
+    each = _extremes(evaluator)
+    out = np.empty((len(X), len(each)))
+    for own, x in zip(out, evaluator.spread(X) if each else X, strict=True):
+        rows = x.reshape(evaluator.m, -1)
+        own[:] = [sign * _highest_edge(law, rows[elements], edge, sign)[0] for elements, law, edge, sign in each]
+    return out
+
+
+def edge_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, Array]:
+    """Return entry ``which`` of `edge_extremes` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
+    elements, law, edge, sign = _extremes(evaluator)[which]
+    rows = evaluator.spread(X).reshape(evaluator.m, -1)
+    value, theta = _highest_edge(law, rows[elements], edge, sign)
+    d = evaluate(rows[elements], theta)[:, :1]
+    step = EDGE_SLOPE_STEP * max(float(np.abs(d).max()), np.finfo(float).tiny)
+    moved = step * np.eye(law.size)
+    slope = (law.edges(d + moved)[edge] - law.edges(d - moved)[edge]) / (2 * step)
+    derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
+    derivative[elements] = np.outer(slope, basis_values(theta, evaluator.orders))
+    return sign * value, derivative
+
+
+def _highest_edge(law: VectorLaw, rows: Array, edge: int, sign: float) -> tuple[float, float]:
+    """Return the largest value of an edge times a sign in a motion with rows (p, 2H + 1), and its phase."""
+    theta = np.linspace(0.0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1), endpoint=False)
+    step, at = theta[1], 0.0
+    for _ in range(EDGE_REFINEMENTS + 1):
+        value = sign * law.edges(evaluate(rows, theta))[edge]
+        top = int(np.argmax(value))
+        at = float(theta[top])
+        theta = at + np.linspace(-step, step, EDGE_SAMPLES + 1)
+        step *= 2 / EDGE_SAMPLES
+    return float(value[top]), at
+
+
+def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
+    """Return the meaning of each entry of `edge_extremes` in words."""
+    elements = evaluator.system.elements
+    return tuple(
+        f"{end} of {elements[rows[0]].name.removesuffix(' 1')}" + (f" at edge {edge + 1}" if count > 1 else "")
+        for rows, _, count in edged_laws(evaluator) for edge in range(count) for end in ("lowest", "highest")
+    )  # fmt: skip

@@ -1,0 +1,173 @@
+"""First slips and the contact of radial clearances: equations, curves in two parameters and sensitivities."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import hbgear as hb
+from hbgear.harmonic.bifurcations.grazing import EdgeProblem
+from hbgear.harmonic.bifurcations.slip import SlipProblem
+
+BLADE = {"load": 0.06, "k": 1.0, "limit": 0.1, "c": 0.02}
+
+
+@hb.mechanics.model
+def blade(load: float = 0.06, k: float = 1.0, limit: float = 0.1, c: float = 0.02) -> hb.System:
+    damper = hb.Element([1.0], hb.mechanics.Jenkins(k, limit), name="damper")
+    return hb.System([[1.0]], [[c]], [[1.0]], [damper], hb.Load(cosine={1: [load]}))
+
+
+def excess(Omega, load, k, limit, c):
+    """Amplitude of the blade that sticks, relative to limit / k, less one."""
+    return load / np.hypot(1.0 + k - Omega**2, c * Omega) / (limit / k) - 1.0
+
+
+@pytest.fixture(scope="module")
+def slipping():
+    return hb.trace(hb.HarmonicBalance(blade(), 9), "Omega", (0.6, 2.2))
+
+
+@pytest.mark.parametrize(("name", "span"), [("limit", (0.05, 0.2)), ("k", (0.5, 2.0)), ("load", (0.03, 0.1))])
+def test_curves_of_first_slip(slipping, name, span):
+    curve = hb.follow(slipping, "SL1", name, span)
+    assert curve.status.complete and len(curve) > 20
+    assert (curve.values.min(), curve.values.max()) == pytest.approx(span)
+    for value, Omega in zip(curve.values, curve.tracked["Omega"], strict=True):
+        assert excess(Omega, **{**BLADE, name: value}) == pytest.approx(0, abs=1e-10)
+
+
+@pytest.mark.parametrize(("label", "low", "high"), [("SL1", 1.0, 2**0.5), ("SL2", 2**0.5, 2.0)])
+def test_sensitivity_of_first_slip(slipping, label, low, high):
+    """Against differences of the root of the closed form, with an error of 1e-7."""
+    found = hb.analysis.sensitivity(slipping[label]).of("Omega")
+    assert set(found) == set(BLADE)
+    for name, value in BLADE.items():
+        step = 1e-4 * value
+        up, down = (
+            brentq(excess, low, high, tuple({**BLADE, name: value + side * step}.values()), xtol=1e-15)
+            for side in (1, -1)
+        )
+        assert found[name] == pytest.approx((up - down) / (2 * step), rel=1e-6)
+
+
+@hb.mechanics.model
+def contact(mu: float = 0.25, gap: float = -0.6, kn: float = 2.0) -> hb.System:
+    """Two masses: friction at the first one, whose limit is proportional to the force of a stop at the second."""
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    stop = hb.Element([0.0, 1.0], hb.Unilateral(k=kn, gap=gap), name="stop")
+    slider = hb.Element([1.0, 0.0], hb.mechanics.ContactFriction(1.0, mu, "stop"), name="slider")
+    return hb.System(np.eye(2), 0.06 * K, K, [stop, slider], hb.Load(constant=[0.0, 0.3], cosine={1: [0.12, 0.012]}))
+
+
+@hb.mechanics.model
+def two_sliders(first: float = 0.1, second: float = 0.1, load: float = 0.2) -> hb.System:
+    """Two masses with sliders and two orders of the load; a third slider has a limit that varies over the period."""
+    varying = hb.mechanics.Jenkins(0.3, 0.2, cosine=(0.05,), sine=(0.03,))
+    elements = [
+        hb.Element([1.0, 0.0], hb.mechanics.Jenkins(1.0, first), name="ground"),
+        hb.Element([1.0, -1.0], hb.mechanics.Jenkins(0.5, second), name="link"),
+        hb.Element([0.0, 1.0], varying, name="varying"),
+    ]
+    load_ = hb.Load(constant=[0.02, 0.0], cosine={1: [load, 0.0], 2: [0.0, 0.1]})
+    return hb.System(np.eye(2), 0.05 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], elements, load_)
+
+
+@pytest.mark.parametrize("make", [contact, two_sliders])
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_derivative_of_the_margin(make, offset):
+    """The derivative of a margin is that of differences, for any motion; with an offset the stop opens."""
+    problem = hb.HarmonicBalance(make(), 6)
+    random = np.random.default_rng(3)
+    for _ in range(5):
+        X = random.normal(size=problem.size) * 0.3
+        X.reshape(problem.m, -1)[0, 0] -= offset
+        for which in range(len(problem.slider_names)):
+            value, rows = problem.slip_threshold(X, which, Omega=1.1)
+            assert value == pytest.approx(problem.slip_margins(X, Omega=1.1)[which], abs=1e-14)
+            for i in range(problem.size):
+                step = 1e-6 * np.eye(problem.size)[i]
+                up, down = (problem.slip_margins(X + side * step, Omega=1.1)[which] for side in (1, -1))
+                assert rows.ravel()[i] == pytest.approx((up - down) / 2e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize(("make", "H"), [(contact, 15), (two_sliders, 9)])
+def test_sensitivity_against_curves_traced_again(make, H):
+    def slips(**changed):
+        curve = hb.trace(hb.HarmonicBalance(make(**changed), H), "Omega", (0.5, 2.4))
+        return [point for point in curve.special if point.kind == "SL"]
+
+    here = slips()
+    assert len(here) >= 2
+    for name in ("mu", "gap") if make is contact else ("first", "second", "load"):
+        value = here[0].parameters[name]
+        up, down = slips(**{name: 1.0001 * value}), slips(**{name: 0.9999 * value})
+        assert len(up) == len(down) == len(here)
+        for point, one, other in zip(here, up, down, strict=True):
+            expected = (one.parameters["Omega"] - other.parameters["Omega"]) / (2e-4 * value)
+            assert hb.analysis.sensitivity(point).of("Omega")[name] == pytest.approx(expected, rel=1e-6, abs=1e-8)
+
+
+def test_newton_and_the_bracketed_root_agree(slipping, monkeypatch):
+    from hbgear.harmonic.bifurcations import threshold
+
+    def refused(*arguments):
+        raise np.linalg.LinAlgError("refused")
+
+    monkeypatch.setattr(threshold, "locate_by_newton", refused)
+    again = hb.trace(hb.HarmonicBalance(blade(), 9), "Omega", (0.6, 2.2))
+    for label in ("SL1", "SL2"):
+        assert again[label].parameters["Omega"] == pytest.approx(slipping[label].parameters["Omega"], rel=1e-11)
+
+
+# ---- radial clearance
+
+
+@hb.mechanics.model
+def rotor(e: float = 0.12, clearance: float = 0.5, ky: float = 1.2) -> hb.System:
+    seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(3.0, clearance, 0.05), name="seal")
+    unbalance = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
+    return hb.System(np.eye(2), 0.08 * np.eye(2), np.diag([1.0, ky]), seal, unbalance)
+
+
+def longest_radius(Omega, e=0.12, ky=1.2):
+    """Half the major axis of the ellipse of a rotor without contact."""
+    x, y = (e * Omega**2 / (k - Omega**2 + 0.08j * Omega) for k in (1.0, ky))
+    return np.sqrt((abs(x) ** 2 + abs(y) ** 2 + abs(x**2 - y**2)) / 2)
+
+
+def test_contact_in_a_radial_clearance_over_its_size():
+    curve = hb.trace(hb.HarmonicBalance(rotor(), 9), "Omega", (0.7, 0.95))
+    point = curve["GR1"]
+    assert point.note == "highest of seal"
+    assert longest_radius(point.parameters["Omega"]) == pytest.approx(0.5, rel=1e-10)
+    found = hb.analysis.sensitivity(point).of("Omega")
+    slope = (longest_radius(point.parameters["Omega"] + 1e-6) - longest_radius(point.parameters["Omega"] - 1e-6)) / 2e-6
+    assert found["clearance"] == pytest.approx(1 / slope, rel=1e-6)
+    assert found["e"] == pytest.approx(-0.5 / 0.12 / slope, rel=1e-6)
+    contacts = hb.follow(curve, "GR1", "clearance", (0.3, 0.7))
+    assert contacts.status.complete and len(contacts) > 10
+    for clearance, Omega in zip(contacts.values, contacts.tracked["Omega"], strict=True):
+        assert longest_radius(Omega) == pytest.approx(clearance, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", [SlipProblem, EdgeProblem])
+def test_jacobian_of_the_equations(kind):
+    """Against differences, at motions away from the threshold."""
+    model, H = (two_sliders(), 4) if kind is SlipProblem else (rotor(), 4)
+    problem = hb.HarmonicBalance(model, H)
+    equations = kind(problem, "Omega", 1)
+    random = np.random.default_rng(5)
+    U = np.append(0.4 * random.normal(size=problem.size), 1.2)
+    now = equations.linearise(U, "")
+    for i in range(len(U)):
+        step = 1e-6 * np.eye(len(U))[i]
+        up, down = (equations.linearise(U + side * step, "").R for side in (1, -1))
+        np.testing.assert_allclose(now.dR_dX[-1, i], (up[-1] - down[-1]) / 2e-6, atol=1e-6)
+
+
+def test_a_model_without_parameters_has_no_sensitivities():
+    damper = hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1), name="damper")
+    model = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.06]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.0, 1.3))
+    with pytest.raises(ValueError, match="the model has no parameters; write it as a function"):
+        hb.analysis.sensitivity(curve["SL1"])
