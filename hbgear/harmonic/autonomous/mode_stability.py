@@ -24,7 +24,7 @@ from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import scipy  # sub-modules are imported at first use
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
@@ -314,14 +314,17 @@ class _Path:
         try:
             if self.margin(low, which) * self.margin(high, which) > 0:  # a motion is known with few harmonics only
                 return high
-            return float(brentq(self.margin, low, high, (which,), xtol=_POSITION_TOLERANCE))
+            return float(scipy.optimize.brentq(self.margin, low, high, (which,), xtol=_POSITION_TOLERANCE))
         except _NOT_FOUND:
             return high
 
     def _band(self, low: int, high: int, which: int) -> list[float]:
         """Return both ends of a band in which a margin is positive although it is negative at points low and high."""
         try:
-            top = minimize_scalar(lambda t: -self.margin(t, which), bounds=(low, high), method="bounded").x
+            highest = scipy.optimize.minimize_scalar(
+                lambda t: -self.margin(t, which), bounds=(low, high), method="bounded"
+            )
+            top = float(highest.x)
             spectrum, _ = self.at(top)
         except _NOT_FOUND:
             return []
