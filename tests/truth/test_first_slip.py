@@ -50,6 +50,34 @@ def test_sensitivity_of_first_slip(slipping, label, low, high):
         assert found[name] == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
+def test_a_curve_of_first_slip_ends_where_its_frequency_is_zero(slipping):
+    """The static displacement load / (1 + k) is limit / k at limit = .03; there the curve is vertical in Omega^2."""
+    curve = hb.follow(slipping, "SL1", "limit", (0.1, 0.02))
+    assert curve.status is hb.Status.EVENT and "Omega leaves its range (it must be positive)" in curve.message
+    assert curve.values[-1] == pytest.approx(0.03, rel=1e-6) and 0 < curve.tracked["Omega"][-1] < 1e-3
+
+
+def test_curves_of_first_slip_pass_corners():
+    """Where two sliders begin to slip at once, each curve has a corner, and both curves cross there."""
+    curve = hb.trace(hb.HarmonicBalance(corners(), 9), "Omega", (0.4, 2.4))
+    assert (curve["SL3"].note, curve["SL4"].note) == ("link", "ground")
+    curves = [hb.follow(curve, label, "limit", (0.03, 0.25)) for label in ("SL3", "SL4")]
+    assert all(one.status is hb.Status.REACHED_END for one in curves)
+    own = [one.tracked["Omega"] for one in curves]
+    gap = np.interp(curves[0].values, curves[1].values, own[1]) - own[0]
+    assert gap.min() < 0 < gap.max()
+
+
+@hb.mechanics.model
+def corners(limit: float = 0.1) -> hb.System:
+    elements = [
+        hb.Element([1.0, 0.0], hb.mechanics.Jenkins(1.0, limit), name="ground"),
+        hb.Element([1.0, -1.0], hb.mechanics.Jenkins(0.5, 0.1), name="link"),
+    ]
+    load = hb.Load(cosine={1: [0.2, 0.0]})
+    return hb.System(np.eye(2), 0.05 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], elements, load)
+
+
 @hb.mechanics.model
 def contact(mu: float = 0.25, gap: float = -0.6, kn: float = 2.0) -> hb.System:
     """Two masses: friction at the first one, whose limit is proportional to the force of a stop at the second."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -133,6 +134,11 @@ class CurveEnds:
         unknown = problem.split(point.X)[1].items() if problem.unknown_parameters else ()
         return next((f"{name} leaves its range (it must {allowed})" for name, value in unknown
                      if value not in (allowed := problem.range_of(name))), "")  # fmt: skip
+
+    def leaving_range(self) -> str:
+        """Return `left_range` at the prediction of the shortest step, at which the problem cannot be evaluated."""
+        state, last = self.state, self.state.last
+        return self.left_range(replace(last, u=last.u + state.step / norm(last.tangent / state.scale) * last.tangent))
 
     # ---- infinity
 

@@ -76,6 +76,8 @@ class ContinuationLoop:
             path, reason = self._step()
             path, asymptote = self.ends.up_to_infinity(path)
             if len(path) == 1:
+                if left := self.ends.leaving_range():
+                    return self._left_range(left)
                 status = Status.RETRACED if reason == _RETRACED else Status.STEP_TOO_SMALL
                 where = f"{reason} {state.location_text()}; the shortest step was tried"
                 ahead = self._special_point_ahead()
@@ -163,6 +165,10 @@ class ContinuationLoop:
 
     # ---- acceptance
 
+    def _left_range(self, which: str) -> tuple[Status, str]:
+        """Return status and message of a curve on which an unknown parameter leaves its range."""
+        return Status.EVENT, f"{which} beyond {self.state.location_text().removeprefix('at ')}"
+
     def _accept_points(self, path: Points) -> tuple[Status, str] | None:
         """Accept the new points of a path, whose first point is the last one; return status and message at an end."""
         points, done = path[1:], 0
@@ -190,7 +196,7 @@ class ContinuationLoop:
         last = state.last
         left = self.ends.left_range(point)
         if left:
-            return Status.EVENT, f"{left} beyond {state.location_text().removeprefix('at ')}"
+            return self._left_range(left)
         point = self.ends.fold_outside_span(last, point)
         end = span.end_at(point.value)
         if state.boundary_value is not None:

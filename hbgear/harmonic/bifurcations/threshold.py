@@ -56,6 +56,11 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     def arguments(self) -> tuple[Any, ...]:
         return (self.which,)
 
+    @property
+    def is_nonsmooth(self) -> bool:
+        """True if the curve has corners: where a motion reaches another threshold too."""
+        return bool(self.problem.is_nonsmooth)
+
     @abstractmethod
     def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
         """Return the distance g of a motion from a threshold, and its derivative in the elements, rows (m, 2K - 1)."""
