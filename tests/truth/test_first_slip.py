@@ -50,6 +50,17 @@ def test_sensitivity_of_first_slip(slipping, label, low, high):
         assert found[name] == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
+def test_first_slip_of_a_backbone_over_the_limit():
+    """The free motion slips from the displacement limit / k on."""
+    curve = hb.analysis.backbone(blade(), 1, (0.01, 1.0))
+    found = hb.analysis.sensitivity(curve["SL1"]).of("amplitude")
+    assert found["limit"] == pytest.approx(0.5**0.5, rel=1e-8)
+    assert found["k"] == pytest.approx(-0.1 * 0.5**0.5, rel=1e-8) and abs(found["load"]) < 1e-12
+    slips = hb.follow(curve, "SL1", "limit", (0.05, 0.2))
+    assert slips.status.complete
+    np.testing.assert_allclose(slips.tracked["amplitude"], slips.values / 2**0.5, rtol=1e-11)
+
+
 def test_a_curve_of_first_slip_ends_where_its_frequency_is_zero(slipping):
     """The static displacement load / (1 + k) is limit / k at limit = .03; there the curve is vertical in Omega^2."""
     curve = hb.follow(slipping, "SL1", "limit", (0.1, 0.02))
