@@ -146,6 +146,43 @@ def test_sensitivity_against_curves_traced_again(make, H):
             assert hb.analysis.sensitivity(point).of("Omega")[name] == pytest.approx(expected, rel=1e-6, abs=1e-8)
 
 
+@hb.mechanics.model
+def chain(limit: float = 1.0, load: float = 1.0) -> hb.System:
+    """Three masses with two stiff sliders, cubic springs and a stop, whose curve turns back at a first slip."""
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    elements = [
+        hb.Element([1.0, 0.0, 0.0], hb.mechanics.Jenkins(20.0, limit), name="ground"),
+        hb.Element([-1.0, 1.0, 0.0], hb.mechanics.Jenkins(20.0, 1.0), name="link"),
+        hb.Element([0.0, 1.0, 0.0], hb.Cubic(1.0), name="second"),
+        hb.Element([0.0, -1.0, 1.0], hb.Cubic(1.0), name="third"),
+        hb.Element([0.0, 0.0, 1.0], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
+    ]
+    return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, load, 0.0]}))
+
+
+def test_a_fold_at_a_first_slip_moves_with_it():
+    """dR/dX is regular on both sides of the corner, so the equations of a smooth fold do not hold there."""
+
+    def corner(**changed):
+        curve = hb.trace(hb.HarmonicBalance(chain(**changed), 16), "Omega", (1.45, 2.0), accuracy=None)
+        slip = next(p for p in curve.special if p.kind == "SL" and p.note == "ground")
+        fold = min(
+            (p for p in curve.special if p.kind == "LP"),
+            key=lambda p: abs(p.parameters["Omega"] - slip.parameters["Omega"]),
+        )
+        assert fold.parameters["Omega"] == pytest.approx(slip.parameters["Omega"], abs=1e-10)
+        return curve, slip, fold
+
+    curve, slip, fold = corner()
+    own, other = (hb.analysis.sensitivity(point).of("Omega") for point in (fold, slip))
+    for name in ("limit", "load"):
+        up, down = (corner(**{name: 1.0 + side * 1e-4})[2].parameters["Omega"] for side in (1, -1))
+        assert own[name] == pytest.approx((up - down) / 2e-4, rel=1e-5)
+        assert own[name] == pytest.approx(other[name], rel=1e-9)
+    followed = hb.follow(curve, fold.label, "limit", (0.95, 1.05))
+    assert followed.status.complete and isinstance(followed.problem, SlipProblem)
+
+
 def test_newton_and_the_bracketed_root_agree(slipping, monkeypatch):
     from hbgear.harmonic.bifurcations import threshold
 

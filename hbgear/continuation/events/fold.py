@@ -17,6 +17,7 @@ from hbgear.continuation.events.columns import lengths, unknowns
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
 from hbgear.continuation.numerics.linear import norm, norms
+from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import NoConvergence
 
@@ -85,7 +86,9 @@ class FoldEvent(Event):
         return [locate_root(segment, self, lambda point: float(point.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        return FoldProblem(problem, parameter)
+        one = as_problem(problem)
+        corner = one.corner_equations(parameter, one.from_point(point), point.parameters)
+        return FoldProblem(problem, parameter) if corner is None else corner
 
 
 class CuspEvent(FoldEvent):

@@ -17,6 +17,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent
+from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.harmonic.bifurcations.threshold import ThresholdProblem, locate_threshold
 
@@ -26,6 +27,10 @@ SAME_SLIP_FRACTION = 1e-6
 SLIP_LOCATION_TOLERANCE = 1e-10
 """Tolerance of a first slip as a bracketed root, as a fraction of a segment of at most .1: 1e-11 in the parameter, far
 below the truncation error. The margin has a kink where the number of sticking intervals changes."""
+
+CORNER_MARGIN = 1e-9
+"""Margin of a slider, relative to the motion, up to which a fold lies at its first slip, a corner of the curve; such
+folds are located to 1e-13 of a segment."""
 
 
 class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
@@ -52,6 +57,14 @@ class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
         """Return the margins of all sliders."""
         out: Array = self.problem.slip_margins(X, **here)
         return out
+
+
+def corner_at(problem: Any, parameter: str, X: Array, here: Mapping[str, float]) -> SlipProblem | None:
+    """Return the equations of the slider that begins to slip at a motion, where a curve has a corner; else None."""
+    margins = np.abs(problem.slip_margins(X, **here))
+    if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
+        return None
+    return SlipProblem(problem, parameter, int(np.argmin(margins)))
 
 
 class SlipEvent(Event):
