@@ -103,8 +103,8 @@ def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
 
     Returns
     -------
-    (FoldProblem or ContinuationProblem, Point)
-        Equations and fold; for exact motions those of `ContinuationProblem.special_point_equations`.
+    (ContinuationProblem, Point)
+        Equations of `FoldEvent` and the fold; for exact motions `ContinuationProblem.special_point_equations`.
 
     Raises
     ------
@@ -116,12 +116,16 @@ def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
     if exact is not None:
         return exact, point
     own, here = in_residual_form(source, point, "Omega", FoldEvent())
-    return FoldProblem(problem if own is source else own), here
+    return FoldEvent().equations(problem if own is source else own, "Omega", here), here
 
 
 def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> Any:
     """Return the equations of a fold curve, whose number of harmonics may be larger than that of the problem."""
-    return fold.problem if isinstance(fold.problem, SpecialPointProblem) else FoldProblem(problem)
+    if isinstance(fold.problem, SpecialPointProblem):
+        return fold.problem
+    here = {**fold.parameters_at(0), "Omega": fold.tracked["Omega"][0]}
+    corner = problem.corner_equations("Omega", fold.X[0], here) if fold.X.shape[1] == problem.size else None
+    return FoldProblem(problem) if corner is None else corner
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

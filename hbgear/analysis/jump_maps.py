@@ -331,7 +331,9 @@ def jump_map(
                 try:
                     fold = _fold_curve(*fold_equations(problem, point), parameter, (low, high), steps)
                 except NoConvergence:
-                    refused.append(f"the {where} at {parameter} = {value:.5g} is not in the map: short contacts")
+                    refused.append(
+                        f"the {where} at {parameter} = {value:.5g} is not in the map: its equations do not converge"
+                    )
                     continue
                 folds += [(fold, _arms(problem, fold))]
                 ending.merge(fold, f"the curve of the {where}")
@@ -340,9 +342,10 @@ def jump_map(
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
         ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+    message = "; ".join(text for text in (ending.message_with_advice, gap) if text)
     return JumpMap(
         parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, ending.message_with_advice or gap, tuple(curves.values()),
+        dict(problem.model.labels), ending.status, message, tuple(curves.values()),
         frequencies,
     )  # fmt: skip
 

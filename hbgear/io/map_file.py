@@ -10,9 +10,9 @@ import dataclasses
 import os
 from typing import Any
 
+from hbgear.analysis.fold_curves import equations_of_curve
 from hbgear.analysis.jump_maps import JumpMap
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -78,7 +78,11 @@ def read_map(
     curves = _by_value(
         [dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega"], parameter
     )
-    folds = tuple(dataclasses.replace(one, problem=FoldProblem(problem)) for one in every if one.parameter == parameter)
+    folds = tuple(
+        dataclasses.replace(one, problem=equations_of_curve(problem, one))
+        for one in every
+        if one.parameter == parameter
+    )
     low, high = sorted(map(float, span))
     begin, end = map(float, frequencies)
     return JumpMap(parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", curves, (begin, end))

@@ -1,10 +1,13 @@
 """First slips and the contact of radial clearances: equations, curves in two parameters and sensitivities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import hbgear as hb
+from hbgear.analysis.fold_curves import equations_of_curve
 from hbgear.harmonic.bifurcations.grazing import EdgeProblem
 from hbgear.harmonic.bifurcations.slip import SlipProblem
 
@@ -181,6 +184,21 @@ def test_a_fold_at_a_first_slip_moves_with_it():
         assert own[name] == pytest.approx(other[name], rel=1e-9)
     followed = hb.follow(curve, fold.label, "limit", (0.95, 1.05))
     assert followed.status.complete and isinstance(followed.problem, SlipProblem)
+
+
+def test_a_jump_map_has_the_folds_at_first_slips():
+    jumps = hb.jump_map(hb.HarmonicBalance(chain(), 16), "limit", (0.99, 1.01), frequencies=(1.45, 2.0), seeds=2)
+    (corner,) = (one for one in jumps.folds if isinstance(one.problem, SlipProblem))
+    assert corner.status is hb.Status.REACHED_END
+    (arm,) = (arm for arm in jumps.arms if arm.Omega[0] == pytest.approx(corner.tracked["Omega"][0]))
+    curve = jumps.curves[0]
+    fold = min((p for p in curve.special if p.kind == "LP"), key=lambda p: abs(p.parameters["Omega"] - arm.Omega[0]))
+    assert fold.parameters["Omega"] == pytest.approx(arm.Omega[0], abs=1e-9)
+    near = curve.values[fold.index - 2 : fold.index + 3]
+    assert near.max() <= arm.Omega[0] + 1e-9 and arm.direction == 1  # the curve exists below the corner only
+    assert isinstance(equations_of_curve(jumps.folds[0].problem.problem, replace(corner, problem=None)), SlipProblem)
+    missing = [text for text in jumps.message.split("; ") if "is not in the map: its equations do not converge" in text]
+    assert len(missing) == 2  # the fold near Omega = 1.63 at both values
 
 
 def test_newton_and_the_bracketed_root_agree(slipping, monkeypatch):

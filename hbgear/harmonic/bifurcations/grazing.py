@@ -59,8 +59,8 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         rows[self.problem.clearance_elements[which]] = basis_values(theta, self.problem.orders)
         return g, rows
 
-    def direction(self, rows: Array, slope: Array) -> Array:
-        """Return the constant of the element that grazes; see `ThresholdProblem.direction`."""
+    def following(self, rows: Array, slope: Array) -> Array:
+        """Return the constant of the element that grazes; see `ThresholdProblem.following`."""
         out = np.zeros_like(rows)
         out[slope.any(axis=1), 0] = 1.0
         return out

@@ -21,7 +21,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
-from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
@@ -29,6 +29,9 @@ from hbgear.continuation.solvers.newton import NoConvergence
 
 SIMULTANEOUS_THRESHOLD = 1e-7
 """Distance from a threshold, relative to the motion, up to which another one is reached at the same point."""
+
+SIDE_STEP = 1e-6
+"""Change of a motion, relative to it, with which the derivatives of R beyond a threshold are evaluated."""
 
 
 class ThresholdProblem(MinimallyAugmentedProblem):
@@ -69,7 +72,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     def distances(self, X: Array, here: Mapping[str, float]) -> Array:
         """Return the distances of a motion from all thresholds."""
 
-    def direction(self, rows: Array, slope: Array) -> Array:
+    def following(self, rows: Array, slope: Array) -> Array:
         """Return the change of a motion by which it follows its threshold, rows (m, 2K - 1); by default its scale.
 
         If displacements and threshold change by the same factor, contact and slip do not change anywhere.
@@ -111,23 +114,47 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         dg = self._threshold_derivative(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        X_a = self._following(X, here, name)
+        X_a = self._change_along_thresholds(X, here, name)
         value = here[name]
         (dR,) = parameter_derivatives(
             self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
         )
         return dR - J @ X_a, dg
 
-    def _following(self, X: Array, here: dict[str, float], name: str) -> Array:
+    def _change_along_thresholds(self, X: Array, here: dict[str, float], name: str) -> Array:
         """Return the change of a motion over a parameter by which it stays at all thresholds that it has reached."""
         reached = np.flatnonzero(np.abs(self.distances(X, here)) < SIMULTANEOUS_THRESHOLD * (1.0 + norm(X)))
         every = [self.which, *(i for i in reached.tolist() if i != self.which)]
         slopes = np.array([self.threshold(X, i, here)[1] for i in every])
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
-        directions = np.array([self.direction(rows, slope) for slope in slopes])
+        directions = np.array([self.following(rows, slope) for slope in slopes])
         moves = np.array([self._threshold_derivative(X, here, name, i) for i in every])
         shares = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -moves)[0]
         return np.append(np.tensordot(shares, directions, 1), np.zeros(len(X) - rows.size))
+
+    def direction(self, U: Array, **parameters: float) -> int:
+        """Return the direction of a sweep that reaches a corner at which the curve turns back.
+
+        The curve beyond the threshold has dX/dp = -(dR/dX)^-1 dR/dp, and is on the side of the corner on which g > 0.
+
+        Parameters
+        ----------
+        U : ndarray, shape (n + 1,)
+            Unknowns (X, p) of the corner.
+        **parameters
+            Values of the other parameters.
+
+        Returns
+        -------
+        int
+            +1 if solutions exist below the corner only, -1 if above; see `FoldProblem.direction`.
+        """
+        X, own = self.solution_of(U)
+        here = {**parameters, **own}
+        rows = self.threshold(X, self.which, here)[1]
+        slope = np.append(rows, np.zeros(len(X) - rows.size))
+        now = linearise(self.problem, X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, here)
+        return 1 if float(slope @ solve_linear(now.dR_dX, now.dR_dp)) > 0 else -1
 
     def _threshold_derivative(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
         """Return the derivative of a distance in a parameter that moves the threshold."""
