@@ -137,7 +137,8 @@ def test_a_trace_survives_any_exception_at_any_call(work, error, tmp_path):
             unseen = np.flatnonzero(~np.isfinite(part.multipliers).all(axis=1))
             assert set(part.values[unseen]) <= {point.parameters["Omega"] for point in part.special}, n
         kept.append(len(part))
-    assert max(kept) > 0.9 * len(whole) and len(set(kept)) > 4
+    # most late errors occur where points are computed together, and are absorbed
+    assert max(kept) > (0.6 if error is Bug else 0.9) * len(whole) and len(set(kept)) > 4
 
 
 class Signalled(hb.HarmonicBalance):

@@ -61,7 +61,7 @@ class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
 
 def corner_at(problem: Any, parameter: str, X: Array, here: Mapping[str, float]) -> SlipProblem | None:
     """Return the equations of the slider that begins to slip at a motion, where a curve has a corner; else None."""
-    margins = np.abs(problem.slip_margins(X, **here))
+    margins = np.abs(problem.slip_margins(X, **here)) if problem.is_nonsmooth else np.empty(0)
     if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
         return None
     return SlipProblem(problem, parameter, int(np.argmin(margins)))
