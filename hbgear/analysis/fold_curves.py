@@ -8,9 +8,8 @@ import numpy as np
 
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
-from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
-from hbgear.continuation.events.fold import FoldEvent
+from hbgear.continuation.events.fold import FoldEvent, equations_of_fold
 from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
@@ -124,8 +123,7 @@ def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> Any:
     if isinstance(fold.problem, SpecialPointProblem):
         return fold.problem
     here = {**fold.parameters_at(0), "Omega": fold.tracked["Omega"][0]}
-    corner = problem.corner_equations("Omega", fold.X[0], here) if fold.X.shape[1] == problem.size else None
-    return FoldProblem(problem) if corner is None else corner
+    return equations_of_fold(problem, "Omega", problem.resized(fold.X[0]), here)
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

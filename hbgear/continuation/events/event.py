@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -301,6 +301,15 @@ class Event:
             The distance; by default 0, for events without such a requirement.
         """
         return 0.0
+
+    def corner(
+        self, problem: Any, parameter: str, X: Array, parameters: Mapping[str, float]
+    ) -> MinimallyAugmentedProblem | None:
+        """Return the equations of this event if it makes a corner of the curve at a solution; None (default) if not.
+
+        A fold at a corner has these equations, because dR/dX is regular on both sides.
+        """
+        return None
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         """Return the equations of the special point, with which it is located and followed in a second parameter.

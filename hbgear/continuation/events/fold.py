@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +20,35 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import NoConvergence
+
+
+def equations_of_fold(
+    problem: ContinuationProblem, parameter: str, X: Array, parameters: Mapping[str, float]
+) -> MinimallyAugmentedProblem:
+    """Return the equations of a fold at a solution: those of the corner at which the curve turns back, if there is one.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        Problem of the curve.
+    parameter : str
+        Parameter of the curve.
+    X : ndarray, shape (n,)
+        Unknowns at the fold.
+    parameters : mapping of str to float
+        All parameters at the fold.
+
+    Returns
+    -------
+    MinimallyAugmentedProblem
+        `FoldProblem`, or the equations of `Event.corner`.
+    """
+    if problem.is_nonsmooth:
+        each = (event.corner(problem, parameter, X, parameters) for event in problem.events(parameter))
+        corner: MinimallyAugmentedProblem | None = next((one for one in each if one is not None), None)
+        if corner is not None:
+            return corner
+    return FoldProblem(problem.original, parameter)
 
 
 class FoldEvent(Event):
@@ -87,8 +116,7 @@ class FoldEvent(Event):
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         one = as_problem(problem)
-        corner = one.corner_equations(parameter, one.from_point(point), point.parameters)
-        return FoldProblem(problem, parameter) if corner is None else corner
+        return equations_of_fold(one, parameter, one.from_point(point), point.parameters)
 
 
 class CuspEvent(FoldEvent):

@@ -272,10 +272,6 @@ class ContinuationProblem:
         """Return a problem for a special point with `own_trace` in a second parameter; None for `Event.equations`."""
         return None
 
-    def corner_equations(self, parameter: str, X: Array, parameters: Mapping[str, float]) -> Any:
-        """Return the equations of a corner of a curve in a parameter at a solution; None (default) without a corner."""
-        return None
-
     # ---- resolution
 
     def adapted(self, observed: Mapping[str, Any]) -> Any:

@@ -38,7 +38,7 @@ from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linea
 from hbgear.harmonic.autonomous.phase import phase_vector
 from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.bifurcations.grazing import GrazingEvent
-from hbgear.harmonic.bifurcations.slip import SlipEvent, SlipProblem, corner_at
+from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.structure.receptance import LinearPart
@@ -283,10 +283,6 @@ class BackboneProblem(ContinuationProblem):
         """Return grazing contacts, and first slips of friction sliders."""
         slips = (SlipEvent(),) if self.slider_names else ()
         return GrazingEvent(), *slips
-
-    def corner_equations(self, parameter: str, X: Array, parameters: Mapping[str, float]) -> SlipProblem | None:
-        """Return the equations of the first slip of a slider at which a curve has a corner; else None."""
-        return corner_at(self, parameter, X, parameters)
 
     @property
     def slider_names(self) -> tuple[str, ...]:

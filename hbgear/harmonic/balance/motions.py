@@ -24,7 +24,6 @@ from hbgear.harmonic.balance.postprocess import postprocess
 from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
-from hbgear.harmonic.bifurcations.slip import SlipProblem, corner_at
 from hbgear.harmonic.equations import motion, thresholds
 from hbgear.harmonic.equations.evaluator import Crossings
 from hbgear.harmonic.equations.layout import Layout
@@ -260,10 +259,6 @@ class PeriodicMotions(HarmonicEquations):
     def codimension_two_events(self, curve: Any) -> tuple[Event, ...]:
         """Return resonances, fold-flips and generalised period doublings along a curve of special points."""
         return events_of_codimension_two(curve)
-
-    def corner_equations(self, parameter: str, X: Array, parameters: Mapping[str, float]) -> SlipProblem | None:
-        """Return the equations of the first slip of a slider at which a curve has a corner; else None."""
-        return corner_at(self, parameter, X, parameters)
 
     def verify_stability(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],

@@ -59,14 +59,6 @@ class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
         return out
 
 
-def corner_at(problem: Any, parameter: str, X: Array, here: Mapping[str, float]) -> SlipProblem | None:
-    """Return the equations of the slider that begins to slip at a motion, where a curve has a corner; else None."""
-    margins = np.abs(problem.slip_margins(X, **here)) if problem.is_nonsmooth else np.empty(0)
-    if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
-        return None
-    return SlipProblem(problem, parameter, int(np.argmin(margins)))
-
-
 class SlipEvent(Event):
     """First slip: a friction slider begins to slip somewhere in the period, or slips no longer.
 
@@ -101,6 +93,15 @@ class SlipEvent(Event):
             if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
                 located.append(event)
         return located
+
+    def corner(
+        self, problem: Any, parameter: str, X: Array, parameters: Mapping[str, float]
+    ) -> MinimallyAugmentedProblem | None:
+        """Return the equations of a slider that begins to slip at a motion, else None; see `Event.corner`."""
+        margins = np.abs(problem.slip_margins(X, **parameters))
+        if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
+            return None
+        return SlipProblem(problem, parameter, int(np.argmin(margins)))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         names = list(problem.slider_names)
