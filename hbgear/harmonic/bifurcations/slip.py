@@ -8,18 +8,17 @@ A slider that never slips allows the displacement of its element this range. See
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent
+from hbgear.continuation.curve.segment import Segment
+from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.harmonic.bifurcations.threshold import ThresholdProblem, locate_threshold
+from hbgear.harmonic.bifurcations.threshold import ThresholdEvent, ThresholdProblem
 
 SAME_SLIP_FRACTION = 1e-6
 """Fraction of a segment up to which several sliders begin to slip at the same point."""
@@ -33,20 +32,21 @@ CORNER_MARGIN = 1e-9
 folds are located to 1e-13 of a segment."""
 
 
-class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
+class SlipProblem(ThresholdProblem):
     """First slips (SL): the range of the displacement of a slider is that in which it sticks.
 
         g = max (d - limit / k) - min (d + limit / k)
 
-    Parameters
-    ----------
-    problem : HarmonicBalance or BackboneProblem
-        The problem of the curve.
-    parameter : str, optional
-        The parameter of the curve, such as "Omega".
-    which : int, optional
-        Index into ``problem.slider_names``. The default is 0.
+    Parameters are those of `ThresholdProblem`; ``which`` is an index into ``problem.slider_names``.
     """
+
+    quantity = "slip"
+
+    @staticmethod
+    def names(problem: Any) -> tuple[str, ...]:
+        """Return the names of the sliders."""
+        out: tuple[str, ...] = problem.slider_names
+        return out
 
     def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
         """Return the margin of a slider and its derivative; see `ThresholdProblem.threshold`."""
@@ -59,37 +59,20 @@ class SlipProblem(ThresholdProblem):  # numpydoc ignore=PR02
         return out
 
 
-class SlipEvent(Event):
+class SlipEvent(ThresholdEvent):
     """First slip: a friction slider begins to slip somewhere in the period, or slips no longer.
 
     Sliders that begin to slip at the same value of the parameter are one point.
     """
 
     kind, meaning, marker = "SL", "first slip: a friction slider begins to slip", "1"
-
-    def __init__(self) -> None:
-        pass
-
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
-        """Return the margins of the sliders, positive where they slip; nan where they are unknown."""
-        known = [point.observed.get("slip") for point in points]
-        example = next((one for one in known if one is not None), np.empty(0))
-        return np.array([np.full_like(example, np.nan) if one is None else one for one in known])
+    problems = (SlipProblem,)
+    root_tolerance = SLIP_LOCATION_TOLERANCE
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate the zeros of the margins."""
-        ends = [point.observed.get("slip") for point in (segment.a, segment.b)]
-        if ends[0] is None or ends[1] is None:
-            return []
-        problem: Any = segment.problem
         located: list[LocatedEvent] = []
-        for i in np.flatnonzero(ends[0] * ends[1] < 0).tolist():
-            extended, first = SlipProblem(problem, segment.name, i), float(ends[0][i] / (ends[0][i] - ends[1][i]))
-            event = locate_threshold(
-                segment, self, extended, "slip", first, problem.slider_names[i], SLIP_LOCATION_TOLERANCE
-            )
+        for event in self.passed(segment):
             if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
                 located.append(event)
         return located
@@ -102,7 +85,3 @@ class SlipEvent(Event):
         if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
             return None
         return SlipProblem(problem, parameter, int(np.argmin(margins)))
-
-    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        names = list(problem.slider_names)
-        return SlipProblem(problem, parameter, names.index(point.note)) if point.note in names else None

@@ -10,9 +10,9 @@ taken with a motion that stays at the threshold.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm, solve_linear
-from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -50,6 +51,9 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     problem: Any  # a HarmonicBalance or BackboneProblem
     which: int
 
+    quantity: ClassVar[str]
+    """Name of the distances among the quantities observed at points."""
+
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
@@ -63,6 +67,11 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     def is_nonsmooth(self) -> bool:
         """True if the curve has corners: where a motion reaches another threshold too."""
         return bool(self.problem.is_nonsmooth)
+
+    @staticmethod
+    @abstractmethod
+    def names(problem: Any) -> tuple[str, ...]:
+        """Return the meaning of each threshold of a problem in words."""
 
     @abstractmethod
     def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
@@ -100,7 +109,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         g, rows = self.threshold(X, self.which, here)
         changes = (self._parameter_derivatives(X, here, name, now.dR_dX) for name in names)
         derivatives = tuple((dR, k * dg) for dR, dg in changes)
-        slope = np.append(rows, np.zeros(len(X) - rows.size))
+        slope = _padded(rows, len(X))
         moved = self._threshold_derivative(X, here, self.parameter, self.which)
         return AugmentedResidual(now, k * g, k * slope, k * moved, derivatives)
 
@@ -114,23 +123,26 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         dg = self._threshold_derivative(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        X_a = self._change_along_thresholds(X, here, name)
+        X_a = self._change_along_thresholds(X, here, name, dg)
         value = here[name]
         (dR,) = parameter_derivatives(
             self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
         )
         return dR - J @ X_a, dg
 
-    def _change_along_thresholds(self, X: Array, here: dict[str, float], name: str) -> Array:
-        """Return the change of a motion over a parameter by which it stays at all thresholds that it has reached."""
+    def _change_along_thresholds(self, X: Array, here: dict[str, float], name: str, dg: float) -> Array:
+        """Return the change of a motion over a parameter by which it stays at all thresholds that it has reached.
+
+        ``dg`` is the derivative of the own distance in the parameter.
+        """
         reached = np.flatnonzero(np.abs(self.distances(X, here)) < SIMULTANEOUS_THRESHOLD * (1.0 + norm(X)))
-        every = [self.which, *(i for i in reached.tolist() if i != self.which)]
-        slopes = np.array([self.threshold(X, i, here)[1] for i in every])
+        others = [i for i in reached.tolist() if i != self.which]
+        slopes = np.array([self.threshold(X, i, here)[1] for i in (self.which, *others)])
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
         directions = np.array([self.following(rows, slope) for slope in slopes])
-        moves = np.array([self._threshold_derivative(X, here, name, i) for i in every])
+        moves = np.array([dg, *(self._threshold_derivative(X, here, name, i) for i in others)])
         shares = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -moves)[0]
-        return np.append(np.tensordot(shares, directions, 1), np.zeros(len(X) - rows.size))
+        return _padded(np.tensordot(shares, directions, 1), len(X))
 
     def direction(self, U: Array, **parameters: float) -> int:
         """Return the direction of a sweep that reaches a corner at which the curve turns back.
@@ -152,7 +164,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         X, own = self.solution_of(U)
         here = {**parameters, **own}
         rows = self.threshold(X, self.which, here)[1]
-        slope = np.append(rows, np.zeros(len(X) - rows.size))
+        slope = _padded(rows, len(X))
         now = linearise(self.problem, X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, here)
         return 1 if float(slope @ solve_linear(now.dR_dX, now.dR_dp)) > 0 else -1
 
@@ -164,41 +176,59 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         return float(derivative)
 
 
-def locate_threshold(
-    segment: Segment, event: Event, extended: ThresholdProblem, quantity: str, s: float, note: str,
-    tolerance: float = 1e-13,
-) -> LocatedEvent:  # fmt: skip
-    """Locate a threshold on a segment by Newton's method on its equations, or else as a bracketed root.
+def _padded(rows: Array, size: int) -> Array:
+    """Return the rows of the elements as unknowns, with zeros for the further ones."""
+    return np.append(rows, np.zeros(size - rows.size))
 
-    Parameters
-    ----------
-    segment : Segment
-        Segment with a change of sign of the distance.
-    event : Event
-        Kind of special point.
-    extended : ThresholdProblem
-        Equations of the point.
-    quantity : str
-        Name of the distances among the quantities observed at points.
-    s : float
-        Fraction of the segment at which the iteration starts.
-    note : str
-        Remark for the user.
-    tolerance : float, optional
-        Tolerance of the bracketed root, as a fraction of the segment. The default is 1e-13.
 
-    Returns
-    -------
-    LocatedEvent
-        The special point.
-    """
+class ThresholdEvent(Event):
+    """Base class of the events at which a motion reaches a threshold."""
 
-    def test(point: CurvePoint) -> float:
-        known = point.observed.get(quantity)
-        if known is None:
-            known = extended.distances(point.X, {**segment.parameters, segment.name: point.value})
-        return float(known[extended.which])
+    problems: ClassVar[tuple[type[ThresholdProblem], ...]]
+    """Equations of each kind of threshold."""
 
-    with suppress(NoConvergence, np.linalg.LinAlgError):
-        return locate_by_newton(segment, event, extended, s, note)
-    return locate_root(segment, event, test, note, tolerance)
+    root_tolerance: ClassVar[float] = 1e-13
+    """Tolerance of a bracketed root, as a fraction of the segment; see `locate_root`."""
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        """Return the distances from the thresholds at points, nan where they are unknown."""
+        found = [monitored_values(points, kind.quantity) for kind in self.problems]
+        known = [values for values in found if values is not None]
+        return np.concatenate(known, axis=1) if known else np.zeros((len(points), 0))
+
+    def passed(self, segment: Segment) -> Iterator[LocatedEvent]:
+        """Locate the zeros of all distances on a segment."""
+        for kind in self.problems:
+            distances = monitored_values((segment.a, segment.b), kind.quantity)
+            if distances is not None:
+                before, after = distances
+                for i in np.flatnonzero(before * after < 0).tolist():
+                    equations = kind(segment.problem, segment.name, i)
+                    yield self._located(segment, equations, float(before[i] / (before[i] - after[i])))
+
+    def _located(self, segment: Segment, equations: ThresholdProblem, s: float) -> LocatedEvent:
+        """Locate a threshold by Newton's method from a fraction s of a segment, or else as a bracketed root."""
+        note = equations.names(segment.problem)[equations.which]
+
+        def test(point: CurvePoint) -> float:
+            known = point.observed.get(equations.quantity)
+            if known is None:
+                known = equations.distances(point.X, {**segment.parameters, segment.name: point.value})
+            return float(known[equations.which])
+
+        with suppress(NoConvergence, np.linalg.LinAlgError):
+            return locate_by_newton(segment, self, equations, s, note)
+        return locate_root(segment, self, test, note, self.root_tolerance)
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        first = point.note.split(", ")[0]
+        for kind in self.problems:
+            names = kind.names(problem)
+            if first in names:
+                return kind(problem, parameter, names.index(first))
+        return None

@@ -14,7 +14,6 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.mechanics.laws.slider import FrictionLimit, Slider, friction_limits
 from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.series.fourier import evaluate, waves
 
@@ -49,31 +48,28 @@ def slip_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, A
     from hbgear.harmonic.forces.slider_kernels import slider_motion
 
     rows = evaluator.spread(X).reshape(evaluator.m, -1)
-    j, slider, limit = friction_limits(evaluator.system.elements)[which]
     motion = slider_motion(evaluator.packed, rows)
     derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
     for side, theta in zip((1.0, -1.0), motion.extreme[which], strict=True):
         if np.isfinite(theta):  # otherwise nothing moves
-            _add_bound(derivative, evaluator, rows, (j, slider, limit), side, float(theta))
+            _add_bound(derivative, evaluator, rows, which, side, float(theta))
     return float(motion.span[which]), derivative
 
 
-def _add_bound(
-    derivative: Array, evaluator: Evaluator, rows: Array, slider: tuple[int, Slider, FrictionLimit], side: float,
-    theta: float,
-) -> None:  # fmt: skip
+def _add_bound(derivative: Array, evaluator: Evaluator, rows: Array, which: int, side: float, theta: float) -> None:
     """Add the derivative of side d - limit / k at a phase, the highest lower or the lowest upper bound of a slider."""
-    j, one, limit = slider
-    basis = basis_values(theta, evaluator.orders)
+    sliders, basis = evaluator.packed.sliders, basis_values(theta, evaluator.orders)
+    assert sliders is not None
+    j, n = int(sliders.element[which]), int(sliders.normal[which])
     derivative[j] += side * basis
-    if limit.normal < 0:
+    if n < 0:
         return
-    slope, slope_n = (float(evaluate(rows[i], theta, 1)[0]) for i in (j, limit.normal))
-    d_n = float(evaluate(rows[limit.normal], theta)[0])
-    gain = limit.gain[int(np.searchsorted(limit.level, d_n))] / one.k
-    derivative[limit.normal] -= gain * basis
-    if np.abs(np.array(limit.level) - d_n).min() <= LEVEL_TOLERANCE * float(np.abs(rows[limit.normal]).max()):
-        derivative[limit.normal] -= (side * slope - gain * slope_n) / slope_n * basis
+    slope, slope_n = (float(evaluate(rows[i], theta, 1)[0]) for i in (j, n))
+    d_n, level = float(evaluate(rows[n], theta)[0]), sliders.level[which]
+    gain = sliders.gain[which, int(np.searchsorted(level, d_n))] / sliders.k[which]
+    derivative[n] -= gain * basis
+    if np.abs(level - d_n).min() <= LEVEL_TOLERANCE * float(np.abs(rows[n]).max()):
+        derivative[n] -= (side * slope - gain * slope_n) / slope_n * basis
 
 
 def basis_values(theta: float, orders: np.ndarray) -> Array:
