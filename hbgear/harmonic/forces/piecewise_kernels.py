@@ -18,7 +18,13 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import kernel
-from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings
+from hbgear.harmonic.forces.switching_times import (
+    CELL_PARTS,
+    PHASE_TOLERANCE,
+    VALUE_ROUNDING,
+    crossings,
+    off_level,
+)
 from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, value_of
 from hbgear.mechanics.series.piecewise_polynomial import MIN_PHASE_BY_PARTS, rule
 
@@ -187,6 +193,7 @@ def crossings_of_moving(
             else:
                 b = end
                 after, slope_after, _ = value_on(c, 0.0, coefficients[i], at[i], end)
+            after = off_level(after, before, 0.0)
             count = _add_crossings_in_cell(
                 c, 0.0, coefficients[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
             )
@@ -278,6 +285,7 @@ def crossings_on(
         for n in range(1, cells + 1):
             b = end if n == cells else at[i] + (end - at[i]) * n / cells
             after, slope_after, _ = value_on(c, level, coefficients[i], at[i], b)
+            after = off_level(after, before, level)
             if n == cells and i + 1 == last:
                 after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(

@@ -57,18 +57,33 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
     sampling_bound = step * step * bend
+    before, first = samples[N - 1] - level, samples[0] - level
+    value_i = first = off_level(first, first, level)
     for i in range(N):
-        value_i, after = samples[i] - level, samples[i + 1 if i + 1 < N else 0] - level
-        if abs(value_i) <= sampling_bound and value_i != 0.0:
-            before = samples[i - 1 if i else N - 1] - level
+        after = off_level(samples[i + 1] - level, value_i, level) if i + 1 < N else first
+        if abs(value_i) <= sampling_bound:
             extremal = (before - value_i) * value_i >= 0.0 and (after - value_i) * value_i >= 0.0
             # an extremum exceeds its nearest sample by about one eighth of the second difference
             if extremal and abs(value_i) <= abs(before - 2 * value_i + after):
                 count = _add_crossings_at_extremum(c, level, bend, i, step, value_i, theta, sign, count)
         if (value_i > 0.0) != (after > 0.0):
             count = _add_crossings_in_cell(c, level, bend, i, step, value_i, after, theta, sign, count)
+        before, value_i = value_i, after
     _sort_by_phase(theta, sign, count)
     return count
+
+
+@inlined
+def off_level(value: float, before: float, level: float) -> float:
+    """Return x - level of a sample, moved off the level if it lies there within rounding errors.
+
+    Such a sample is moved to the side of the sample before it. A crossing at a sample is then found in one of its two
+    cells, and a second crossing in a cell that ends there is not mistaken for the first.
+    """
+    rounding = VALUE_ROUNDING * (1.0 + abs(level))
+    if abs(value) > rounding:
+        return value
+    return rounding if before > 0.0 else -rounding
 
 
 @inlined
@@ -113,7 +128,7 @@ def _add_crossings_at_extremum(
             at += min(step, max(-step, -slope / curve))
     value = value_of(c, level, at)[0]
     # a value within rounding errors of the level does not count as a crossing
-    exceeds = value * value_i < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))
+    exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))
     if not exceeds or abs(at - step * i) > step:
         return count
     at %= 2 * math.pi
