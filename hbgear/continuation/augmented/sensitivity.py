@@ -126,9 +126,19 @@ def of_crossing(
 def along(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], value: Value, dX: Array, name: str
 ) -> float:
-    """Return the derivative of a function of the point along dX (n,) per unit change of a parameter."""
+    """Return the derivative of a function of the point along dX (n,) per unit change of a parameter.
+
+    The step changes the unknowns as little as the parameter. Near a fold dX/dp is large, and a step of the usual size
+    would leave the neighbourhood of the point.
+    """
     at = here[name]
-    (moved,) = parameter_derivatives(problem, name, here, lambda there: (value(X + (there[name] - at) * dX, there),))
+    change = norm(dX) * problem.unit_of(name, at)
+    step = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
+
+    def changed(there: dict[str, float]) -> tuple[float]:
+        return (value(X + (there[name] - at) * dX, there),)
+
+    (moved,) = parameter_derivatives(problem, name, here, changed, step)
     return float(moved)
 
 

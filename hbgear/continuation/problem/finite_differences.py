@@ -46,8 +46,9 @@ def directional_step(X: Array, v: Array) -> float:
 
 
 def parameter_derivatives(
-    problem: HasUnits, name: str, here: Mapping[str, float], of: Callable[[dict[str, float]], tuple[Any, ...]]
-) -> tuple[Any, ...]:
+    problem: HasUnits, name: str, here: Mapping[str, float], of: Callable[[dict[str, float]], tuple[Any, ...]],
+    step: float = STEP,
+) -> tuple[Any, ...]:  # fmt: skip
     """Return the derivatives of several quantities in a parameter.
 
     Parameters
@@ -61,6 +62,8 @@ def parameter_derivatives(
     of : callable
         Returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
         ValueError outside the range of the parameter.
+    step : float, optional
+        Step relative to the size of the parameter; default 1e-5.
 
     Returns
     -------
@@ -79,7 +82,7 @@ def parameter_derivatives(
     (4.0,)
     """
     value = here[name]
-    h = STEP * problem.unit_of(name, value)
+    h = step * problem.unit_of(name, value)
     ends: list[tuple[float, tuple[Any, ...]]] = []
     refused: ValueError | None = None
     for there in (value + h, value - h):

@@ -66,9 +66,14 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         return g, rows
 
     def following(self, rows: Array, slope: Array) -> Array:
-        """Return the constant of the element that grazes; see `ThresholdProblem.following`."""
-        out = np.zeros_like(rows)
-        out[slope.any(axis=1), 0] = 1.0
+        """Return the constant and the scale of the element that grazes; see `ThresholdProblem.following`.
+
+        The constant follows a breakpoint at zero, and both follow two breakpoints that are reached at once.
+        """
+        out = np.zeros((2, *rows.shape))
+        own = slope.any(axis=1)
+        out[0, own, 0] = 1.0
+        out[1, own] = rows[own]
         return out
 
     def distances(self, X: Array, here: Mapping[str, float]) -> Array:

@@ -82,7 +82,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         """Return the distances of a motion from all thresholds."""
 
     def following(self, rows: Array, slope: Array) -> Array:
-        """Return the change of a motion by which it follows its threshold, rows (m, 2K - 1); by default its scale.
+        """Return changes of a motion by which it can follow its thresholds, rows (D, m, 2K - 1); by default its scale.
 
         If displacements and threshold change by the same factor, contact and slip do not change anywhere.
 
@@ -96,9 +96,9 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         Returns
         -------
         ndarray
-            The change.
+            The changes.
         """
-        return np.where(np.any(slope, axis=1, keepdims=True), rows, 0.0)
+        return np.where(np.any(slope, axis=1, keepdims=True), rows, 0.0)[None]
 
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
         return Borders(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
@@ -139,7 +139,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         others = [i for i in reached.tolist() if i != self.which]
         slopes = np.array([self.threshold(X, i, here)[1] for i in (self.which, *others)])
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
-        directions = np.array([self.following(rows, slope) for slope in slopes])
+        directions = np.concatenate([self.following(rows, slope) for slope in slopes])
         moves = np.array([dg, *(self._threshold_derivative(X, here, name, i) for i in others)])
         shares = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -moves)[0]
         return _padded(np.tensordot(shares, directions, 1), len(X))
