@@ -147,6 +147,55 @@ def test_neimark_sacker_point():
             assert found.of(quantity)[name] == pytest.approx((of(up) - of(down)) / (2 * h), rel=2e-5)
 
 
+def test_grazing_at_two_breakpoints_at_once():
+    """A force that is never tensile has a kink where contact begins. The response up to contact is linear:
+
+    F = gap |1 - Omega^2 + 2 i zeta Omega|, so that dOmega/dF = 1 / F' and dOmega/dgap = -F / (gap F')
+    """
+
+    @hb.mechanics.model
+    def stops(F: float = 0.3, gap: float = 1.0, zeta: float = 0.05) -> hb.System:
+        law = hb.mechanics.ClippedKelvinVoigt(2.0, 0.4, gap, 2)
+        return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [F]}))
+
+    curve = hb.trace(hb.HarmonicBalance(stops(), 6), "Omega", (2.0, 1.05), stability=False)
+    point = curve["GR1"]
+    w, zeta, gap = point.parameters["Omega"], 0.05, 1.0
+    size = math.hypot(1 - w**2, 2 * zeta * w)
+    slope = gap * (2 * w * (w**2 - 1) + 4 * zeta**2 * w) / size  # dF/dOmega
+    assert gap * size == pytest.approx(0.3, rel=1e-12)
+    found = hb.analysis.sensitivity(point).of("Omega")
+    assert found["F"] == pytest.approx(1 / slope, rel=1e-9)
+    assert found["gap"] == pytest.approx(-size / slope, rel=1e-9)
+    assert found["zeta"] == pytest.approx(-gap * 4 * zeta * w**2 / size / slope, rel=1e-9)
+
+
+def test_neimark_sacker_points_between_grazing_and_a_fold():
+    """Two points within 2e-4 of a grazing contact and 4e-6 of a fold, where dX/dOmega is large, of a contact with a
+    damper; against points of curves traced with other parameters."""
+
+    @hb.mechanics.model
+    def chain(F: float = 0.094, c: float = 1.0) -> hb.System:
+        M = np.diag([1.294, 0.952, 1.195])
+        C = np.array([[0.0419, -0.0108, 0.0], [-0.0108, 0.0444, -0.0186], [0.0, -0.0186, 0.0373]])
+        K = np.array([[1.599, -0.805, 0.0], [-0.805, 2.183, -1.378], [0.0, -1.378, 1.378]])
+        law = hb.mechanics.KelvinVoigt(1.842, 0.1234, 0.4117, 2)
+        return hb.System(M, c * C, K, [hb.Element([0.0, 0.0, 1.0], law)], hb.Load(cosine={1: [F, 0.0, 0.0]}))
+
+    def points(**changed):
+        curve = hb.trace(hb.HarmonicBalance(chain(**changed), 12), "Omega", (1.14, 1.125), accuracy=None)
+        return [point for point in curve.special if point.kind == "NS"]
+
+    one = points()
+    assert len(one) >= 2
+    h = 3e-4
+    for name, value in (("F", 0.094), ("c", 1.0)):
+        up, down = points(**{name: value * (1 + h)}), points(**{name: value * (1 - h)})
+        for k in (0, 1):
+            expected = (up[k].parameters["Omega"] - down[k].parameters["Omega"]) / (2 * h * value)
+            assert hb.analysis.sensitivity(one[k]).of("Omega")[name] == pytest.approx(expected, rel=2e-4), (name, k)
+
+
 def test_scatter_of_a_jump_at_a_neimark_sacker_point():
     """Each draw is the point solved for with its values."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
