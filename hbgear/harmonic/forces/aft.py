@@ -2,9 +2,10 @@
 
     d_k -> d(theta_n) -> p(d, d', tau) -> f_k,   theta_n = 2 pi n / N
 
-Laws of several displacements are integrated by Gauss points between the phases at which a derivative of the force
-jumps: known phases, or those at which the motion crosses an edge of the law, such as the wall of a round hole. There
-are no samples that enter the contact one by one, so that the Jacobian matrix is continuous.
+Laws with breakpoints, and laws of several displacements, are integrated by Gauss points between the phases at which a
+derivative of the force jumps: known phases, or those at which the motion crosses a breakpoint, or an edge of the law,
+such as the wall of a round hole. There are no samples that enter the contact one by one, so that the Jacobian matrix
+is continuous, and has derivatives.
 
 References
 ----------
@@ -39,6 +40,10 @@ ZOOM_POINTS, ZOOMS = 17, 4
 """Points of a subdivision that brackets a crossing of an edge, and number of subdivisions: a crossing is interpolated
 in 1e-5 of a sample interval."""
 
+SAMPLES_PER_HARMONIC = 8
+"""Samples of the highest harmonic of a motion in which its crossings of a level are bracketed; at least 4, see
+`switching_times`."""
+
 
 class SampledLaws:
     """Laws in Python, evaluated by AFT.
@@ -64,6 +69,7 @@ class SampledLaws:
         self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
         self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
+        self._divided = [i for i, law in enumerate(self.laws) if law.breakpoints and not self._grid[:, i].any()]
 
     def forces(self, coefficients: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Return force harmonics (s, 2H + 1) of the s laws and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
@@ -84,13 +90,35 @@ class SampledLaws:
         p, stiffness, damping = (np.array(parts) for parts in zip(*found, strict=True))
         damped = self.rated and bool(damping.any())
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
-        force, *slopes = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
+        force, *slopes = spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
+        for i in self._divided:
+            between = self._between_breakpoints(i, c[i], Omega / self.nu)
+            if between is not None:
+                spectra[:, i] = between.spectra(self.laws[i], c[i], Omega / self.nu)[: len(spectra)]
         T = [product_matrices(one) for one in slopes]
         H = coefficients.shape[1] // 2
         imposed: Array | float = 0.0
         if damped and self._grid.any():
             imposed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
         return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, imposed
+
+    def _between_breakpoints(self, i: int, c: ComplexArray, omega: float) -> _Panels | None:
+        """Return panels between the crossings of breakpoints and the phases of a law; None without crossings.
+
+        Intervals in which there is no force are left out.
+        """
+        law, turn = self.laws[i], 2 * np.pi
+        crossings = np.concatenate([roots_of(c, level) for level in law.breakpoints])
+        if not crossings.size:
+            return None
+        phases = [(phase % turn + turn * k) / self.nu for phase in law.phases for k in range(self.nu)]
+        cuts = np.unique(np.concatenate([phases, crossings % turn]))
+        ends = list(pairwise([*cuts.tolist(), cuts[0] + turn]))
+        probe = _Panels([np.array(one) for one in ends], self.nu, EDGE_GAUSS_POINTS)
+        acts = np.any(probe.forces(law, c, omega), axis=0).reshape(len(ends), -1).any(axis=1)
+        number = max(self._transform.N, EDGE_DENSITY * (len(c) - 1))
+        kept = [one for one, some in zip(ends, acts, strict=True) if some]
+        return _Panels([_divided(*one, number, EDGE_GAUSS_POINTS) for one in kept], self.nu, EDGE_GAUSS_POINTS)
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
@@ -179,6 +207,33 @@ class SampledVectorLaws:
             v = samples_of(rates, N).swapaxes(0, 1).reshape(len(elements), -1)
             p = law.force(d, v, np.tile(self._tau, len(X)))[0].reshape(len(elements), len(X), N).swapaxes(0, 1)
             f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
+
+
+def roots_of(c: ComplexArray, level: float = 0.0, samples: Array | None = None) -> Array:
+    """Return the phases in [0, 2 pi], ascending, at which a motion crosses a level.
+
+    Parameters
+    ----------
+    c : ndarray, shape (H + 1,)
+        One-sided coefficients of the motion.
+    level : float, optional
+        The level. The default is 0.
+    samples : ndarray, shape (N,), optional
+        Samples of the motion, N >= 4H. By default they are computed.
+
+    Returns
+    -------
+    ndarray
+        The phases.
+    """
+    from hbgear.harmonic.forces.switching_times import crossings
+
+    H = len(c) - 1
+    if samples is None:
+        samples = samples_of(c[None], SAMPLES_PER_HARMONIC * max(H, 4))[0]
+    theta, sign = np.empty(2 * H + 4), np.empty(2 * H + 4)
+    count = crossings(np.ascontiguousarray(c), float(level), np.ascontiguousarray(samples), theta, sign)
+    return theta[:count]
 
 
 def _has_continuous_slopes(law: VectorLaw) -> bool:
@@ -312,6 +367,17 @@ class _Panels:
         if self._waves.shape[1] != H + 1:
             self._waves = waves(self.theta, H)
         return self._waves
+
+    def spectra(self, law: Law, c: ComplexArray, omega: float) -> ComplexArray:
+        """Return two-sided coefficients 0..2H of p, dp/dd and dp/dv of a law (3, 2H + 1) of a motion c (H + 1,)."""
+        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, omega)) @ self.waves(2 * (len(c) - 1))).conj()
+        return out
+
+    def forces(self, law: Law, c: ComplexArray, omega: float) -> Array:
+        """Return p, dp/dd and dp/dv of a law (3, Q) at the points of a motion c (H + 1,)."""
+        w = self.waves(2 * (len(c) - 1))[:, : len(c)]
+        d, v = ((w @ z).real for z in (c, omega * derive(c)))
+        return np.array([np.broadcast_to(one, len(d)) for one in law.force(d, v, self.tau)])
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:
         """Add forces to R (m, n) and slopes to blocks (m, n, m, n); return the norm of the forces."""

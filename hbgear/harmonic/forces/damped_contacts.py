@@ -28,15 +28,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.forces.aft import product_matrices
+from hbgear.harmonic.forces.aft import product_matrices, roots_of
 from hbgear.mechanics.laws.damped_contact import DampedContact
 from hbgear.mechanics.laws.laws import Law
-from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, to_complex
+from hbgear.mechanics.series.fourier import derive, evaluate, to_complex
 from hbgear.mechanics.series.real_basis import after_derivative, derivative
-
-SAMPLES_PER_HARMONIC = 8
-"""Samples of the highest harmonic of a motion in which its switching times are bracketed; at least 4, see
-`switching_times`."""
 
 
 class Intervals(NamedTuple):
@@ -129,9 +125,9 @@ def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
     """
     c = contact.side * to_complex(row)
     c[0] -= contact.gap
-    found = _roots(c)
+    found = roots_of(c)
     if contact.clipped:
-        pushed = _roots(contact.k * c + contact.c * omega * derive(c))
+        pushed = roots_of(contact.k * c + contact.c * omega * derive(c))
         theta = np.concatenate([found, pushed])
         order = np.argsort(theta, kind="stable")
         theta, jumps = theta[order], (np.arange(len(theta)) < len(found))[order]
@@ -150,17 +146,6 @@ def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
 def _motion(row: Array, omega: float, theta: Array) -> tuple[Array, Array]:
     """Return displacement and velocity at phases theta."""
     return evaluate(row, theta), omega * evaluate(row, theta, 1)
-
-
-def _roots(c: ComplexArray) -> Array:
-    """Return the roots in [0, 2 pi) of a function with one-sided coefficients c, ascending."""
-    from hbgear.harmonic.forces.switching_times import crossings
-
-    H = len(c) - 1
-    samples = samples_of(c[None], SAMPLES_PER_HARMONIC * max(H, 4))[0]
-    theta, sign = np.empty(2 * H + 4), np.empty(2 * H + 4)
-    count = crossings(np.ascontiguousarray(c), 0.0, np.ascontiguousarray(samples), theta, sign)
-    return theta[:count]
 
 
 def _indicator(ends: Array, order: int) -> ComplexArray:
