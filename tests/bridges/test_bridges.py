@@ -1,6 +1,6 @@
-"""Rotors of ROSS and drive trains of openTorsion, with the packages themselves; skipped where they are not installed.
+"""Imported ROSS rotors and openTorsion drive trains against these packages; skipped if they are not installed.
 
-.ci/bridges makes an environment that has them and runs this.
+.ci/bridges creates an environment with both packages and runs these tests.
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ def test_a_node_that_is_not_there(ross):
 
 
 def silent(found):
-    """An element that does nothing, for systems that are to be linear."""
+    """Return an element without force, for linear systems."""
     return hb.Element(found.along({0: 1.0}), hb.Cubic(k3=0.0), name="none")
 
 
@@ -70,12 +70,12 @@ def test_unbalance_of_a_rotor(ross):
 
 def geared(ross):
     multi_rotor = pytest.importorskip("ross.multi_rotor")
-    inner = getattr(multi_rotor, "multi_rotor", multi_rotor)  # a package of its own in newer versions
+    inner = getattr(multi_rotor, "multi_rotor", multi_rotor)  # a subpackage in newer versions
     return inner.two_shaft_rotor_example()
 
 
 def steel_rotor(ross, teeth, diameter):
-    """A short shaft on two bearings with a gear between them."""
+    """Return a short shaft on two bearings with a gear between them."""
     shaft = [ross.ShaftElement(L=0.3, idl=0.0, odl=0.1, material=ross.materials.steel) for _ in range(2)]
     gear = ross.GearElement(n=1, m=10.0, Id=0.1, Ip=0.2, n_teeth=teeth, pitch_diameter=diameter,
                             pr_angle=ross.Q_(20.0, "deg"))  # fmt: skip
@@ -83,7 +83,7 @@ def steel_rotor(ross, teeth, diameter):
 
 
 def test_every_mesh_of_a_multi_rotor_of_multi_rotors_is_found(ross):
-    """Two springs, none of which stays in K; with both put back the natural frequencies are those of ROSS."""
+    """Both mesh springs are removed from K; with both added again K and natural frequencies agree with ROSS."""
     inner = ross.MultiRotor(steel_rotor(ross, 20, 0.1), steel_rotor(ross, 40, 0.2), coupled_nodes=(1, 1),
                             gear_mesh_stiffness=1e8)  # fmt: skip
     rotor = ross.MultiRotor(inner, steel_rotor(ross, 20, 0.1), coupled_nodes=(1, 1), gear_mesh_stiffness=2e8)
@@ -112,7 +112,7 @@ def test_natural_frequencies_of_a_geared_rotor(ross):
 
 
 def test_a_geared_rotor_with_backlash(ross):
-    """The spring between its gears gets a gap, and the rotors a torque: teeth part, the curve folds, motions close."""
+    """With backlash and a torque the teeth lose contact: two folds; motions are periodic in time integration."""
     rotor = geared(ross)
     found = hb.io.from_ross(rotor)
     w, k = found.meshes["gears"]
@@ -137,10 +137,10 @@ def test_a_geared_rotor_with_backlash(ross):
 
 
 def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
-    """Its gear pair with backlash; ROSS has none, so its Newmark gets the force of the gap beside its matrices.
+    """A gear pair with backlash, which ROSS lacks: its Newmark integrator receives the gap force with the matrices.
 
-    Damping in proportion to the masses lets the slow modes of the shafts die out within a few hundred cycles. Contact
-    is looked at once a step, 200 times a cycle.
+    Mass-proportional damping makes the slow shaft modes decay within a few hundred cycles. The contact state is
+    evaluated once per step, 200 times per cycle.
     """
     from ross.utils import newmark
 
@@ -172,7 +172,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
 
         d = newmark(at, t, len(M), tol=1e-7)[-400:] @ w
         one, last = 0.5 * np.ptp(d[:200]), 0.5 * np.ptp(d[200:])
-        assert one == pytest.approx(last, rel=1e-3)  # it has settled
+        assert one == pytest.approx(last, rel=1e-3)  # steady state
         stable = [
             half_peak_to_peak(solve(problem, place.interpolate(curve.X), {"Omega": Omega}).X)
             for place in crossings_at(curve, Omega)
@@ -186,7 +186,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
 
 
 def test_steady_response_of_a_branched_drive_train(ot):
-    """Several harmonics of a torque at once, at several speeds, against the steady state of openTorsion."""
+    """Response to three torque harmonics at several speeds, against the steady-state response of openTorsion."""
     shafts = [ot.Shaft(0, 1, k=2e5, c=30.0), ot.Shaft(1, 2, k=3e5, c=20.0), ot.Shaft(1, 3, k=1.5e5, c=25.0)]
     discs = [ot.Disk(0, I=0.5), ot.Disk(1, I=0.8, c=4.0), ot.Disk(2, I=0.3), ot.Disk(3, I=0.2, k=2e3)]
     assembly = ot.Assembly(shafts, disk_elements=discs)
@@ -238,7 +238,7 @@ def test_a_drive_train_with_elastic_gears(ot):
 
 
 def test_a_drive_train_with_rigid_and_elastic_gears(ot):
-    """Nodes keep their names; with the spring put back the natural frequencies are those of openTorsion."""
+    """Nodes keep their names; with the mesh spring added again K equals the matrix of openTorsion."""
     parent = ot.ElasticGear(1, 1.0, 1.0)
     child = ot.ElasticGear(2, 0.1, 0.5, k=1e5, c=1.0, parent=parent)
     big = ot.Gear(3, 0.1, 1.0)

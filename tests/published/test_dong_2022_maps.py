@@ -1,6 +1,6 @@
 """Studies of Dong et al. (2022): spectra, backlash and speed, jump maps, period doubling, double-sided impact.
 
-What a study reads from harmonic balance is held against time integration, closed forms or scaling laws.
+Harmonic-balance results of each study are compared with time integration, closed forms or scaling laws.
 """
 
 import importlib
@@ -26,7 +26,7 @@ def study(name):
 
 
 def drawn(module, results):
-    """The figure of a study is drawn and closed again; its axes."""
+    """Draw and close the figure of a study; return its axes."""
     from studies.study import journal
 
     with journal():
@@ -39,7 +39,7 @@ def drawn(module, results):
 
 
 def test_spectra_at_one_third():
-    """The doubled motion: half orders lead, and are of opposite phase in the two helices."""
+    """In the period-doubled motion half orders have opposite phase in the two helices."""
     module = study("fig14")
     results = module.run(quick=True)
     assert not results["symmetric"].stable and results["doubled"].stable
@@ -76,7 +76,7 @@ def test_backlash_changes_nothing_but_the_mean():
     first, last = results["paper", "gap"]
     np.testing.assert_allclose(last.orders, first.orders, atol=1e-8)
     assert last.mean - first.mean == pytest.approx(0.25, abs=1e-8)  # half of 51.27 - 50.77 um
-    # b_c = b is the gap as before and an error that many times as large: the same machine in other units
+    # b_c = b keeps the gap and multiplies the error by B / 50 um: the same machine in other units
     B = 51.27e-6
     same = hb.gears.DoubleHelicalPair(W=B / 50e-6 - 1, e_scale=B / 50e-6)
     settled = hb.time.sweep(same, [1.0], settling=SteadyStateSettings(1e-6))
@@ -88,7 +88,7 @@ def test_backlash_changes_nothing_but_the_mean():
 
 
 def test_speeds_and_backlash():
-    """Below resonance the gap follows the stiffness: without inertia d - b = T-part / k(tau), whatever the error is."""
+    """Far below resonance the motion is quasi-static, d - b = (torque term) / k(tau), independent of the error."""
     module = study("fig18")
     results = module.run(quick=True)
     slow = results["gaps"]["model", "unit"][0]
@@ -103,7 +103,7 @@ def test_speeds_and_backlash():
 
 
 def folds(**changes):
-    """Number of folds of the response between Omega = 1 and 0.75."""
+    """Return the number of folds of the response between Omega = 1 and 0.8."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(**changes), 8)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), stability=False)
     return sum(point.kind == "LP" for point in curve.special)
@@ -111,7 +111,7 @@ def folds(**changes):
 
 @pytest.mark.slow
 def test_jump_maps():
-    """Response curves on either side of the critical load; load and error scale together."""
+    """Folds exist 1.5 % below the critical load and vanish 1 % above it; scaling the error is equivalent."""
     module = study("maps")
     results = module.run(quick=True)
     load = results["boundaries"]["torque"]
@@ -125,7 +125,7 @@ def test_jump_maps():
 
 
 def floquet(pair, Omega, steps=200):
-    """Multipliers of a motion without impact: Hill's equation of the whole pair, stiffness constant in each step."""
+    """Return the multipliers of a motion without impact: Hill's equation of the pair, piecewise constant stiffness."""
     system = pair.system()
     W, c, n = system.W, np.array([e.damping for e in system.elements]), 24
     C = system.C + (W * c) @ W.T
@@ -157,13 +157,13 @@ def test_period_doubling_is_a_parametric_resonance():
 
 
 def test_double_sided_impact_begins():
-    """The grazing curve and the depth of a motion in a wide gap agree, and time integration just touches the back."""
+    """The grazing curve agrees with the depth of motions in a wide gap and with time integration to 5e-4."""
     module = study("double_sided")
     results = module.run(quick=True)
     top = module.widest(results["grazing"]["mesh period"]).parameters
     assert top["W"] == pytest.approx(-0.93934, abs=1e-4)
     deep = results["depths"]["mesh period", 0.063][0]
-    assert deep / 2 == pytest.approx(1 + top["W"], rel=3e-3)  # of the rows of a curve, not of its very top
+    assert deep / 2 == pytest.approx(1 + top["W"], rel=3e-3)  # largest depth of the points, not interpolated
     pair = hb.gears.DoubleHelicalPair(W=top["W"])
     touching = module.widest(results["grazing"]["mesh period"])
     state = state_of(hb.HarmonicBalance(pair, touching.layout.harmonics), touching.X, Omega=top["Omega"])
@@ -175,7 +175,7 @@ def test_double_sided_impact_begins():
 
 
 def test_basins_of_the_pair():
-    """Starts have the gaps asked for; those of the map end as its full form says; rest is the start d = -W."""
+    """Initial states have the specified gap values; the quick map gives the expected attractors."""
     module = study("basins")
     state = module.turned(module.LOW, np.array([-0.3]), np.array([0.2]))[0]
     first = hb.time.integrate(module.LOW, state, 1, module.FOLDED, samples=64)

@@ -31,7 +31,7 @@ def frequencies(curve, kind):
 
 
 def refined_peak(problem, near, measure):
-    """(Omega, value) where a measure of the motion is highest, by solving at fixed Omega around a row."""
+    """Return (Omega, maximum) of a measure of the motion near a point, by solving at fixed Omega."""
     Omega = near.parameters["Omega"]
     found = minimize_scalar(
         lambda w: -measure(solve(problem, near.X, {"Omega": w}).X),
@@ -66,18 +66,18 @@ def test_folds_with_eighty_harmonics(fine):
 
 
 def test_highest_displacement(fine):
-    """The largest x over the period and over all frequencies."""
+    """The maximum of x over the period and all frequencies matches the reference to 2e-8."""
     _, peak = refined_peak(fine.problem, fine.peak("max"), lambda X: float(extrema(X)[2]))
     assert peak == pytest.approx(PEAK_MAX, abs=2e-8)
 
 
 def test_jumps_of_a_slow_sweep(fine):
-    """Down: the impacting motion ends at the lower fold; up: contact holds until the upper fold, past contact loss."""
+    """Down: the impacting motion jumps at the lower fold; up: the jump is at the upper fold, above contact loss."""
     down, up = fine.jumps()
     assert (down.label, down.direction, up.label, up.direction) == ("LP1", -1, "LP2", 1)
     assert down.after.regime_name == "no_impact" and up.after.regime_name == "single_sided"
     assert down.before.amplitude("H1") == pytest.approx(FOLD_H1[0], abs=2e-8)
-    # in contact the motion is that of the linear pair
+    # in contact the pair is linear: closed-form amplitude
     r = FOLDS[0]
     linear = 0.05 * r**2 / np.hypot(1 - r**2, 0.1 * r)
     assert down.after.amplitude("H1") == pytest.approx(linear, abs=1e-8)
@@ -86,7 +86,7 @@ def test_jumps_of_a_slow_sweep(fine):
 def test_no_period_doubling_and_never_contact_on_the_back(fine):
     assert frequencies(fine, "PD").size == frequencies(fine, "NS").size == 0
     assert fine.regime.max() == 1
-    # unstable between the folds and only there; beside a fold the verdict is one of H = 80
+    # unstable only between the folds; next to a fold the computed stability depends on the truncation, H = 80
     middle = slice(fine["LP1"].index + 2, fine["LP2"].index - 1)
     assert not fine.stable[middle].any()
     assert fine.stable[: fine["LP1"].index - 1].all() and fine.stable[fine["LP2"].index + 2 :].all()
@@ -114,7 +114,7 @@ def test_strong_excitation_period_doubling(strong):
 
 
 def test_two_attractors(strong):
-    """At Omega = 0.65 the sweep up and the sweep down meet different motions; the third between them is unstable."""
+    """At Omega = 0.65 the sweeps up and down reach different stable motions; the motion between them is unstable."""
     x = strong.values - 0.65
     found = []
     for i in np.flatnonzero(x[:-1] * x[1:] < 0):

@@ -1,4 +1,4 @@
-"""Quick forms of the studies of Kahraman & Singh (1990, 1991), and what their figures say in numbers."""
+"""Studies of Kahraman & Singh (1990, 1991) in quick form, and the numerical results behind their figures."""
 
 import importlib
 from pathlib import Path
@@ -29,7 +29,7 @@ def frequencies(curve, kind):
 
 
 def test_ratios():
-    """Contact loss by the closed form; folds of the strongest case; the doubled branches end where they should."""
+    """Contact loss matches the closed form; folds match a reference; doubled branches end at period doublings."""
     module = study("kahraman_singh_1990.ratios")
     light, strong = module.run(quick=True)
     assert len(light.closed) == 2 and len(strong.closed) == 1
@@ -44,7 +44,7 @@ def test_ratios():
 
 
 def test_motions_of_three_periods():
-    """A branch found from one motion: integrated multipliers are -1 where it doubles and +1 at its fold."""
+    """A branch traced from one motion: integrated multipliers are -1 at its period doubling and +1 at its fold."""
     longer = study("kahraman_singh_1990.longer")
     pair = hb.SpurPair(e=(0.2,))
     start = longer.orbit(pair, 2.1, 0.7765, -0.2683, 3)
@@ -54,7 +54,7 @@ def test_motions_of_three_periods():
         found = branch[label].parameters["Omega"]
         assert found == pytest.approx(Omega, abs=2e-6)
         state = state_of(branch.problem, branch[label].X, Omega=found)
-        integrated = hb.time.shoot(pair, found, state, 3, tolerance=closure)  # singular at the fold: the state as it is
+        integrated = hb.time.shoot(pair, found, state, 3, tolerance=closure)  # singular at the fold: loose tolerance
         assert np.abs(integrated.multipliers - mu).min() < 5e-3
     swept = hb.time.sweep(pair, [2.1], start=start.state)
     assert swept.period[0] == 3 and longer.lies_on([branch], swept, 0)
@@ -62,7 +62,7 @@ def test_motions_of_three_periods():
 
 
 def test_the_branch_of_a_doubled_motion_is_that_of_its_ancestor():
-    """Two periods below the period doubling at 1.856903; the motion of one period is the root."""
+    """The motion has period 2 below the period doubling at 1.856903; the root branch has period 1."""
     longer = study("kahraman_singh_1990.longer")
     pair = hb.SpurPair(e=(0.2,))
     swept = hb.time.sweep(pair, [1.87, 1.85], "down", settling=SteadyStateSettings(1e-5))
@@ -78,7 +78,7 @@ def test_the_branch_of_a_doubled_motion_is_that_of_its_ancestor():
 
 @pytest.mark.parametrize(("ratio", "regime"), [(0.5, "single_sided"), (2.0, "double_sided")])
 def test_only_the_ratio_matters_until_the_backs_of_the_teeth_meet(ratio, regime):
-    """Folds at F_m = 0.1 and at F_m = 0.3."""
+    """Folds at F_m = 0.1 and 0.3 agree to 1e-9; with contact on the back the lower one differs by more than 1e-3."""
     curves = [
         hb.trace(hb.HarmonicBalance(hb.SpurPair(F_m=F, e=(ratio * F,)), 12), "Omega", (1.2, 0.3), stability=False)
         for F in (0.1, 0.3)
@@ -86,28 +86,28 @@ def test_only_the_ratio_matters_until_the_backs_of_the_teeth_meet(ratio, regime)
     assert max(curves[1].regimes, key=REGIMES.index) == regime
     light, heavy = (frequencies(curve, "LP") for curve in curves)
     lower, upper = (np.abs(heavy - fold).min() for fold in np.sort(light))
-    assert upper < 1e-9  # beside contact loss: impacts are slight
+    assert upper < 1e-9  # near contact loss, where impacts are weak
     assert lower < 1e-9 if regime == "single_sided" else lower > 1e-3
 
 
 def test_basins():
-    """Attractors and their rms from both sides, and the unstable motion on the border between them."""
+    """Basins and harmonic balance give equal rms of both attractors; the unstable motion is on the basin boundary."""
     module = study("kahraman_singh_1990.basins")
     results = module.run(quick=True)
     rms = sorted(a.rms for a in results.found.attractors)
     np.testing.assert_allclose(rms, (0.05141, 0.34055), atol=1e-5)
     np.testing.assert_allclose(results.rms[results.stable], rms, rtol=1e-5)
     assert list(results.stable) == [True, False, True]
-    # two starts beside the unstable motion go to different attractors
+    # two starts on either side of the unstable motion converge to different attractors
     d, v = results.points[1]
-    beside = hb.time.basins(module.PAIR, module.OMEGA, (d - 2e-3, d + 2e-3), (v, v + 1e-9), (2, 1))
-    assert len(beside.attractors) == 2
+    nearby = hb.time.basins(module.PAIR, module.OMEGA, (d - 2e-3, d + 2e-3), (v, v + 1e-9), (2, 1))
+    assert len(nearby.attractors) == 2
     assert "unstable | 0.224" in module.report(results)
     assert module.plot(results).axes[0].get_legend()
 
 
 def test_bifurcation():
-    """Dots of the sweep lie on the stable lines of one and two periods; between the doublings they lie on none."""
+    """Sweep points of period 1 and 2 lie on traced branches to 2e-3; between the doublings the sweep is chaotic."""
     module = study("kahraman_singh_1990.bifurcation")
     results = module.run(quick=True)
     (sweep,) = results.sweeps
@@ -121,13 +121,13 @@ def test_bifurcation():
                 assert np.abs(lines - x).min() < 2e-3
     np.testing.assert_allclose(frequencies(results.branches[2], "PD"), (1.846195, 1.40038), atol=2e-5)
     wild = sweep.values[~sweep.settled]
-    assert wild.min() > 1.538632 and wild.max() < 1.819998  # the doublings of the motion of four periods
+    assert wild.min() > 1.538632 and wild.max() < 1.819998  # period doublings of the motion of period 4
     assert (sweep.lyapunov[~sweep.settled] > 0.01).all()
     assert module.plot(results).axes[0].get_legend()
 
 
 def at(branch, heights, value):
-    """Heights of all lines of a branch where they pass a value."""
+    """Return the heights of all lines of a branch at a parameter value, by linear interpolation."""
     x = branch.values - value
     i = np.flatnonzero(x[:-1] * x[1:] <= 0)
     s = (x[i] / (x[i] - x[i + 1]))[:, None]
@@ -136,7 +136,7 @@ def at(branch, heights, value):
 
 @pytest.mark.slow
 def test_rotor_bearing():
-    """The points agree with integration; clearance moves the folds; where bearings stay loaded nothing changes."""
+    """Points agree with integration; folds match H = 64; contact is lost where the linear gap amplitude reaches F_m."""
     module = study("kahraman_singh_1991.rotor_bearing")
     results = module.run(quick=True)
     assert results.report.ok and len(results.report.rows) == 2
@@ -146,5 +146,5 @@ def test_rotor_bearing():
     model = module.MODEL.replace(b=0.0, b_1=0.0, b_2=0.0)
     linear = hb.HarmonicBalance(model, 2)
     X = linear.start(parted, **model.parameters)
-    assert np.hypot(*X[1:3]) == pytest.approx(model.F_m, abs=1e-9)  # contact is lost where the linear gap reaches F_m
+    assert np.hypot(*X[1:3]) == pytest.approx(model.F_m, abs=1e-9)
     assert len(module.plot(results).axes) == 2 and "agrees" in module.report(results)

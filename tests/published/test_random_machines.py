@@ -1,4 +1,4 @@
-"""The study of random machines in its quick form, and its measures on cases whose truth is known."""
+"""The study of random machines in quick form, and its error measures on cases with known results."""
 
 import json
 from dataclasses import replace
@@ -67,7 +67,7 @@ def test_figure_and_table_have_all_kinds(campaign, tmp_path):
 
 def test_it_goes_on_where_it_stopped(campaign, tmp_path, monkeypatch):
     first = campaign.collect({"spur": 2}, {}, 1, tmp_path)
-    monkeypatch.setattr(campaign, "work", lambda *task: pytest.fail("was known"))
+    monkeypatch.setattr(campaign, "work", lambda *task: pytest.fail("a stored result was computed again"))
     again = campaign.collect({"spur": 2}, {}, 1, tmp_path)
     assert again.ended == first.ended
     (file,) = tmp_path.iterdir()
@@ -82,7 +82,7 @@ def test_it_goes_on_where_it_stopped(campaign, tmp_path, monkeypatch):
     ids=["doublings", "folds"],
 )
 def test_true_points_are_those_of_shooting(campaign, model, span, kinds):
-    """With six harmonics they are off, and it shows; what shooting finds is where sixty harmonics have it."""
+    """With 6 harmonics the largest error exceeds 1e-6; points by shooting agree with 60 harmonics to 1e-7."""
     it = campaign.Machine("spur", 0, model, span)
     rough, middle, fine = (campaign.truth.traced(it, H, accuracy=None) for H in (6, 24, 60))
     found = campaign.truth.special_points(it, rough, middle, np.random.default_rng(0))
@@ -148,7 +148,7 @@ def test_long_traces_are_interrupted(campaign, monkeypatch):
     "kind, number, harmonics", [("bearings", 8, 10), ("bearings", 8, 12), ("helical", 47, 12), ("two", 22, 12)]
 )
 def test_the_parameter_turns_at_folds_only(on_path, kind, number, harmonics):
-    """Every other turn would be a fold that was missed, or special points in the wrong order along the curve."""
+    """A turn without a fold means a missed fold, or special points in the wrong order along the curve."""
     from studies.random.machines import machine
 
     it = machine(kind, number)
@@ -160,7 +160,7 @@ def test_the_parameter_turns_at_folds_only(on_path, kind, number, harmonics):
 
 
 def test_two_doublings_near_a_grazing_contact_are_found(on_path):
-    """Within one step, stable at both of its rows; with three times the harmonics they lie between two rows each."""
+    """Both lie within one step whose end points are stable; the reference has H = 48 and shorter steps."""
     from studies.random.machines import machine
 
     it = machine("helical", 113)
@@ -190,9 +190,9 @@ def test_two_doublings_near_a_grazing_contact_are_found(on_path):
 def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
     on_path, kind, number, harmonics, way, between, shot
 ):
-    """Two beside others that showed on the same step; one that more harmonics move by more than is wanted; two of a
-    pair that leaves as far as its step tells, but comes back on it and leaves again; one that leaves and becomes real
-    beside a doubling and a fold.
+    """Neimark-Sacker points agree with shooting within three error estimates: two on the step of other special points;
+    one that requires more harmonics; three crossings of the unit circle by one pair on a step; one of a pair that
+    becomes real near a period doubling and a fold.
     """
     from studies.random.machines import machine
 
@@ -206,7 +206,7 @@ def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
-    """Two pairs leave within 6e-5 of Omega, one of which came back a step before: whichever rows fall beside them."""
+    """Two pairs leave the unit circle within 6e-5 of Omega, one after a return a step before; starts vary by 1e-12."""
     from studies.random.machines import machine
 
     it = machine("helical", 0)
@@ -221,7 +221,7 @@ def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
 
 
 def test_jumps_do_not_depend_on_the_points_of_a_curve(on_path):
-    """A fold and a Neimark-Sacker point on one step, a stable stretch between them: upwards no row saw it once."""
+    """A fold and a Neimark-Sacker point on one step, stable between them: both directions give the same jumps."""
     from studies.random.machines import machine
 
     problem = hb.HarmonicBalance(machine("bearings", 2).model, 16)

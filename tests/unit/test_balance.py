@@ -63,13 +63,13 @@ PROBLEMS = {
     "three masses": lambda: HarmonicBalance(three_masses(), 5),
     "three masses, nu = 2": lambda: HarmonicBalance(three_masses(), 6, nu=2),
 }
-# the samples of a sampled law must keep clear of its corners while the difference is taken
+# samples of a sampled law must not cross its breakpoints within the finite difference
 STEP = {"spur pair, sampled": 1e-6}
 
 
 @pytest.fixture(params=PROBLEMS)
 def case(request, rng):
-    """A problem, a rough motion of order one, and the step differences are taken with."""
+    """Return a problem, a random motion of order one, and the step size of finite differences."""
     problem = PROBLEMS[request.param]()
     X = 0.4 * rng.standard_normal(problem.size)
     X.reshape(problem.m, -1)[:, 0] += 0.7
@@ -92,7 +92,7 @@ def test_frequency_derivative_against_differences(case, slope):
 
 
 def test_second_derivatives_against_differences(case, rng, slope):
-    """Of smooth problems, for only there they exist."""
+    """The second derivatives along X exist for smooth problems only."""
     problem, X, h = case
     v = rng.standard_normal(len(X))
     along, across = problem.curvature(X, v, "Omega", Omega=OMEGA)
@@ -104,13 +104,13 @@ def test_second_derivatives_against_differences(case, rng, slope):
 
 
 class Own(Cubic):
-    """A cubic spring whose kind hbgear does not know."""
+    """A cubic spring of a class that hbgear does not know."""
 
     rated = False
 
 
 class Rated(Own):
-    """The same, which does not say that it needs no velocity."""
+    """The same law, declared as dependent on the velocity."""
 
     rated = True
 
@@ -146,7 +146,7 @@ def test_parameter_derivative_at_the_end_of_its_range():
 
 
 def imbalance(problem, X, Omega):
-    """Left minus right side of the equations of motion (n, T) along a motion, with nothing of the balance but it."""
+    """Return the residual (n, T) of the equations of motion along a motion, computed in the time domain."""
     system, nu = problem.model.system(), problem.nu
     q = to_complex(problem.motion(X, Omega=Omega))
     omega = Omega / nu
@@ -168,7 +168,7 @@ def imbalance(problem, X, Omega):
 
 @pytest.mark.parametrize("name", ["duffing", "spur pair, sampled", "three masses", "three masses, nu = 2"])
 def test_a_solution_solves_the_equations_of_motion(name):
-    """At a zero of R nothing is left of the equations of motion in harmonics 0..H."""
+    """At a zero of R harmonics 0 to H of the residual of the equations of motion vanish."""
     problem = PROBLEMS[name]()
     problem = HarmonicBalance(problem.model, problem.H, samples=256, nu=problem.nu, sampled=True)
     Omega = OMEGA if problem.m > 1 else 1.5
@@ -177,7 +177,7 @@ def test_a_solution_solves_the_equations_of_motion(name):
 
 
 def test_mesh_forces_accelerate_the_masses():
-    """The gap carries the difference between load and inertia: q'' = F_m - mesh force."""
+    """The mesh force equals the load minus the inertia force: q'' = F_m - mesh force."""
     problem = HarmonicBalance(SpurPair(eps=(0.2,)), 8)
     X = problem.start(1.6)
     q = to_complex(problem.motion(X, Omega=1.6))
@@ -188,7 +188,7 @@ def test_mesh_forces_accelerate_the_masses():
 
 
 def test_parameters_given_are_those_of_the_model(rng):
-    """evaluate(zeta=...) is the balance of the changed model, and leaves no trace."""
+    """evaluate(zeta=...) equals the balance of the changed model and does not change the problem."""
     problem = HarmonicBalance(DoubleHelicalPair(), 4)
     X = 0.4 * rng.standard_normal(problem.size)
     before = problem.evaluate(X, Omega=OMEGA)
@@ -202,7 +202,7 @@ def test_parameters_given_are_those_of_the_model(rng):
 
 
 def test_many_parameter_sets_and_frequencies_in_turn(rng):
-    """The caches of compiled models never hand out the wrong one."""
+    """The caches return the compiled model of the given parameters in any order of calls."""
     problem = HarmonicBalance(SpurPair(), 4)
     X = rng.standard_normal(problem.size)
     visits = [(w, z) for z in np.linspace(0.01, 0.3, 12) for w in (0.7, 1.1)]
@@ -234,7 +234,7 @@ def test_arguments_are_not_changed(rng):
 
 
 def test_regime_clearance_and_switching():
-    """d = 0.4 + 1.5 cos(theta) against corners at -1 and 1: both are crossed."""
+    """d = 0.4 + 1.5 cos(theta) crosses both breakpoints, -1 and 1."""
     problem = HarmonicBalance(SpurPair(), 2)
     X = np.array([0.4, 1.5, 0, 0, 0])
     np.testing.assert_allclose(problem.clearance(X, Omega=1.0), [-0.1, 2.9, -2.1, 0.9], atol=1e-14)
@@ -261,7 +261,7 @@ def test_a_grazing_extremum_is_an_entry_of_the_clearance(rng):
 
 
 def test_truncation_estimate_predicts_the_error():
-    """The estimate at H = 10 against the difference to H = 80, at a contact-loss motion."""
+    """The estimate at H = 10 against the difference to H = 80, for a motion with contact loss."""
     coarse, fine = HarmonicBalance(SpurPair(), 10), HarmonicBalance(SpurPair(), 80)
     X = _traced(coarse)
     x = _traced(fine)
@@ -271,7 +271,7 @@ def test_truncation_estimate_predicts_the_error():
 
 
 def _traced(problem):
-    """The upper motion at Omega = 0.78, reached from above in small steps."""
+    """Return the upper motion at Omega = 0.78, continued from Omega = 1.5 in small steps."""
     from hbgear.continuation.solvers.newton import solve
 
     X = problem.start(1.5)
@@ -290,7 +290,7 @@ def test_one_harmonic_of_every_model():
 
 @pytest.mark.parametrize("count", [15, 25])
 def test_unknowns_of_another_number_of_harmonics_are_refused(count):
-    """Kernels index by the number of harmonics of the problem: others would write where nothing is theirs."""
+    """Kernels index by the number of harmonics of the problem: other arrays would be written out of bounds."""
     problem, X = HarmonicBalance(SpurPair(), 9), np.full(count, 0.7)
     at = {"Omega": 1.0}
     for ask in (
@@ -324,14 +324,14 @@ def test_higher_order_in_time_holds_the_same_motion():
     ("model", "Omega"), [(SpurPair(), 0.86), (SpurPair(eps=(0.2, 0.1)), 0.77), (Duffing(k3=2.0, F=2.0), 1.7)]
 )
 def test_start_inside_a_resonance(model, Omega):
-    """Users begin where they like: the linear response is no good guess here, but a motion exists."""
+    """The linear response is a poor initial guess inside a resonance, but a motion exists."""
     problem = HarmonicBalance(model, 8)
     X = problem.start(Omega)
     assert np.linalg.norm(problem.residual(X, Omega=Omega)) < 1e-9
 
 
 def test_a_start_that_only_another_frequency_leads_to():
-    """Strong excitation and hardly any damping far below resonance: no guess leads there, but the curve does."""
+    """Strong excitation and little damping far below resonance: all guesses fail, but continuation finds a motion."""
     pair = SpurPair(zeta=0.00822908, F_m=0.26746474, e=(0.56724623, 0.18651221, 0.07432142))
     problem = HarmonicBalance(pair, 16)
     X = problem.start(0.3)
@@ -341,7 +341,7 @@ def test_a_start_that_only_another_frequency_leads_to():
 
 
 def test_start_without_any_periodic_motion():
-    """A load that draws the tooth away for ever: an error with all there is to know."""
+    """A load that opens the gap without bound raises NoConvergence with X, residuals and parameters."""
     gap = Element([1.0], Unilateral(1.0, 0.0), damping=0.1)
     problem = HarmonicBalance(System([[1.0]], None, [[0.0]], [gap], Load([-0.1], {1: [0.1]})), 3)
     with pytest.raises(NoConvergence, match="singular") as caught:
@@ -393,7 +393,7 @@ def test_excitation_above_the_harmonics_is_warned_of():
 
 @pytest.mark.parametrize("model", [Duffing(), SpurPair(eps=(0.2,)), DoubleHelicalPair(zeta=0.05)], ids=type)
 def test_many_motions_are_observed_as_one_by_one(model):
-    """Rows of a curve with contact and without: regimes, clearances, truncation errors and multipliers."""
+    """Points with and without contact loss: equal regimes, clearances, truncation errors and multipliers."""
     problem = HarmonicBalance(model, 8)
     branch = trace(problem, "Omega", (1.1, 0.7), special=False, stability=False)
     some = slice(None, None, 5)

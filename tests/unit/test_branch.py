@@ -1,4 +1,4 @@
-"""Branch: measures against closed forms, files that give back what was written, errors that say what to do."""
+"""Branch: measures against closed forms, exact round trips of files, and error messages with advice."""
 
 import csv
 import dataclasses
@@ -25,7 +25,7 @@ NAN = float("nan")
 
 
 def make(nu=1, H=3, **changes):
-    """A branch of eight arbitrary rows of two elements, with special points, jumps and holes."""
+    """Return a branch of eight random points with two elements, special points, jumps and missing values."""
     rng = np.random.default_rng(7)
     P, n = 8, 2 * (2 * H + 1)
     layout = Layout(H, nu, ("left", "right mesh"), ((-1.0, 1.0), ()), {"Omega": "Ω", "amplitude": r"$d / b_c$"})
@@ -57,7 +57,7 @@ def make(nu=1, H=3, **changes):
 
 
 def same(one, two):
-    """Equal down to the last bit and the type of every field, nan equal to nan."""
+    """Return whether two objects are equal to the last bit and type of every field; nan equals nan."""
     if isinstance(one, np.ndarray):
         return one.dtype == two.dtype and one.shape == two.shape and one.tobytes() == two.tobytes()
     if type(one) is not type(two):
@@ -117,7 +117,7 @@ def test_pp2_and_max_agree_with_a_dense_grid():
 
 
 def test_extrema_choose_the_right_one_of_nearly_equal_peaks():
-    # three peaks that differ by less than a coarse grid can see
+    # three peaks whose difference a coarse grid does not resolve
     rng = np.random.default_rng(5)
     for _ in range(40):
         X = np.zeros(7)
@@ -303,7 +303,7 @@ def test_round_trip_is_exact(tmp_path, changes):
     loaded = load(tmp_path / "b.npz", problem=problem)
     assert loaded.problem is problem
     assert same(b, load(tmp_path / "b.npz"))
-    assert not same(b, make(**{**changes, "message": "other"}))  # the comparison can tell
+    assert not same(b, make(**{**changes, "message": "other"}))  # the comparison detects differences
 
 
 def test_round_trip_keeps_special_values(tmp_path):
@@ -337,7 +337,7 @@ def test_missing_foreign_and_damaged_files(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no file .*none\.npz"):
         load(tmp_path / "none.npz")
     with pytest.raises(FileNotFoundError, match="there is no file '111"):
-        load("1" * 400)  # longer than a file's name may be
+        load("1" * 400)  # exceeds the length limit of file names
     for content in (b"", b"Omega,rms\n1,2\n", b"\x93NUMPY", whole[: len(whole) // 2], whole[:100], whole[200:-300]):
         bad.write_bytes(content)
         with pytest.raises(ValueError, match=r"bad\.npz' cannot be read as a branch .*need an \.npz written by"):
@@ -507,7 +507,7 @@ def test_mat_of_a_bare_branch(tmp_path):
 
 
 def test_motions_without_bound_are_not_the_largest_ones() -> None:
-    """Tables of loads end at the last special point of a branch that goes to infinity."""
+    """The largest motions of an unbounded branch are searched up to its last special point."""
     from hbgear.cli.commands.assumptions import largest_motions
 
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (0.6, 1.0))  # from LP2 over LP1 to the upper part
@@ -521,7 +521,7 @@ def test_motions_without_bound_are_not_the_largest_ones() -> None:
 
 
 def test_all_motions_at_one_frequency_repeat_after_a_period(tmp_path):
-    """They solve the equations of motion: integration over a period returns to the state of each, stable or not."""
+    """Integration over one period returns to the initial state of each motion, stable or unstable, to 1e-4."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 32), "Omega", (1.3, 0.6))
     points = curve.at(0.8)
     assert [point.stable for point in points] == [True, False, True]

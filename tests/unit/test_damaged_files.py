@@ -1,4 +1,4 @@
-"""Files of branches that were damaged or made up: read as they were meant, or refused in one sentence."""
+"""Damaged or forged branch files are either read or refused with a one-line error."""
 
 import copy
 import dataclasses
@@ -32,14 +32,14 @@ JUNK = [
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Bytes of a file with special points, jumps and landings."""
+    """Return the bytes of a file with special points, jumps and landings."""
     path = tmp_path_factory.mktemp("whole") / "b.npz"
     hb.trace(hb.HarmonicBalance(hb.SpurPair(), 4), "Omega", (0.9, 0.5)).save(path)
     return path.read_bytes()
 
 
 def parts(whole):
-    """Header and the bytes of every array file."""
+    """Return the header and the bytes of every array file."""
     with zipfile.ZipFile(io.BytesIO(whole)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     header = json.loads(str(np.load(io.BytesIO(members.pop("header.npy")))))
@@ -65,7 +65,7 @@ def with_header(whole, header):
 
 
 def declaring(whole, name, text):
-    """The file with other words in the header of one array file, its data as they were."""
+    """Return the file with another header text in one array file, its data unchanged."""
     header, members = parts(whole)
     length = struct.unpack("<H", members[name][8:10])[0]
     members[name] = (
@@ -75,7 +75,7 @@ def declaring(whole, name, text):
 
 
 def places(tree, at=()):
-    """Paths to every value of a JSON tree."""
+    """Yield the paths to all values of a JSON tree."""
     pairs = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
     for key, value in pairs:
         yield (*at, key)
@@ -115,7 +115,7 @@ def edited_bytes(rng, whole):
 
 
 def edited_directory(rng, whole):
-    """Bytes of the directory at the end, where the sizes and kinds of members are declared."""
+    """Change bytes of the central directory, which declares the sizes and kinds of members."""
     start = whole.index(b"PK\x01\x02")
     data = bytearray(whole)
     for _ in range(rng.choice([1, 3])):
@@ -124,7 +124,7 @@ def edited_directory(rng, whole):
 
 
 def edited_array(rng, whole):
-    """Another array in the place of one, or another header of one."""
+    """Replace one array by another one, or change its header."""
     header, members = parts(whole)
     name = rng.choice(list(members))
     was = np.load(io.BytesIO(members[name]))
@@ -148,7 +148,7 @@ EDITS = (edited_header, edited_bytes, edited_directory, edited_array)
 
 
 def look(path):
-    """Whether the file is read; if not, it is refused in one sentence. No memory but a few times what it holds."""
+    """Return whether the file is read; if not, check the one-line error. The peak memory must stay below 40 MB."""
     tracemalloc.start()
     try:
         hb.load(path)
@@ -177,7 +177,7 @@ def test_edited_files_are_read_or_refused(whole, edit, tmp_path, capsys):
                     with pytest.raises(SystemExit) as end:
                         cli.main([command, str(path)])
                     assert end.value.code in (0, 2)
-    assert read < 55  # most were damaged
+    assert read < 55  # most edits are detected
 
 
 def test_files_and_compressed_copies_are_read(whole, tmp_path):
@@ -213,7 +213,7 @@ def test_declared_sizes_are_checked_before_anything_is_unpacked(whole, tmp_path)
     bomb = zipped({"header.npy": packed(np.array(json.dumps(header))), **members}, zipfile.ZIP_DEFLATED)
     path.write_bytes(bomb)
     refused(path, "it declares 67,")
-    at = bomb.index(b"X.npy", bomb.index(b"PK\x01\x02")) - 46  # the directory says that it is small
+    at = bomb.index(b"X.npy", bomb.index(b"PK\x01\x02")) - 46  # the directory declares a small size
     assert bomb[at : at + 4] == b"PK\x01\x02"
     path.write_bytes(bomb[: at + 24] + struct.pack("<I", 1000) + bomb[at + 28 :])
     refused(path, "cannot be read as a branch")
@@ -232,7 +232,7 @@ def test_encrypted_and_unknown_members(whole, tmp_path, flag, value):
         hb.load(tmp_path / "b.npz")
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are not available")
 def test_pipes_and_devices_are_not_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe.npz")
     for path in (tmp_path / "pipe.npz", "/dev/zero"):
@@ -269,7 +269,7 @@ def test_errors_are_named(whole, tmp_path, place, value, words):
 
 
 def test_an_infinite_residual_is_named(whole, tmp_path):
-    """It was printed: a largest residual of inf."""
+    """Such a file was read in the past, and its largest residual was printed as inf."""
     path = tmp_path / "b.npz"
     path.write_bytes(whole)
     branch = hb.load(path)
@@ -279,7 +279,7 @@ def test_an_infinite_residual_is_named(whole, tmp_path):
 
 
 def test_every_field_that_is_written_is_read():
-    # made again from the model, known by its kind, or beside the branch
+    # not stored as fields: rebuilt from the model, determined by the kind, or stored next to the branch
     stored = {Branch: {"problem", "full_motion"}, Point: {"problem"}, SpecialPoint: {"problem", "event"}}
     for kind, forms in _FORMS.items():
         assert set(forms) == {field.name for field in dataclasses.fields(kind)} - stored.get(kind, set())

@@ -1,4 +1,4 @@
-"""Every public name has a docstring with an example, and the example runs; whatever is public has a docstring."""
+"""Every public name has a docstring with an example that runs; all public objects of modules have docstrings."""
 
 import doctest
 import importlib
@@ -33,7 +33,7 @@ DRAWN = sorted(
 
 
 def example_of(name: str, thing: object) -> doctest.DocTest | None:
-    """The example in a docstring, if it has one that says so."""
+    """Return the example of a docstring if it has one in a section Examples."""
     text = inspect.getdoc(thing) or ""
     found = doctest.DocTestParser().get_doctest(text, {"__name__": "example"}, name, None, 0)
     return found if found.examples and "Examples\n--------" in text else None
@@ -107,7 +107,7 @@ MODULES = [info.name for info in pkgutil.walk_packages(hb.__path__, "hbgear.") i
 
 
 def without_docstring(module: str) -> list[str]:
-    """What is public in a module and has no docstring; methods that override have that of what they override."""
+    """Return the public objects of a module without a docstring; overriding methods inherit docstrings."""
     found = importlib.import_module(module)
     bare = [] if found.__doc__ else [module]
     for name, thing in vars(found).items():

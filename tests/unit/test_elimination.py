@@ -1,4 +1,4 @@
-"""Small dense systems by elimination, against LAPACK."""
+"""Gaussian elimination of small dense systems, against LAPACK."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ EPS = np.finfo(float).eps
 
 
 def eliminated(A, b):
-    """A^-1 b and the sign of det A."""
+    """Return A^-1 b and the sign of det A."""
     both = np.hstack([A, b])
     return both[:, len(A) :], solve_in_place(both)
 
@@ -19,7 +19,7 @@ def eliminated(A, b):
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 8, 21, 60])
 @pytest.mark.parametrize("columns", [1, 2, 5])
 def test_solution_and_sign(n, columns, rng):
-    """Within the condition's share of rounding of what scipy finds, with the sign of the determinant."""
+    """The solution agrees with scipy within rounding times the condition number; the sign equals the sign of det A."""
     signs = set()
     for _ in range(20):
         A, b = rng.standard_normal((n, n)), rng.standard_normal((n, columns))
@@ -34,7 +34,7 @@ def test_solution_and_sign(n, columns, rng):
 
 
 def test_rows_are_exchanged_for_the_largest_pivot():
-    """Without exchanges a pivot of 1e-20 loses all digits, and one of 0 ends in a division by zero."""
+    """Without row exchanges a pivot of 1e-20 loses all digits, and a pivot of 0 divides by zero."""
     for small in (1e-20, 0.0):
         for side in (1, -1):
             x, sign = eliminated(np.array([[small, 1.0], [side, 1.0]]), np.array([[1.0], [2.0]]))
@@ -52,7 +52,7 @@ def test_permutations_have_their_parity(rng):
 
 
 def test_a_singular_matrix_is_reported(rng):
-    """Sign 0 where a pivot is exactly zero or no number; `solve_signed` refuses it, and what overflows."""
+    """The sign is 0 if a pivot is zero or NaN; `solve_signed` raises LinAlgError then and on overflow."""
     column = rng.integers(-3, 4, (5, 5)).astype(float)
     column[:, 2] = 0.0
     equal = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 1.0, 4.0]])
@@ -66,7 +66,7 @@ def test_a_singular_matrix_is_reported(rng):
 
 @pytest.mark.parametrize("n", [5, 100, 101])
 def test_arguments_are_not_changed(n, rng):
-    """Small matrices by elimination, larger ones by LAPACK: the same, and neither A nor b is overwritten."""
+    """Elimination (small n) and LAPACK (larger n) solve the system without overwriting A or b."""
     A, b = rng.standard_normal((n, n)), rng.standard_normal((n, 2))
     kept = A.copy(), b.copy()
     x, sign = solve_signed(A, b)

@@ -1,4 +1,4 @@
-"""Entries of tuples by the names that they have in Python, e[0] the first, wherever a parameter is named."""
+"""Tuple entries as parameters: e[0] names the first entry in every interface that takes a parameter name."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def run(capsys, tmp_path, monkeypatch):
     def code(*words):
         with pytest.raises(SystemExit) as end:
             main(list(words))
-        told = capsys.readouterr()
-        return end.value.code, told.out, told.err
+        captured = capsys.readouterr()
+        return end.value.code, captured.out, captured.err
 
     return code
 
@@ -39,7 +39,7 @@ def test_set_changes_one_entry(run):
 
 @pytest.mark.slow
 def test_critical_value_of_an_entry_is_where_a_jump_vanishes(run):
-    """Fewer errors than the critical one leave no jump, more do."""
+    """The curve has no jump 3 % below the critical amplitude and two jumps 3 % above it."""
     found = hb.analysis.critical_parameter(PAIR, "e[0]", harmonics=3)
     for factor, jumps in ((0.97, 0), (1.03, 2)):
         problem = hb.HarmonicBalance(PAIR.replace(**{"e[0]": factor * found.value}), 3)

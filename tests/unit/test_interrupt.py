@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and errors at any moment: what is whole is kept, and it is said."""
+"""Ctrl-C, SIGTERM and errors at any moment: completed results are kept, and the message reports it."""
 
 import dataclasses
 import inspect
@@ -35,16 +35,16 @@ DUFFING = hb.Duffing()
 
 
 class Bug(Exception):
-    """An error that nothing in hbgear expects."""
+    """An error that hbgear does not handle by its type."""
 
 
 def at_call(n, work, error=KeyboardInterrupt):
-    """What work() gives if the n-th call of a function of hbgear raises; n = 0 is none. With the number of calls."""
+    """Return the result of work() and the number of hbgear calls, of which the n-th raises; none does if n = 0."""
     count = 0
 
     def profile(frame, event, arg):
         nonlocal count
-        code = frame.f_code  # Python ignores what is raised in a generator that is being closed
+        code = frame.f_code  # Python ignores errors raised in a generator while it is closed
         if event == "call" and code.co_filename.startswith(ROOT) and not code.co_flags & inspect.CO_GENERATOR:
             count += 1
             if count == n:
@@ -58,12 +58,12 @@ def at_call(n, work, error=KeyboardInterrupt):
 
 
 def moments(count, many):
-    """Calls spread over all, the first and the last three among them."""
+    """Return call numbers spread evenly over all calls, including the first and the last three."""
     return sorted({int(n) for n in np.linspace(1, count, many)} | {count - i for i in range(3)})
 
 
 def parts(work, count, many=7):
-    """What work() gives if it is interrupted at moments spread over all its calls; None where there is nothing yet."""
+    """Yield the results of work() interrupted at calls spread evenly over all; None if there is no result yet."""
     for n in moments(count, many):
         try:
             part, reached = at_call(n, work)
@@ -75,20 +75,20 @@ def parts(work, count, many=7):
 
 
 def within(part, whole):
-    """Whether each row of a branch is a row of another."""
+    """Return whether all points of a branch are points of another one."""
     rows = {(float(value), X.tobytes()) for value, X in zip(whole.values, whole.X, strict=True)}
     return all((float(value), X.tobytes()) in rows for value, X in zip(part.values, part.X, strict=True))
 
 
-class RowByRow(hb.HarmonicBalance):
-    """Followed without the compiled loop."""
+class GeneralLoop(hb.HarmonicBalance):
+    """Traced without the compiled loop."""
 
     def compiled_continuation(self, name, parameters):
         return None
 
 
 def curve():
-    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(max_step=0.1))
+    return hb.trace(GeneralLoop(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(max_step=0.1))
 
 
 def strides():
@@ -116,33 +116,33 @@ def known_fold():
 @pytest.mark.parametrize("work", [curve, strides, adaptive, folds])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, Bug])
 def test_a_trace_survives_any_exception_at_any_call(work, error, tmp_path):
-    work()  # what is kept for later calls is not computed again
+    work()  # fills the caches
     whole, count = at_call(0, work)
     kept = []
     for n in moments(count, 14):
         try:
             part, reached = at_call(n, work, error)
-        except error:  # before the first point, or while the result is put together out of what there is
+        except error:  # before the first point, or while the result is assembled
             assert not kept or (error is Bug and n > count - 20)
             continue
         assert within(part, whole), n
         part.save(tmp_path / "b.npz")
         assert len(hb.load(tmp_path / "b.npz")) == len(part)
-        if reached < n or (error is Bug and part.status.complete):  # together it failed, one by one it did not
+        if reached < n or (error is Bug and part.status.complete):  # only the batch failed
             assert len(part) == len(whole) and np.array_equal(part.multipliers, whole.multipliers)
             continue
         assert part.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.FAILED), n
         assert part.status.advice in part.message, n
-        if work is not folds and error is KeyboardInterrupt:  # special points are observed last
+        if work is not folds and error is KeyboardInterrupt:  # special points are monitored last
             unseen = np.flatnonzero(~np.isfinite(part.multipliers).all(axis=1))
             assert set(part.values[unseen]) <= {point.parameters["Omega"] for point in part.special}, n
         kept.append(len(part))
-    # most late errors occur where points are computed together, and are absorbed
+    # most late errors occur in batches of points, which are then computed one by one
     assert max(kept) > (0.6 if error is Bug else 0.9) * len(whole) and len(set(kept)) > 4
 
 
 class Signalled(hb.HarmonicBalance):
-    """Ctrl-C comes while the compiled loop runs for the third time."""
+    """Sends Ctrl-C during the third run of the compiled loop."""
 
     calls = 0
     heard = False
@@ -157,7 +157,7 @@ class Signalled(hb.HarmonicBalance):
             threading.Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
             try:
                 loop(*arguments)
-                while True:  # the signal came later than thought
+                while True:  # the signal is late
                     time.sleep(0.01)
             except KeyboardInterrupt:
                 self.heard = True
@@ -167,7 +167,7 @@ class Signalled(hb.HarmonicBalance):
 
 
 def test_ctrl_c_while_the_compiled_loop_runs():
-    """It is heard when the call returns, and what was found by the calls before it is kept, with its stability."""
+    """The trace stops when the call returns and keeps the points of earlier calls with their stability."""
     problem = Signalled(hb.SpurPair(), 60)
     few = hb.StepControl(first_step=1e-4, max_step=1e-4)
     part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
@@ -180,7 +180,7 @@ def test_ctrl_c_while_the_compiled_loop_runs():
 
 
 class Counted(hb.HarmonicBalance):
-    """Notes how many motions are observed in one call."""
+    """Records the number of motions monitored in each call."""
 
     def observe_many(self, X, *arguments, **parameters):
         self.calls = [*getattr(self, "calls", []), len(X)]
@@ -188,7 +188,7 @@ class Counted(hb.HarmonicBalance):
 
 
 def test_ctrl_c_waits_for_few_motions_of_a_large_structure():
-    """All modes of 150 coordinates take some 20 ms for each motion: no call takes more than half a second of them."""
+    """All modes of 150 coordinates take about 20 ms per motion: the batch size keeps a call below half a second."""
 
     def chain(n):
         K, end = 20 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)), np.eye(n)[-1]
@@ -225,7 +225,7 @@ def test_a_jump_map_keeps_fold_curves_that_are_whole():
 
 
 def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
-    """From wherever it was interrupted the arms are those of the whole map, and no curve is traced twice."""
+    """After any interruption the arms equal the arms of the whole map, and no curve is traced twice."""
     problem = hb.HarmonicBalance(DUFFING, 3)
     span, frequencies = (0.03, 0.05), (0.6, 1.6)
 
@@ -365,12 +365,12 @@ def test_basins_keep_the_starts_that_have_settled():
     whole, count = at_call(0, work)
     assert whole.status.complete and whole.label.min() == 0
     seen = set()
-    for part in parts(work, count, 40):  # few calls are made while motions are carried on
+    for part in parts(work, count, 40):  # few calls are made during the integration
         if part is None:
             seen.add(0)
             continue
         done = part.label >= 0
-        if done.all():  # what comes after that is too late to end anything
+        if done.all():  # too late to interrupt
             continue
         assert part.status is Status.INTERRUPTED and f"{done.sum()} of 12" in part.message
         for row, column in np.argwhere(done):
@@ -380,9 +380,9 @@ def test_basins_keep_the_starts_that_have_settled():
     assert 0 in seen and any(0 < k < 12 for k in seen)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself SIGINT there")
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send SIGINT to itself on Windows")
 def test_ctrl_c_is_heard_while_compiled_loops_run_in_threads():
-    """Half a million starts would take long; those of the batches before are kept."""
+    """Half a million starts take long; the starts of completed batches are kept."""
 
     def stop(now):
         if now.done > 0.02:
@@ -401,11 +401,11 @@ def test_ctrl_c_is_heard_while_compiled_loops_run_in_threads():
         )
 
 
-# ---- errors that are not ours
+# ---- errors in problems and callbacks
 
 
 class Odd(hb.HarmonicBalance):
-    """Cannot say anything of motions in a range of frequencies."""
+    """Raises an error when motions in a range of frequencies are monitored."""
 
     def observe_many(self, X, name, values, stability=True, **how):
         if ((values > 1.0) & (values < 1.05)).any():
@@ -494,7 +494,7 @@ def test_the_second_ctrl_c_is_heard_at_once_and_leaves_nothing_behind(tmp_path):
 
 
 def test_ctrl_c_does_not_restart_a_long_search(monkeypatch):
-    """On a curve of folds the row whose special points were being sought is left to whoever goes on from there."""
+    """A fold curve drops the segment whose search for special points is interrupted; `extend` searches it."""
     problem, searches = hb.HarmonicBalance(hb.SpurPair(), 10), []
     start = hb.trace(problem, "Omega", (1.3, 0.8), at={"zeta": 0.117}, stability=False)["LP1"]
 
@@ -512,7 +512,7 @@ def test_ctrl_c_does_not_restart_a_long_search(monkeypatch):
 
 
 class Stopped(hb.HarmonicBalance):
-    """Ctrl-C comes before the compiled loop runs for the fourth time."""
+    """Raises KeyboardInterrupt before the fourth run of the compiled loop."""
 
     calls = 0
 
@@ -529,10 +529,10 @@ class Stopped(hb.HarmonicBalance):
 
 
 def test_ctrl_c_skips_segments_with_long_searches(monkeypatch):
-    """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
+    """Each special point takes 0.4 s: of the two on pending segments the second is left to `extend`."""
     monkeypatch.setattr(
         "hbgear.continuation.tracing.stepper.MAX_MULTIPLICATIONS_PER_CALL", 64 * 22**3
-    )  # fewer rows at once, as of large machines
+    )  # fewer points per call, as for large machines
     span, steps, looked = hb.SpurPair.default_span, hb.StepControl(max_step=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
     locate, monotonic = SpecialPoints._locate, time.monotonic
@@ -560,7 +560,7 @@ def test_ctrl_c_skips_segments_with_long_searches(monkeypatch):
 
 
 def test_ctrl_c_while_pydantic_prepares_a_check_comes_after_it(monkeypatch):
-    """In the midst of that its core panics, which ends a command with a text of Rust."""
+    """An interrupt during the preparation would make its Rust core panic and end the command with a Rust message."""
     pydantic, done = pytest.importorskip("pydantic"), []
 
     class Adapter(pydantic.TypeAdapter):
@@ -583,14 +583,14 @@ def test_sigterm_is_heard_like_ctrl_c():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="requires POSIX signals between processes")
 @pytest.mark.parametrize("form", ["python -m hbgear", "hbgear"])
 @pytest.mark.parametrize("moment", ["numpy", "scipy", "typer"])
 def test_ctrl_c_while_the_command_is_imported_gives_one_sentence(tmp_path, form, moment):
-    """Ctrl-C comes while Python imports what hbgear needs first, in between and last."""
+    """Ctrl-C arrives while Python imports the first, an intermediate and the last dependency of hbgear."""
     stop = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
     (tmp_path / f"{moment}.py").write_text(stop)
-    script = tmp_path / "bin" / "hbgear"  # as pip makes it
+    script = tmp_path / "bin" / "hbgear"  # as pip creates it
     script.parent.mkdir()
     script.write_text("import sys; from hbgear.__main__ import main; sys.exit(main())")
     command = ["-m", "hbgear"] if form.startswith("python") else [str(script)]
@@ -600,10 +600,10 @@ def test_ctrl_c_while_the_command_is_imported_gives_one_sentence(tmp_path, form,
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="requires POSIX signals between processes")
 @pytest.mark.parametrize("moment", ["hbgear.common", "hbgear.common.lazy_names", "typing", "pathlib", "hbgear.cli"])
 def test_ctrl_c_gives_one_sentence_from_the_first_import_on(tmp_path, moment):
-    """Nothing is imported before Ctrl-C is seen to: it comes when a module is looked for first."""
+    """Ctrl-C is handled before any other import: it arrives at the first search for a module."""
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\nclass Stop:\n    @staticmethod\n    def find_spec(name, *rest):\n"
         f"        if name == {moment!r}:\n            raise KeyboardInterrupt\nsys.meta_path.insert(0, Stop)\n"
@@ -633,7 +633,7 @@ COMMANDS = {
 SCRIPT = "import sys; from hbgear.cli.app import main; print('ready', flush=True); main(sys.argv[1:])"
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="requires POSIX signals between processes")
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_commands_stop_at_any_moment(tmp_path, name, stop):
@@ -646,14 +646,14 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
         time.sleep(delay)
         command.send_signal(stop)
         out, err = command.communicate(timeout=60)
-        if command.returncode == -stop:  # all was done and told, and Python itself was ending
+        if command.returncode == -stop:  # all results were written, and Python was shutting down
             assert "wrote" in out or "the model has" in out
             continue
         assert command.returncode in (0, 3) and "Traceback" not in err, (delay, err)
         assert set(os.listdir(folder)) <= {"out.npz", "out.csv", "out.part.npz"}
         if command.returncode == 3:
             assert "stopped" in err or "interrupted" in out + err
-            assert "a jump exists" not in out or "the model has" in out  # all of it, or nothing
+            assert "a jump exists" not in out or "the model has" in out  # complete output or none
         if (folder / "out.npz").exists():
             curve = hb.load(folder / "out.npz")
             assert curve.status.complete or (curve.status is Status.INTERRUPTED and command.returncode == 3)

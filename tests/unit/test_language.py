@@ -1,4 +1,4 @@
-"""Words that are not used in docstrings, comments, messages and pages: terms of the field replace them."""
+"""Docstrings, comments, messages and pages use terms of the field instead of banned words."""
 
 import io
 import re
@@ -19,7 +19,7 @@ FOLDERS = ["docs/scripts", "docs/_site", "examples", "studies", *sorted(
 
 
 def prose_of(path: Path) -> str:
-    """Return the strings and comments of a module, or the text of a page: of the changelog the unreleased part."""
+    """Return the strings and comments of a module or the text of a page; of the changelog only the unreleased part."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)
@@ -29,7 +29,7 @@ def prose_of(path: Path) -> str:
 
 
 def banned_in(files: list[Path]) -> dict[str, list[str]]:
-    """Return the lines with words that are not used, by file."""
+    """Return the lines with banned words, by file."""
     lines = {str(path.relative_to(ROOT)): prose_of(path).splitlines() for path in files}
     found = {name: [line.strip() for line in some if BANNED.search(line)] for name, some in lines.items()}
     return {name: some for name, some in found.items() if some}

@@ -1,4 +1,4 @@
-"""Newton and pseudo-arclength continuation on curves known in closed form, and what they say of bad input."""
+"""Newton's method and pseudo-arclength continuation on closed-form curves, and errors for invalid input."""
 
 import gc
 from typing import ClassVar
@@ -36,7 +36,7 @@ from hbgear.gears import DoubleHelicalPair
 
 
 class Curve:
-    """One equation f(x, p) = 0 with df/dx: the least a problem can be."""
+    """One equation f(x, p) = 0 with df/dx: the minimal interface of a problem."""
 
     def __init__(self, f, slope):
         self.f, self.slope = f, slope
@@ -47,7 +47,7 @@ class Curve:
 
 
 def at(x, p):
-    """A Point to start from."""
+    """Return a start point."""
     return Point(np.atleast_1d(float(x)), {"p": float(p)}, 0.0, 0, None, np.zeros(0, dtype=np.int8), np.nan, None)
 
 
@@ -57,12 +57,12 @@ CHAIN = Curve(lambda x, p: x + 3 * np.sin(x) - p, lambda x, p: 1 + 3 * np.cos(x)
 PITCHFORK = Curve(lambda x, p: (p - 0.3) * x - x**3, lambda x, p: p - 0.3 - 3 * x * x)
 
 
-# ---- pieces of a curve
+# ---- segments
 
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0), (0.01, 1.0), (0.5, 1.0)])
 def test_a_segment_is_interpolated_for_any_length_of_its_tangents(scale):
-    """About the fold of a circle: to the fourth order, and it turns halfway, in whatever scales its rows were found."""
+    """At the fold of a circle the error is of fourth order and the fold is at the middle, for all scales."""
 
     def piece(h, before=1.0, behind=1.0):
         ends = [CurvePoint(np.array([np.sin(x), np.cos(x)]), length * np.array([np.cos(x), -np.sin(x)]), 1, 0.0, 0)
@@ -112,7 +112,7 @@ def test_a_closed_curve_is_noticed():
     np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [1, -1], atol=1e-10)
     assert [p.kind for p in curve.special] == ["LP", "LP"] and all(p.located for p in curve.special)
     np.testing.assert_allclose(curve.X[:, 0] ** 2 + curve.values**2, 1, atol=1e-9)
-    # once round, not more
+    # exactly one revolution
     turned = np.unwrap(np.arctan2(curve.values, curve.X[:, 0]))
     assert np.ptp(turned) == pytest.approx(2 * np.pi, abs=1e-6)
 
@@ -151,7 +151,7 @@ def test_a_branch_point_is_located(first):
 
 
 def test_a_branch_point_of_a_curved_trunk_is_located():
-    """u = x - sin 2p carries the pitchfork u (p - 0.3 - u^2) = 0; y = x^2."""
+    """A pitchfork u (p - 0.3 - u^2) = 0 in u = x - sin 2p; y = x^2."""
 
     class Trunk:
         def evaluate(self, X, p):
@@ -168,13 +168,13 @@ def test_a_branch_point_of_a_curved_trunk_is_located():
 
 
 def on_circle(angles):
-    """Points of the unit circle x = sin s, p = cos s with their tangents, (k, 2) each."""
+    """Return points of the unit circle x = sin s, p = cos s and their tangents, (k, 2) each."""
     sine, cosine = np.sin(angles), np.cos(angles)
     return np.column_stack([sine, cosine]), np.column_stack([cosine, -sine])
 
 
 def predicted(u, t, step, scale=(1.0, 1.0)):
-    """Unknowns a step ahead of rows u with tangents t, the newest first."""
+    """Return the prediction one step ahead of points u with tangents t, the newest first."""
     out = np.empty(u.shape[1])
     predict(u, t, len(u), np.array(scale), step, out)
     return out
@@ -182,7 +182,7 @@ def predicted(u, t, step, scale=(1.0, 1.0)):
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_prediction_from_k_points_is_of_order_2k(k):
-    """Hermite extrapolation through k rows with their tangents, at unequal distances, leaves the circle by h^2k."""
+    """Hermite extrapolation from k points and tangents at unequal distances has an error of h^2k on a circle."""
     lengths, errors = 0.12 * 1.5 ** -np.arange(4), []
     for h in lengths:
         rows, tangents = on_circle(1.0 - h * np.array([0.0, 0.8, 1.5, 2.7][:k]))
@@ -190,12 +190,12 @@ def test_prediction_from_k_points_is_of_order_2k(k):
         assert (u - rows[0]) @ tangents[0] == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
         errors.append(abs(np.hypot(*u) - 1))
     order = np.diff(np.log(errors)) / np.diff(np.log(lengths))
-    np.testing.assert_allclose(order[1 if k == 4 else -1], 2 * k, atol=0.4)  # before rounding is met
+    np.testing.assert_allclose(order[1 if k == 4 else -1], 2 * k, atol=0.4)  # before rounding dominates
 
 
 def polynomial_curve(degree, scale):
-    """u and du/dx of a curve in three unknowns, x the distance along its tangent at 0: no other powers than 2, ...,
-    degree of x."""
+    """Return a function for u and du/dx of a curve in three unknowns: x, the distance along the tangent at 0, and two
+    polynomials in x with the powers 2, ..., degree."""
     power = np.arange(2, degree + 1)
     bend = 0.3 * np.column_stack([np.cos(power), np.sin(power)])
 
@@ -207,7 +207,7 @@ def polynomial_curve(degree, scale):
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_prediction_from_k_points_is_exact_for_polynomials_of_degree_2k_minus_1(k):
-    """In scaled unknowns; rows at unequal distances, tangents of any length. Degrees above are not met."""
+    """In scaled unknowns, with unequal distances and tangent lengths; degree 2k + 1 is not reproduced."""
     scale, lengths = np.array([2.0, 0.5, 10.0]), np.array([1.3, 0.7, 1.4, 2.0])[:k]
     for degree in (2 * k - 1, 2 * k + 1):
         curve = polynomial_curve(degree, scale)
@@ -217,7 +217,7 @@ def test_prediction_from_k_points_is_exact_for_polynomials_of_degree_2k_minus_1(
 
 
 def test_prediction_across_a_corner_uses_fewer_points():
-    """Rows beyond a corner of the curve tell nothing of its course behind: the prediction stays by the tangent."""
+    """Points before a corner of the curve are not used: the prediction is the tangent alone."""
     rows, tangents = on_circle(np.array([1.0, 1.05]))
     tangents[1] = tangents[1, 1], -tangents[1, 0]
     np.testing.assert_allclose(predicted(rows, tangents, 0.05), rows[0] + 0.05 * tangents[0], rtol=1e-12)
@@ -225,7 +225,7 @@ def test_prediction_across_a_corner_uses_fewer_points():
 
 @pytest.mark.parametrize("first", [0.01, 0.013, 0.02, 0.027, 0.04])
 def test_a_small_loop_is_not_stepped_over(first):
-    """p = x - 2 x exp(-(x / w)^2): two folds within a twentieth of the span, less than the longest step."""
+    """p = x - 2 x exp(-(x / w)^2) has two folds within a twentieth of the span, closer than the longest step."""
     w = 0.025
     loop = Curve(
         lambda x, p: p - x + 2 * x * np.exp(-((x / w) ** 2)),
@@ -243,15 +243,15 @@ def test_a_small_loop_is_not_stepped_over(first):
 
 
 def test_a_prediction_is_corrected_on_its_plane():
-    """Predictions beside the circle come to lie on it and on the plane, with the direction of the curve there; the
-    same with the sign of the determinant. One too far away for Newton is told as that."""
+    """Predictions near the circle are corrected onto it within their plane, with the direction of the curve and the
+    sign of the determinant. A distant prediction raises NoConvergence."""
     for angle, length, normal in ((1.0, 1.0, (-0.8, 0.6)), (0.9, 2.0, (-0.8, 0.6)), (0.8, 1.0, (0.8, -0.6))):
         normal, u = np.array(normal) * length, 1.0001 * np.array([np.cos(angle), np.sin(angle)])
         found = correct(CIRCLE, u, normal, "p", {}, NewtonSettings())
         x, p = found.solution.X[0], found.solution.value
         assert np.hypot(x, p) == pytest.approx(1.0, abs=1e-14)
         assert normal @ ([x, p] - u) == pytest.approx(0, abs=1e-14)
-        assert [x, p] @ found.direction == pytest.approx(0.0, abs=1e-9)  # dR/dp is a difference
+        assert [x, p] @ found.direction == pytest.approx(0.0, abs=1e-9)  # dR/dp is a finite difference
         assert normal @ found.direction == pytest.approx(1.0, abs=1e-14)
         assert found.orientation == np.sign(x * normal[1] - p * normal[0])
     with pytest.raises(NoConvergence, match="the corrector stopped at a relative residual of"):
@@ -259,14 +259,14 @@ def test_a_prediction_is_corrected_on_its_plane():
 
 
 def test_points_keep_no_matrices():
-    """What a row was corrected with is not kept with it."""
+    """The evaluations of the corrector (residual, Jacobian) are not stored with the points."""
 
     def held(*_):
         counts.append(len([x for x in gc.get_objects() if isinstance(x, Evaluation) and x.R.size]))
 
     counts = []
     gc.collect()
-    gc.freeze()  # objects of before are not looked through at every row
+    gc.freeze()  # excludes earlier objects from the count at every point
     try:
         trace(CIRCLE, "p", (-2, 2), at(1, 0), progress=held)
     finally:
@@ -275,7 +275,7 @@ def test_points_keep_no_matrices():
 
 
 def test_prediction_from_more_points_saves_newton_steps():
-    """The tangent alone, and polynomials through two and four rows."""
+    """Predictions by the tangent alone and by polynomials from two and four points."""
     curves = [
         trace(
             HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=StepControl(predictor_points=k), stability=False
@@ -288,7 +288,7 @@ def test_prediction_from_more_points_saves_newton_steps():
 
 
 def test_a_step_that_always_leads_back_ends_the_curve(monkeypatch):
-    """A step over a corner has one size, whatever size is tried; where it leads back, no shorter step helps."""
+    """A step across a corner has a fixed size; if it retraces the curve, no shorter step is possible."""
     stride, before = Stepper.stride, CurveEnds.points_before_retrace
     monkeypatch.setattr(Stepper, "stride", lambda self, recent, *rest: stride(self, recent, *rest[:2], 0.02, 1))
     monkeypatch.setattr(
@@ -315,7 +315,7 @@ def test_a_point_costs_its_newton_steps_and_one_evaluation():
 
 
 class Weighed(ContinuationProblem):
-    """x^3 - x / 2 - a = 0 with a = p + p^3 / 4: two folds; it notes every value of p that it is asked for."""
+    """x^3 - x / 2 - a = 0 with a = p + p^3 / 4: two folds; records all values of p at which it is evaluated."""
 
     def __init__(self, costly):
         self.said, self.values = costly, []
@@ -330,7 +330,7 @@ class Weighed(ContinuationProblem):
 
 
 def test_a_costly_parameter_is_kept_while_a_point_is_corrected():
-    """Away from the folds each row asks for one value; everywhere it is the same curve."""
+    """An expensive parameter needs about one value per point away from folds; curve and folds are the same."""
     curves, asked = [], []
     for costly in (False, True):
         curves.append(trace(Weighed(costly), "p", (-1.0, 1.0), np.array([-1.1])))
@@ -340,7 +340,7 @@ def test_a_costly_parameter_is_kept_while_a_point_is_corrected():
         x, p = curves[-1].X[:, 0], curves[-1].values
         np.testing.assert_allclose(x**3 - x / 2, p + p**3 / 4, rtol=0, atol=1e-10)
     folds = [[point.parameters["p"] for point in curve.special] for curve in curves]
-    heights = np.sqrt(1 / 6) * np.array([1, -1]) / 3  # of x^3 - x / 2 at its turns
+    heights = np.sqrt(1 / 6) * np.array([1, -1]) / 3  # of x^3 - x / 2 at its extrema
     exact = [brentq(lambda p, a=a: p + p**3 / 4 - a, -1, 1, xtol=1e-15) for a in heights]
     for found in folds:
         np.testing.assert_allclose(sorted(found), sorted(exact), rtol=0, atol=1e-10)
@@ -407,7 +407,7 @@ def test_progress_is_reported_at_every_point():
 
 
 def test_progress_of_stability_that_takes_long(monkeypatch):
-    """Points are observed one by one, each is reported, and the curve is the same to the last bit."""
+    """Points are monitored one by one, each is reported, and the curve is identical to the last bit."""
     monkeypatch.setattr("hbgear.continuation.tracing.monitoring.MAX_SECONDS_WITHOUT_PROGRESS", 0.0)
     problem, steps, seen = HarmonicBalance(SpurPair(), 5), StepControl(max_points=10), []
     curve = trace(problem, "Omega", (0.6, 1.6), steps=steps, progress=lambda now: seen.append(now.text))
@@ -434,7 +434,7 @@ def test_a_trace_continues_from_any_point():
 
 
 def test_the_end_of_the_admissible_range_is_a_status():
-    """A model that refuses values it declares no range for: the trace stops there, with the reason."""
+    """A model raises ValueError outside an undeclared range: the trace stops there and reports the error."""
 
     class Damped(Duffing):
         ranges: ClassVar = {}
@@ -460,7 +460,7 @@ def test_the_end_of_the_admissible_range_is_a_status():
     ],
 )
 def test_the_end_of_a_range_is_reached_and_left(model, name, span, stability):
-    """Nothing can be evaluated beyond it, nor a gap be met that is closed there."""
+    """Evaluation beyond the end of the range is impossible, and the gap b is closed there."""
     curve = trace(HarmonicBalance(model, 3), name, span, at={"Omega": 0.7}, stability=stability)
     assert curve.status is Status.REACHED_END and (curve.values[0], curve.values[-1]) == span
     assert len(curve) < 120 and np.all(curve.residual < 1e-10)
@@ -472,7 +472,7 @@ def test_a_span_outside_the_range_is_refused():
 
 
 def test_a_resonance_without_damping_ends_with_a_status():
-    """x = F / (1 - Omega^2) cos tau leaves for infinity at Omega = 1, and comes back from there on the other side."""
+    """x = F / (1 - Omega^2) cos tau is unbounded at Omega = 1; the trace continues on the other side."""
     curve = trace(HarmonicBalance(Duffing(zeta=0.0, k3=0.0), 1), "Omega", (0.5, 1.5), steps=StepControl(max_points=400))
     (other,) = curve.others
     assert curve.values.max() < 1 < other.values.min() and other.values.max() == 1.5
@@ -484,7 +484,7 @@ def test_a_resonance_without_damping_ends_with_a_status():
 
 
 def test_a_load_to_the_negative_side_takes_no_more_steps_to_its_static_state(monkeypatch):
-    """Elements pushed to either side, and a law that is not linear there: Newton ends where it has converged."""
+    """Both signs of the load need the same number of Newton runs (at most 3), a nonlinear law at most 8."""
     from hbgear.harmonic.equations import static_state
 
     steps, static = [], static_state._solve_static

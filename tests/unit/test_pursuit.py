@@ -1,4 +1,4 @@
-"""The compiled loop along a curve tells what the general one tells, which goes row by row and evaluates in Python."""
+"""The compiled continuation loop agrees with the general one, which evaluates single points in Python."""
 
 import numpy as np
 import pytest
@@ -28,8 +28,8 @@ from hbgear.gears import DoubleHelicalPair
 from hbgear.mechanics import Parallel, Periodic, Series
 
 
-class RowByRow(HarmonicBalance):
-    """Followed by the general loop, its special points located by the equations in Python."""
+class GeneralLoop(HarmonicBalance):
+    """Traced by the general loop; special points are located by the equations in Python."""
 
     def compiled_continuation(self, name, parameters):
         return None
@@ -39,7 +39,7 @@ class RowByRow(HarmonicBalance):
 
 
 def hardening_gap():
-    """A cubic spring beside a gap of pulsating stiffness, on two masses of which the second is unbalanced."""
+    """Return two masses with a cubic spring and a gap of periodic stiffness in parallel; the second is unbalanced."""
     law = Parallel((Cubic(0.2, 0.1), Backlash(0.4, 1.5, Series(1.0, (0.2,), (0.0, 0.1)))))
     elements = [Element([1.0, -1.0], law, damping=0.08), Element([0.0, 1.0], Unilateral(0.7, 0.3))]
     loads = [Load([0.2, 0.0], {1: [0.3, 0.0]}), Load(cosine={1: [0.0, 0.05]}, power=2)]
@@ -47,7 +47,7 @@ def hardening_gap():
 
 
 def arc():
-    """A spur pair whose transmission error is an arc with a corner."""
+    """Return a spur pair with parabolic arcs as transmission error, which has a corner."""
     return SpurPair(e=(), error=Periodic((2.0,), ((-0.13, 0.04 * np.pi, -0.02),)))
 
 
@@ -62,10 +62,10 @@ CURVES = {
 @pytest.mark.parametrize("back", [False, True], ids=["forth", "back"])
 @pytest.mark.parametrize("name", CURVES)
 def test_the_compiled_loop_gives_the_same_curve(name, back):
-    """Ends, special points and jumps; rows solve the equations and keep their distance."""
+    """Equal ends, special points and jumps; points solve the equations and respect the maximum step size."""
     model, H, span, kinds = CURVES[name]
     span = span[::-1] if back else span
-    one, many = (trace(kind(model(), H), "Omega", span) for kind in (RowByRow, HarmonicBalance))
+    one, many = (trace(kind(model(), H), "Omega", span) for kind in (GeneralLoop, HarmonicBalance))
     assert many.problem.compiled_continuation("Omega", {}) is not None
     assert one.status is many.status and one.message == many.message and one.status.complete
     assert [p.label for p in one.special] == [p.label for p in many.special]
@@ -86,13 +86,12 @@ def test_the_compiled_loop_gives_the_same_curve(name, back):
 
 @pytest.mark.parametrize("name", CURVES)
 def test_both_loops_choose_the_same_points(name):
-    """StepControl and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same
-    to
-    rounding."""
+    """Step sizes and Newton iterations follow the same rules: the first 80 points, which include a resonance, agree
+    to 1e-7."""
     model, H, span, _ = CURVES[name]
     few = StepControl(max_points=80)
     one, many = (
-        trace(kind(model(), H), "Omega", span, steps=few, special=False) for kind in (RowByRow, HarmonicBalance)
+        trace(kind(model(), H), "Omega", span, steps=few, special=False) for kind in (GeneralLoop, HarmonicBalance)
     )
     assert one.status is many.status is Status.MAX_POINTS
     np.testing.assert_allclose(one.values, many.values, rtol=0, atol=1e-7)
@@ -102,38 +101,38 @@ def test_both_loops_choose_the_same_points(name):
 
 @pytest.mark.parametrize("name", ["duffing", "spur pair", "double-helical", "arc"])
 def test_newton_on_special_points_is_the_same_compiled(name):
-    """Folds and grazing contacts from beside them, and the two steps that tell an error, as Python's equations say."""
+    """From perturbed starts both locate folds and grazing contacts to 1e-11; Newton steps agree to 5 %."""
     model, H, span, kinds = (arc, 10, (1.5, 0.6), {"GR"}) if name == "arc" else CURVES[name]
-    one, many = (kind(model(), H) for kind in (RowByRow, HarmonicBalance))
+    one, many = (kind(model(), H) for kind in (GeneralLoop, HarmonicBalance))
     curve = trace(many, "Omega", span, stability=False, accuracy=None)
     assert kinds <= {p.kind for p in curve.special}
     for point in curve.special:
         if point.kind not in ("LP", "GR"):
             continue
         U = np.append(point.X, point.parameters["Omega"])
-        beside, here = U + 1e-4 * np.linalg.norm(U) * np.sin(np.arange(len(U))), point.parameters
+        perturbed, here = U + 1e-4 * np.linalg.norm(U) * np.sin(np.arange(len(U))), point.parameters
         python, compiled = (point.event.equations(p, "Omega", point) for p in (one, many))
         assert compiled.compiled(here) is not None and python.compiled(here) is None
         for problem in (python, compiled):
-            found = problem.located(beside, here)
+            found = problem.located(perturbed, here)
             np.testing.assert_allclose(found.X, U, rtol=0, atol=1e-11 * np.linalg.norm(U))
             assert found.residual < 1e-12
-        # the weight and the borders of g differ, whose curvature enters squared
-        steps = [problem.stepped(beside, here, 1)[1] for problem in (python, compiled)]
-        far = np.linalg.norm(beside - U)
+        # weights and borders of the test function g differ; its curvature enters squared
+        steps = [problem.stepped(perturbed, here, 1)[1] for problem in (python, compiled)]
+        far = np.linalg.norm(perturbed - U)
         np.testing.assert_allclose(steps[0], steps[1], rtol=0, atol=0.05 * far)
 
 
 @pytest.mark.parametrize("name", ["duffing", "spur pair", "double-helical", "cubic spring and gap"])
 def test_newton_at_a_given_frequency_is_the_same_compiled(name):
-    """Motions with their derivatives, from beside them; and from nowhere, with the same reason why there is none."""
+    """Equal motions and derivatives from perturbed starts, and equal NoConvergence messages from NaN."""
     model, H, span, _ = CURVES[name]
-    one, many = (kind(model(), H) for kind in (RowByRow, HarmonicBalance))
+    one, many = (kind(model(), H) for kind in (GeneralLoop, HarmonicBalance))
     here = {"Omega": 0.5 * sum(span)}
     X = many.start(**here)
-    beside = X + 1e-2 * np.linalg.norm(X) * np.sin(np.arange(len(X)))
+    perturbed = X + 1e-2 * np.linalg.norm(X) * np.sin(np.arange(len(X)))
     assert many.compiled_locator("Omega", here, HELD) is not None and one.compiled_locator("Omega", here, HELD) is None
-    python, compiled = (solve(problem, beside, here, "Omega") for problem in (one, many))
+    python, compiled = (solve(problem, perturbed, here, "Omega") for problem in (one, many))
     assert python.iterations == compiled.iterations > 0 and compiled.value == here["Omega"]
     np.testing.assert_allclose(compiled.X, python.X, rtol=0, atol=1e-9 * np.linalg.norm(X))
     for a, b in zip(compiled.evaluation, python.evaluation, strict=True):
@@ -147,7 +146,7 @@ def test_newton_at_a_given_frequency_is_the_same_compiled(name):
 
 
 def test_compiled_newton_gives_up():
-    """Where there is no fold far and wide, and of laws that must be asked."""
+    """NoConvergence far from folds; sampled laws and parameters other than Omega have no compiled locator."""
     problem = HarmonicBalance(SpurPair(), 6)
     U = np.append(problem.start(1.5), 1.5)
     with pytest.raises(NoConvergence, match="no special point"):
@@ -157,7 +156,7 @@ def test_compiled_newton_gives_up():
 
 
 def test_problems_without_a_compiled_loop():
-    """Sampled laws and other parameters than Omega are followed row by row."""
+    """Sampled laws and parameters other than Omega are traced by the general loop."""
     problem = HarmonicBalance(SpurPair(), 6)
     assert (
         problem.compiled_continuation("Omega", {"zeta": 0.06}) is not None
@@ -167,14 +166,14 @@ def test_problems_without_a_compiled_loop():
 
 
 def stride_of(problem, steps, X, step, bounds):
-    """A stride from a solution, along Omega upwards, in scales of one."""
+    """Return a stride from a solution towards larger Omega, with unit scales."""
     scale, normal = np.ones(len(X) + 1), np.append(0 * X, 1.0)
     row = point_from_solution(solve(problem, X, {"Omega": 0.5}, "Omega", NewtonSettings()), normal, scale)
     strider = Stepper(problem, "Omega", {}, bounds, steps, NewtonSettings())
     return strider.stride([row], scale, 1.0, step, 128)
 
 
-@pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])
+@pytest.mark.parametrize("kind", [GeneralLoop, HarmonicBalance])
 def test_a_stride_ends_beyond_the_span(kind):
     problem = kind(Duffing(), 3)
     found = stride_of(problem, StepControl(), problem.start(0.5), 0.01, (0.4, 0.505))
@@ -183,16 +182,16 @@ def test_a_stride_ends_beyond_the_span(kind):
 
 
 def test_a_stride_is_bounded():
-    """At most so many rows a call, fewer of large problems, so that Ctrl-C is heard."""
+    """A call computes at most 128 points, fewer for large problems, so that Ctrl-C is handled in time."""
     small, large = HarmonicBalance(Duffing(), 3), HarmonicBalance(Duffing(), 150)
     steps = StepControl(first_step=1e-4, max_step=1e-4)
     assert len(stride_of(small, steps, small.start(0.5), 1e-4, (0.4, 1.6)).points) == 128
     assert len(stride_of(large, steps, large.start(0.5), 1e-4, (0.4, 1.6)).points) < 32
 
 
-@pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])
+@pytest.mark.parametrize("kind", [GeneralLoop, HarmonicBalance])
 def test_why_the_shortest_step_failed(kind):
-    """StepControl that may not be made shorter and turn too far; Newton that may take one step only."""
+    """The message reports a turn of the tangent above its limit, or a residual after one Newton iteration."""
     problem = kind(Duffing(), 3)
     start, equal = problem.start(0.9), {"first_step": 0.04, "min_step": 0.04, "max_step": 0.04}
     for steps, settings, reason in (

@@ -1,4 +1,4 @@
-"""The least change of a design that reaches a goal, against a search over all values."""
+"""The smallest design change that reaches a goal, against searches over the parameters."""
 
 import math
 
@@ -15,19 +15,19 @@ PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
 @pytest.fixture(scope="module")
 def cusp():
-    """Damping at which the jump of the pair vanishes."""
+    """Return the damping at which the jump of the pair vanishes."""
     return hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
 
 
 @pytest.fixture(scope="module")
 def plain():
-    """Damping of the redesign without tolerances."""
+    """Return the damping of the redesign without tolerances."""
     return hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"]).values["zeta"]
 
 
 @pytest.mark.slow
 def test_a_jump_is_removed_by_the_least_change():
-    """Against the cusp in the damping at each of many factors of the error: the nearest of them to the design."""
+    """Against cusps in the damping at five factors of the error: the result is the cusp nearest to the design."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta", "e_scale"])
     assert found.reached and found.status.complete and not found.curve.jumps() and found.short == 0
     every = []
@@ -37,7 +37,7 @@ def test_a_jump_is_removed_by_the_least_change():
         every.append(np.hypot(factor - 1.0, cusp / 0.05 - 1.0))
     assert found.distance == pytest.approx(min(every), rel=2e-3) and found.distance >= min(every)
     assert found.values["zeta"] == pytest.approx(0.05 * (1 + found.changes["zeta"]))
-    # a little less of the change leaves the jump
+    # with 2 % less change the jump remains
     less = {name: found.model.parameters[name] - 0.02 * (found.values[name] - own)
             for name, own in (("zeta", 0.05), ("e_scale", 1.0))}  # fmt: skip
     curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**less), 5), "Omega", PAIR.model.default_span)
@@ -48,7 +48,7 @@ def test_a_peak_is_lowered_to_its_limit():
     own = max(point.amplitude("pp2") for point in hb.analysis.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
     found = hb.design.redesign(PAIR, hb.design.peak_below(0.9 * own), ["zeta", "e[0]", "F_m"])
     assert found.reached and found.curve.amplitude("pp2").max() == pytest.approx(0.9 * own, rel=5e-3)
-    # no other direction of the same length lowers it as much
+    # random directions of the same length do not lower the peak as much
     rng = np.random.default_rng(0)
     for _ in range(5):
         u = rng.normal(size=3)
@@ -60,7 +60,7 @@ def test_a_peak_is_lowered_to_its_limit():
 
 @pytest.mark.slow
 def test_a_reserve_for_scatter(plain):
-    """With a standard deviation of the damping, the damping at the cusp and two deviations more."""
+    """With a standard deviation of the damping the result is three deviations above the damping at the cusp."""
     safe = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
     assert safe.values["zeta"] - plain == pytest.approx(0.006, rel=1e-3)
     other = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"e_scale": 0.05})
@@ -77,7 +77,7 @@ def test_a_goal_out_of_reach(cusp):
 
 
 def test_peaks_of_motions_without_bound():
-    """A curve that grows without bound has no highest peak; a goal that is verified on one is not reached."""
+    """An unbounded curve has no highest peak: `redesign` raises ValueError, and the shortfall is infinite."""
     model = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
     with pytest.raises(ValueError, match=r"grow without bound towards Omega = 1\.048.* more damping"):
         hb.design.redesign(model, hb.design.peak_below(0.5), ["zeta"], harmonics=8, span=(1.5, 0.3))
@@ -88,7 +88,7 @@ def test_peaks_of_motions_without_bound():
 
 @pytest.mark.slow
 def test_a_parameter_that_removes_no_jump():
-    """eps_scale is a factor of amplitudes, and this pair has none."""
+    """eps_scale multiplies stiffness amplitudes, of which this pair has none."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["eps_scale"])
     assert not found.reached and math.isnan(found.short) and found.values == {"eps_scale": 1.0}
     assert found.message.startswith("jumps remain, and no value of eps_scale was found at which one vanishes")
@@ -96,7 +96,7 @@ def test_a_parameter_that_removes_no_jump():
 
 @pytest.mark.slow
 def test_a_cusp_farther_away(cusp):
-    """A margin moves the damping that far beyond its cusp; the distance may be in a parameter that does not change."""
+    """A margin adds its distance to the damping at the cusp; it may be measured in a parameter that stays fixed."""
     found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2), ["zeta"])
     assert found.reached and found.values["zeta"] == pytest.approx(cusp + 0.2 * 0.05, rel=1e-4)
     found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2, "zeta"), ["e_scale"])
@@ -116,8 +116,8 @@ def test_a_cusp_farther_away(cusp):
 
 @pytest.mark.parametrize(("name", "side"), [("zeta", 1.0), ("F", -1.0)])
 def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
-    """The jump is below the cusp of the damping and above that of the force; a design 10 % beyond either of them has a
-    margin of a tenth, and none of 15 %."""
+    """The jump exists below the cusp of the damping and above the cusp of the force; a design 10 % beyond either cusp
+    satisfies margins of 5 % and 9 % and misses margins of 11 % and 15 %."""
     span, short = (1.6, 0.8), 0.04
     cusp = hb.analysis.critical_parameter(hb.HarmonicBalance(hb.Duffing(), 1), name, frequencies=span)
     assert cusp.jump_below is (side > 0)
@@ -134,7 +134,7 @@ def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
 
 @pytest.mark.slow
 def test_a_goal_for_every_machine_of_a_sample(plain):
-    """Deviations of the damping alone: the worst of them, or that of the share, is at the cusp."""
+    """With deviations of the damping alone the worst machine, or the worst of the required share, is at the cusp."""
     drawn = hb.design.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
     off = np.sort([row["zeta"] for row in drawn.rows()])
     every = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], tolerances=drawn)
@@ -146,7 +146,7 @@ def test_a_goal_for_every_machine_of_a_sample(plain):
 
 
 def test_a_peak_below_its_limit_for_a_sample():
-    """Two parameters change, a third scatters too: of the curves traced for each, the worst is at the limit."""
+    """Two parameters change and a third one scatters: the highest peak of all traced machines equals the limit."""
     own = max(point.amplitude("pp2") for point in hb.analysis.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
     drawn = hb.design.latin_hypercube(6, 1, zeta=("normal", 0.0, 0.002), F_m=("uniform", -0.01, 0.01))
     found = hb.design.redesign(PAIR, hb.design.peak_below(0.9 * own), ["zeta", "e[0]"], tolerances=drawn)
@@ -157,7 +157,7 @@ def test_a_peak_below_its_limit_for_a_sample():
         curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**values), 5), "Omega", (1.5, 0.3), stability=False)
         tops.append(max(point.amplitude("pp2") for point in hb.analysis.peaks(curve, "pp2")))
     assert max(tops) == pytest.approx(0.9 * own, rel=2e-3) and max(tops) <= 0.9 * own
-    # what is asked of the whole sample within tight bounds cannot be reached, and is told so
+    # within tight bounds the goal cannot be reached for 90 % of the sample, and the result reports it
     tight = {"zeta": (0.0499, 0.0501), "e[0]": (0.0499, 0.0501)}
     short = hb.design.redesign(
         PAIR, hb.design.peak_below(0.995 * own), ["zeta", "e[0]"], tight, tolerances=drawn, share=0.9
@@ -170,7 +170,7 @@ def test_a_peak_below_its_limit_for_a_sample():
 
 
 def test_the_nearest_point_of_several_half_planes():
-    """Against a search on a grid; where they have nothing in common within the bounds, the end of the worst."""
+    """Against a grid search; if no point within the bounds lies in all of them, the result is on a bound."""
     rng = np.random.default_rng(5)
     low, high = np.array([-0.5, -0.4]), np.array([0.6, 0.5])
     grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.6, 441), np.linspace(-0.4, 0.5, 361), indexing="ij"), -1)
@@ -213,7 +213,7 @@ def test_invalid_redesigns_are_refused():
 
 
 def run(*words):
-    """Exit code of a command."""
+    """Return the exit code of a command."""
     with pytest.raises(SystemExit) as end:
         app.main(list(words))
     return end.value.code

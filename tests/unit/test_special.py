@@ -1,4 +1,4 @@
-"""Special points found on the way: what is stored of them, how they are located, where they are not to be found."""
+"""Special points of traced curves: stored values, location, and curves without special points."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def frequency(point):
 
 
 def pair_of_oscillators(coupling=0.1):
-    """Two equal Duffing oscillators on a weak spring, driven alike."""
+    """Return two equal Duffing oscillators with a weak coupling spring and equal loads."""
     K = np.eye(2) + coupling * np.array([[1.0, -1.0], [-1.0, 1.0]])
     elements = [Element([1.0, 0.0], Cubic(1.0)), Element([0.0, 1.0], Cubic(1.0))]
     return System(np.eye(2), 0.1 * np.eye(2), K, elements, Load(cosine={1: [1.0, 1.0]}))
@@ -41,7 +41,7 @@ def pair_of_oscillators(coupling=0.1):
 
 @pytest.fixture(scope="module")
 def strong():
-    """Period doublings, folds and a second contact: PD1 PD2 LP1 LP2 GR1."""
+    """Return a curve with period doublings, folds and a grazing contact: PD1 PD2 LP1 LP2 GR1."""
     return trace(HarmonicBalance(STRONG, 12), "Omega", (2.2, 0.5))
 
 
@@ -50,7 +50,7 @@ def pair():
     return trace(HarmonicBalance(pair_of_oscillators(), 9), "Omega", (0.5, 4.0))
 
 
-# ---- what is stored
+# ---- stored values
 
 
 def test_labels_are_numbered_in_the_order_of_the_curve(strong):
@@ -79,7 +79,7 @@ def test_a_label_that_does_not_exist_lists_those_that_do(strong):
 
 @pytest.mark.parametrize("label", ["PD1", "PD2", "LP1", "LP2", "GR1"])
 def test_any_label_is_a_start(strong, label):
-    """In the frequency and in the damping, of a curve that begins with that very motion."""
+    """A trace in the frequency or the damping starts with the motion of the special point, to 1e-9."""
     for name, span in (("Omega", (0.45, 2.3)), ("zeta", (0.05, 0.02)), ("zeta", (0.05, 0.06))):
         branch = trace(strong.problem, name, span, strong[label], stability=False, steps=StepControl(max_points=8))
         np.testing.assert_allclose(branch.X[0], strong[label].X, rtol=0, atol=1e-9)
@@ -102,7 +102,7 @@ def test_without_multipliers_neither_pd_nor_ns(strong):
 
 
 def test_folds_are_located_to_rounding(strong):
-    """At each, dR/dX is singular, and the curve turns: no motion of its kind beyond it."""
+    """At each fold dR/dX is singular and the curve turns in Omega."""
     for label in ("LP1", "LP2"):
         point = strong[label]
         values = np.linalg.svd(strong.problem.evaluate(point.X, **point.parameters)[1])[1]
@@ -112,7 +112,7 @@ def test_folds_are_located_to_rounding(strong):
 
 
 def test_the_same_points_for_all_steps(strong):
-    """From the other end of the span, so with other rows and brackets."""
+    """A trace from the other end of the span, with other points and brackets, agrees to 1e-8."""
     back = trace(strong.problem, "Omega", (0.5, 2.2))
     assert [p.kind for p in back.special] == [p.kind for p in strong.special][::-1]
     found, expected = ([frequency(p) for p in branch.special] for branch in (back, strong))
@@ -120,7 +120,7 @@ def test_the_same_points_for_all_steps(strong):
 
 
 def test_folds_of_sampled_forces_by_bracket():
-    """No Newton on second derivatives that vanish: the root of the tangent, as good as the samples."""
+    """Sampled forces have no second derivatives: folds are bracketed roots of the tangent, accurate to 1e-5."""
     settings = {"sampled": True, "samples": 4096}
     problem = HarmonicBalance(SpurPair(), 10, **settings)
     assert not problem.smooth
@@ -143,7 +143,7 @@ def test_no_folds_on_a_curve_without():
 
 
 def test_period_doublings_of_a_smooth_law():
-    """An oscillator on an oscillating spring; where the motion is exact the multiplier is -1 to all digits."""
+    """An oscillator with periodic stiffness, whose motion is exact, has a multiplier of -1 to 1e-7."""
     model = SpurPair(F_m=0.1, eps=(0.3,), e=())
     curve = trace(HarmonicBalance(model, 16), "Omega", (2.3, 1.8))
     assert [p.label for p in curve.special] == ["PD1", "PD2"]
@@ -155,7 +155,7 @@ def test_period_doublings_of_a_smooth_law():
 
 
 def test_period_doublings_of_sampled_forces():
-    """A bracketed root of det(Phi + 1): the multiplier of the traced motion is -1."""
+    """A bracketed root of det(Phi + 1): a multiplier of the traced motion is -1 to 1e-5."""
     curve = trace(HarmonicBalance(STRONG, 8, sampled=True, samples=512), "Omega", (2.2, 1.8))
     assert [p.label for p in curve.special] == ["PD1"]
     assert curve["PD1"].located
@@ -166,11 +166,11 @@ def test_period_doublings_of_sampled_forces():
 
 
 def test_branch_point_where_two_equal_halves_part(pair):
-    """Disturbances of the difference obey y'' + 0.1 y' + (1 + 2 c + 3 x^2) y = 0: at BP that equation has mu = +1."""
+    """Perturbations of the difference obey y'' + 0.1 y' + (1 + 2 c + 3 x^2) y = 0, with mu = +1 at BP."""
     points = [p for p in pair.special if p.kind == "BP"]
     assert len(points) == 2 and all(p.located for p in points)
     for point in points:
-        # the difference is what is singular there: a residual of 1e-12 leaves it open to some 1e-8
+        # the difference is singular there: a residual of 1e-12 determines it to about 1e-8
         np.testing.assert_allclose(point.coefficients(0), point.coefficients(1), rtol=0, atol=1e-7)
         n = pair.X.shape[1] // 2
         J = pair.problem.evaluate(point.X, **point.parameters)[1]
@@ -181,7 +181,7 @@ def test_branch_point_where_two_equal_halves_part(pair):
 
 
 def test_symmetry_breaking_of_a_single_oscillator():
-    """Only odd harmonics up to BP; there the even ones, which decouple, become singular."""
+    """Motions have odd harmonics only; the decoupled block of even harmonics is singular at BP."""
     problem = HarmonicBalance(Duffing(zeta=0.1, k3=1.0, F=10.0), 15)
     curve = trace(problem, "Omega", (1.5, 1.8), stability=False)
     assert [p.label for p in curve.special] == ["BP1"]
@@ -197,7 +197,7 @@ def test_symmetry_breaking_of_a_single_oscillator():
 
 
 def test_grazing_names_the_element():
-    """Strong excitation: teeth part, and also meet on their backs."""
+    """Strong excitation with contact loss and contact on the back: extrema at GR equal the breakpoints to 1e-7."""
     curve = trace(HarmonicBalance(SpurPair(F_m=0.1, e=(0.5,)), 8), "Omega", (1.5, 0.3), stability=False)
     grazing = [p for p in curve.special if p.kind == "GR"]
     assert {p.note for p in grazing} >= {"lowest of gap at 1", "lowest of gap at -1"}
@@ -216,7 +216,7 @@ def test_elements_that_graze_together_are_one_point():
     curve = trace(HarmonicBalance(system, 8), "Omega", (0.5, 0.9), stability=False)
     assert [p.kind for p in curve.special] == ["GR"]
     assert curve["GR1"].note == "highest of left at 1, highest of right at 1"
-    # without contact both are one oscillator: 0.3 = |1 - w^2 + 0.1 i w|
+    # without contact both move as one linear oscillator: 0.3 = |1 - w^2 + 0.1 i w|
     w = frequency(curve["GR1"])
     assert abs(1 - w**2 + 0.1j * w) == pytest.approx(0.3, abs=1e-9)
 
@@ -242,7 +242,7 @@ def test_a_cusp_is_labelled_on_a_fold_curve():
 
 
 def test_a_curve_of_period_doublings_turns_where_they_meet(strong):
-    """Both doublings of the response, followed in the damping, are one curve: it turns where they vanish."""
+    """Both doublings of the response, continued in the damping, form one curve, which turns where they vanish."""
     curve = trace(PeriodDoublingProblem(strong.problem), "zeta", (0.05, 0.4), strong["PD1"])
     assert curve.status == "left_span" and [p.label for p in curve.special] == ["LP1"]
     assert curve.tracked["Omega"][-1] == pytest.approx(frequency(strong["PD2"]), rel=0, abs=1e-6)
@@ -254,7 +254,7 @@ def test_a_curve_of_period_doublings_turns_where_they_meet(strong):
 
 
 def test_a_curve_of_grazing_contacts(strong):
-    """The onset of contact loss against the damping, at every row a motion whose lowest value is b."""
+    """Onset of contact loss against the damping: the minimum of the motions along the curve equals b to 1e-7."""
     which = list(strong.problem.clearance_names).index(strong["GR1"].note)
     curve = trace(GrazingProblem(strong.problem, which=which), "zeta", (0.05, 0.08), strong["GR1"])
     assert curve.status == "reached_end"
@@ -262,12 +262,12 @@ def test_a_curve_of_grazing_contacts(strong):
         assert curve[i].samples(count=50000)[1].min() == pytest.approx(1.0, abs=1e-7)
 
 
-# ---- where there are none
+# ---- curves without special points
 
 
 @pytest.mark.parametrize("H", [15, 16, 21])
 def test_a_motion_of_the_single_period_in_a_longer_basis_merges_with_nothing(H):
-    """Its subharmonics are rounding, whose sign says nothing."""
+    """Its subharmonics are rounding errors, and their sign changes are not detected as a merger."""
     problem = HarmonicBalance(Duffing(zeta=0.1, k3=1.0, F=10.0), H, nu=3)
     assert trace(problem, "Omega", (3.0, 12.0), stability=False).status == "reached_end"
 
@@ -282,7 +282,7 @@ def test_a_double_basis_finds_the_points_of_the_single_one():
 
 
 def test_more_harmonics_do_not_add_points():
-    """The equations of motion have two folds, and no truncation has more."""
+    """The equations of motion have two folds, and so has every truncation."""
     for H in (6, 24):
         curve = trace(HarmonicBalance(SpurPair(), H), "Omega", (1.5, 0.6), stability=False)
         assert sorted(p.kind for p in curve.special) == ["GR", "GR", "LP", "LP"], H
@@ -294,7 +294,7 @@ def test_a_rigid_gap_has_no_corner_to_graze():
 
 
 def test_points_can_be_refined_with_more_harmonics(strong):
-    """From the motion padded with zeros, in a few steps."""
+    """Newton's method needs at most four iterations from the motion padded with zeros."""
     fine = HarmonicBalance(STRONG, 60)
     for label, kind in (("LP1", FoldProblem), ("PD1", PeriodDoublingProblem)):
         point = strong[label]
@@ -311,12 +311,12 @@ def test_clearances_are_named():
     )  # fmt: skip
 
 
-# ---- pairs between two rows
+# ---- pairs of special points on one step
 
 
 @pytest.fixture(scope="module")
 def cusp():
-    """Damping of the spur pair at which its folds meet, near (Omega, zeta) = (0.857221, 0.118007)."""
+    """Return the damping of the spur pair at which its folds meet, near (Omega, zeta) = (0.857221, 0.118007)."""
     curve = trace(HarmonicBalance(SpurPair(), 16), "Omega", (1.0, 0.6))
     return follow(curve, "LP1", "zeta", (0.05, 0.2))["CP1"].parameters["zeta"]
 
@@ -324,7 +324,7 @@ def cusp():
 @pytest.mark.parametrize("less", [1e-2, 1e-3, 1e-4, 1e-5])
 @pytest.mark.parametrize("span", [(1.5, 0.3), (0.3, 1.5)])
 def test_folds_just_below_their_cusp(cusp, less, span):
-    """By less below it they are 0.205 less^(3/2) apart, as the normal form has it: 2e-4 to 6e-9."""
+    """At a relative distance `less` below the cusp they are 0.205 less^(3/2) apart (normal form): 2e-4 to 6e-9."""
     curve = trace(HarmonicBalance(SpurPair(zeta=cusp * (1 - less)), 16), "Omega", span)
     first, second = (p for p in curve.special if p.kind == "LP")
     assert first.located and second.located
@@ -336,7 +336,7 @@ def test_folds_just_below_their_cusp(cusp, less, span):
 @pytest.mark.parametrize("steps", [StepControl(), StepControl(max_step=0.03)], ids=["usual", "short"])
 @pytest.mark.parametrize(("zeta", "expected"), [(0.12, (0.336273, 0.337659)), (0.1205, (0.336781, 0.337149))])
 def test_doublings_closer_than_the_points(zeta, expected, steps):
-    """The range in which the double-helical pair doubles its period is a hundredth of a step before it vanishes."""
+    """The period-doubled range of the double-helical pair shrinks to a hundredth of a step before it vanishes."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=zeta), 12)
     curve = trace(problem, "Omega", (0.2, 0.6), steps=steps)
     found = [p for p in curve.special if p.kind == "PD"]
@@ -349,7 +349,7 @@ def test_doublings_closer_than_the_points(zeta, expected, steps):
 
 @pytest.mark.parametrize("less", [1e-3, 1e-5, 1e-7])
 def test_contact_between_two_points_only(less):
-    """A stop just within a linear resonance: (1 - w^2)^2 + (2 zeta w)^2 = (F / gap)^2 at first and last contact."""
+    """A stop just below a resonance peak: (1 - w^2)^2 + (2 zeta w)^2 = (F / gap)^2 at first and last contact."""
     zeta, F = 0.1, 0.3
     gap = F / (2 * zeta * np.sqrt(1 - zeta**2)) * (1 - less)
     stop = Element([1.0], Unilateral(1.0, gap))
@@ -361,7 +361,7 @@ def test_contact_between_two_points_only(less):
 
 
 def oscillators_with_gaps(count):
-    """Rotor in equal gaps in x and in y, driven by an unbalance; with count = 1 its motion in x alone."""
+    """Return a rotor with equal gaps in x and y and an unbalance; count = 1 models the motion in x alone."""
     one = np.eye(count)
     gaps = [Element(w, Backlash(b=0.5, k=2.0), name=name) for w, name in zip(one, "xy", strict=False)]
     load = Load(cosine={1: one[0]}, sine={1: one[1]} if count > 1 else {}, power=2)
@@ -369,9 +369,10 @@ def oscillators_with_gaps(count):
 
 
 def test_an_isotropic_rotor_has_its_branch_points_in_pairs():
-    """x and y do not feel each other: both multipliers pass +1 where those of x alone do, without a change of sign.
+    """x and y are uncoupled: two multipliers pass +1 at the branch points of x alone, without a change of sign.
 
-    By determinant of x alone and by multipliers of both: they differ by the truncation error.
+    The points of x alone are located by the determinant, the points of both by multipliers: they differ by the
+    truncation error.
     """
     both = trace(HarmonicBalance(oscillators_with_gaps(2), 20), "Omega", (0.5, 2.5))
     alone = trace(HarmonicBalance(oscillators_with_gaps(1), 20), "Omega", (0.5, 2.5))
@@ -386,7 +387,7 @@ def test_an_isotropic_rotor_has_its_branch_points_in_pairs():
 
 
 def hard_stops():
-    """Two masses, a stop and a hard gap: real multipliers pass +1 beside the folds they belong to."""
+    """Return two masses with a stop and a stiff gap: real multipliers pass +1 near their folds."""
     C, K = np.array([[0.1714, -0.0922], [-0.0922, 0.1114]]), np.array([[1.4258, -0.8069], [-0.8069, 0.8069]])
     elements = [Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689), name="q2"),
                 Element([1.0, 0.0], Backlash(b=0.27504, k=54.957), name="q1")]  # fmt: skip
@@ -406,7 +407,7 @@ def test_real_multipliers_that_pass_one_after_the_other_are_no_pair(H):
 
 @pytest.mark.parametrize("span", [(0.045, 0.055), (0.055, 0.045)])
 def test_a_curve_of_folds_reaches_both_ends_of_a_span_around_its_point(span):
-    """The folds at both ends are those of the response curves there."""
+    """The folds at both ends agree with folds of response curves to 1e-8."""
     problem = HarmonicBalance(SpurPair(), 5)
     own = trace(problem, "Omega", (1.0, 0.6), stability=False)
     found = follow(own, "LP1", "zeta", span)

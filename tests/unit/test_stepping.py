@@ -1,4 +1,4 @@
-"""The compiled steps of time integration: against closed forms, other integrators, and each other."""
+"""Compiled steps of time integration, against closed forms, other integrators and each other."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ ALL_IN_ONE = Parallel((TWO_SPRINGS, Cubic(0.2, 0.1)))
 
 @dataclass(frozen=True)
 class Opaque(Law):
-    """Another law, of which nothing is told but its force and its corners."""
+    """A law of an unknown class, with only the force and the breakpoints of another law."""
 
     law: Law
 
@@ -48,7 +48,7 @@ class Opaque(Law):
 
 
 def machine(law):
-    """Two masses, the law between them and a stop beside the second."""
+    """Return two masses with a law between them and a stop at the second mass."""
     return hb.System(
         [[1.0, 0.0], [0.0, 0.6]], [[0.06, -0.03], [-0.03, 0.06]], [[0.5, -0.2], [-0.2, 0.7]],
         [hb.Element([1.0, -1.0], law, Series(cosine=(0.05,))), hb.Element([0.0, 1.0], Unilateral(2.0, 0.3))],
@@ -65,7 +65,7 @@ MACHINES = {
 }
 
 
-# ---- truths
+# ---- accuracy
 
 
 @pytest.mark.slow
@@ -89,9 +89,9 @@ def test_double_helical_pair_in_impact():
 
 
 def pieces(Omega, zeta, b, mean, amplitude, start, end):
-    """The state at the end and the number of pieces of x'' + 2 zeta x' + f(x) = mean + amplitude cos(Omega t).
+    """Return the final state and number of pieces of x'' + 2 zeta x' + f(x) = mean + amplitude cos(Omega t).
 
-    f is a unit spring beyond a gap of half width b: each piece in closed form, the instants between them by bracketing.
+    f is a unit spring beyond a gap of half width b. Pieces are solved in closed form, contact times by bracketing.
     """
     t, (x, v), count = 0.0, start, 0
     on = 1 if x > b else -1 if x < -b else 0
@@ -100,7 +100,7 @@ def pieces(Omega, zeta, b, mean, amplitude, start, end):
         c = amplitude / (k - Omega**2 + 2j * zeta * Omega)
 
         def steady(s, k=k, c=c, on=on):
-            """Of the piece: the part that the loads give, and its rate."""
+            """Return the particular solution of the piece and its derivative."""
             still, slope = (mean + b * on, 0.0) if k else (mean / (2 * zeta) * s, mean / (2 * zeta))
             wave = c * np.exp(1j * Omega * s)
             return np.array([still + wave.real, slope + (1j * Omega * wave).real])
@@ -125,12 +125,12 @@ def pieces(Omega, zeta, b, mean, amplitude, start, end):
         stop = brentq(lambda s, edge=edge: state(s)[0] - edge, low, grid[i], xtol=1e-15) if i else grid[0]
         (x, v), t = state(stop), stop
         on = 0 if on else (1 if edge > 0 else -1)
-    raise AssertionError("never gets here")
+    raise AssertionError("unreachable")
 
 
 @pytest.mark.parametrize("start", [(1.4, 0.2), (-0.3, -0.8), (0.2, 1.5)])
 def test_impacts_in_closed_form(start):
-    """A unit spring beyond a gap, solved piece by piece: to 1e-10 after three periods."""
+    """A unit spring beyond a gap, against piecewise closed-form solutions, to 1e-10 after three periods."""
     Omega, zeta, b, mean, amplitude = 0.7, 0.08, 0.5, 0.15, 0.4
     true, count = pieces(Omega, zeta, b, mean, amplitude, start, 6 * np.pi / Omega)
     gap = hb.Element([1.0], Backlash(b))
@@ -144,7 +144,7 @@ def test_impacts_in_closed_form(start):
 
 
 def test_sampled_laws_move_like_tabulated_laws(rng):
-    """Newton's iterations end elsewhere, nothing else differs; many motions are asked together."""
+    """Results of seven motions differ only by the tolerance of Newton's iterations, at most 1e-11."""
     y = rng.uniform(-1, 1, (7, 4))
     for law in (TWO_SPRINGS, ALL_IN_ONE):
         ends = [integrate(machine(each), y, 3, 0.7, method="exponential").end for each in (law, Opaque(law))]
@@ -152,7 +152,7 @@ def test_sampled_laws_move_like_tabulated_laws(rng):
 
 
 def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
-    """With tables summed as series, and more threads than motions in a part."""
+    """Several threads, with tables evaluated as series, give the results of one thread to 1e-10."""
     for model, n in ((SpurPair(e=(0.1,)), 1), (machine(TWO_SPRINGS), 2), (DoubleHelicalPair(zeta=0.05), 24)):
         y = rng.uniform(-1.5, 1.5, (23, 2 * n)) * (1 if n < 24 else 1e-3)
         monkeypatch.setattr(integrator, "_MAX_SERIAL_COST", np.inf)
@@ -165,7 +165,7 @@ def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
 
 
 def test_steps_in_one_go_are_the_steps(rng):
-    """Of a machine with one gap they are made so; without them the same comes out."""
+    """A machine with one gap has folded steps, which agree with single steps to 1e-12."""
     stepper, y = ExponentialIntegrator(SpurPair(e=(0.1,), eps=(0.2,)), 0.65), rng.uniform(-2, 2, (9, 2))
     assert stepper.steps.folded.size
     folded = stepper.start(y)
@@ -190,7 +190,7 @@ def test_a_stepper_at_another_frequency(rng):
 
 
 def test_steps_run_as_they_are_written_where_nothing_compiles():
-    """Without Numba the same code runs, slower."""
+    """The same code without compilation by Numba gives the same result to 1e-12."""
     code = (
         "import hbgear as hb; print(hb.time.integrate(hb.SpurPair(eps=(0.2,)), [1.2, 0.1], 1, 0.8, "
         "method='exponential', samples=16).end.tolist())"
@@ -224,7 +224,7 @@ def test_tables_are_the_laws(law, rng):
 
 def test_laws_without_a_table_are_sampled():
     class Quartic(Cubic):
-        """A law of its own that inherits."""
+        """A subclass with another force."""
 
         def force(self, d, v, tau):
             return d**4, 4 * d**3, 0 * d

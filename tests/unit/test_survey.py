@@ -1,4 +1,4 @@
-"""Every branch in a span: isolas and coexisting motions, found, told apart and traced."""
+"""Survey of all branches in a span: isolas and coexisting motions are found, distinguished and traced."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hbgear.mechanics.series.fourier import evaluate, to_complex
 
 STRONG = SpurPair(e=(0.10,))
 ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)
-"""Its subharmonic of order 3 is a closed curve in Omega, away from the motion of the period of the load."""
+"""Its subharmonic of order 3 is an isola in Omega, disconnected from the motion with the period of the load."""
 ISOLA_SPAN = (3.5, 9.0)
 ATTRACTORS = (0.05141, 0.34055)
 """Rms of the two stable motions of kahraman_singh_fah010 at Omega = 0.65."""
@@ -24,7 +24,7 @@ def isola():
 
 
 def rms_at(branch, Omega):
-    """Rms and stability of the motions of a branch at a frequency, by interpolation."""
+    """Return rms and stability of the motions of a branch at a frequency, by interpolation."""
     out = []
     A = branch.amplitude("rms")
     for i in np.flatnonzero(np.diff(np.sign(branch.values - Omega))):
@@ -34,7 +34,7 @@ def rms_at(branch, Omega):
 
 
 def test_a_branch_that_merges_at_both_ends_is_traced_whole():
-    """From any of its motions: between both period doublings of the curve it doubles from, over all its folds."""
+    """From two of its motions it is traced between both period doublings of the parent curve, with all its folds."""
     curve = trace(HarmonicBalance(STRONG, 16), "Omega", (2.6, 0.4))
     doubled = switch(curve, "PD1")
     assert doubled.status == "merged"
@@ -50,7 +50,7 @@ def test_a_branch_that_merges_at_both_ends_is_traced_whole():
 
 
 def test_a_closed_branch_is_found(isola):
-    """The branch from the linear response, one that closes on itself well inside the span, and the resonance above."""
+    """Three branches: from the linear response, a closed curve within the span, and the resonance."""
     assert len(isola) == 3
     main, found, resonance = isola
     assert resonance.status == "left_span" and resonance.amplitude("H1").max() > 7
@@ -61,7 +61,7 @@ def test_a_closed_branch_is_found(isola):
 
 
 def test_it_is_disconnected(isola):
-    """Along the whole of it the subharmonics are large, along the main branch they are zero."""
+    """The subharmonic part is large along the whole isola and zero along the main branch."""
     main, found, _ = isola
     sizes = [[np.linalg.norm(branch.problem.subharmonic_part(X)) for X in branch.X] for branch in (main, found)]
     assert max(sizes[0]) < 1e-9 and min(sizes[1]) > 0.5
@@ -77,7 +77,7 @@ def test_its_folds_are_its_ends(isola):
 
 
 def test_its_motions_are_motions(isola):
-    """Shooting from one of each half closes after three periods of the load, with the same multipliers."""
+    """Shooting from a stable and an unstable point closes after three load periods, with the same stability."""
     found = isola[1]
     for stable in (True, False):
         rows = np.flatnonzero(found.stable == stable)
@@ -97,20 +97,20 @@ def test_the_survey_reports_its_starts(isola):
 
 
 def test_backbones_lead_to_a_resonance_that_random_starts_miss(monkeypatch):
-    """Ten random starts at each of four frequencies do not find the upper branch of a lightly damped oscillator."""
+    """Ten random starts at each of two frequencies miss the resonance of a lightly damped oscillator."""
     problem = HarmonicBalance(Duffing(zeta=0.01232, k3=1.05876, F=2.73444), 12)
     search = {"frequencies": [3.4375, 4.3125], "guesses": 10, "stability": False}
     found = trace_all(problem, (6.5, 3.0), **search)
     assert len(found) == 3
     rms = sorted(float(branch.amplitude("rms")[np.argmin(np.abs(branch.values - 3.5))]) for branch in found)
-    # in resonance on the backbone: Omega^2 = 1 + 3/4 k3 a^2 to first order in the third harmonic
+    # resonant motions are on the backbone: Omega^2 = 1 + 3/4 k3 a^2 to first order in the third harmonic
     assert rms[1:] == pytest.approx([np.sqrt((3.5**2 - 1) / (1.5 * 1.05876))] * 2, rel=0.06)
     monkeypatch.setattr("hbgear.analysis.branch_search.backbone_starts.MODES", 0)
     assert len(trace_all(problem, (6.5, 3.0), **search)) == 1
 
 
 def test_starts_from_backbones_are_free_motions_of_the_basis_frequencies():
-    """Without load and damping they solve the balance, in every phase: with 1, 2 and 3 times a third of Omega."""
+    """They solve the balance without load and damping to 2 %, in six phases, with 1/3, 2/3 and 3/3 of Omega."""
     problem = HarmonicBalance(Duffing(zeta=0.0, k3=1.0, F=1e-12), 9, nu=3)
     starts = list(BackboneStarts(problem, 1.0).at(4.5, [np.zeros(problem.size)]))
     assert len(starts) == 3 * 6
@@ -122,7 +122,7 @@ def test_starts_from_backbones_are_free_motions_of_the_basis_frequencies():
 
 
 def test_subharmonics_of_a_lightly_damped_oscillator():
-    """They hang together with nothing: two closed curves, each the mirror image of the other."""
+    """They form isolas: closed curves, mirror images of each other, with the same range of Omega."""
     problem = HarmonicBalance(Duffing(zeta=0.01, k3=1.0, F=3.0), 9, nu=3)
     found = trace_all(problem, (2.0, 4.0), frequencies=[3.0], guesses=12, stability=False)
     closed = [branch for branch in found if branch.status == "closed"]
@@ -152,7 +152,7 @@ def test_the_same_seed_finds_the_same():
 
 
 def test_a_second_parameter_leads_to_the_others():
-    """Without random starts: the excitation is raised past a jump and lowered again, as often as it takes."""
+    """Without random starts, continuation in the excitation past its jumps and back finds all motions."""
     problem, second = HarmonicBalance(STRONG, 6), ("e_scale", (0.2, 2.0))
     found = trace_all(problem, (0.64, 0.66), frequencies=[0.65], guesses=0, second=second)
     motions = sorted(motion for branch in found for motion in rms_at(branch, 0.65))
@@ -161,7 +161,7 @@ def test_a_second_parameter_leads_to_the_others():
 
 
 def test_a_branch_is_found_once():
-    """Both ends of the span are on one curve, and so is what is found between."""
+    """Both ends of the span and starts between them lead to the same curve, which is listed once."""
     found = trace_all(HarmonicBalance(ISOLA, 5), (3.0, 12.0), frequencies=[5.0], guesses=30, stability=False)
     ends = [tuple(np.round(branch.X[[0, -1]].ravel(), 6)) for branch in found]
     assert len(set(ends)) == len(ends)
@@ -170,7 +170,7 @@ def test_a_branch_is_found_once():
 
 
 def test_a_motion_of_the_single_period_is_traced_in_a_longer_basis():
-    """The resonant motion beside the small one, which no end of the span leads to, counts for nu = 3 as well."""
+    """The resonant motion, which is not connected to an end of the span, is found with nu = 3 as well."""
     at = {"frequencies": [5.0], "guesses": 30, "stability": False}
     single = trace_all(HarmonicBalance(ISOLA, 3), (4.8, 5.2), **at)
     longer = trace_all(HarmonicBalance(ISOLA, 9, nu=3), (4.8, 5.2), **at)
@@ -201,7 +201,7 @@ def test_shifted_motions_are_motions(isola):
 
 
 def test_deflated_newton_does_not_come_back(isola):
-    """From beside a known motion it goes to another one; without the known ones it goes to that one."""
+    """Near a known motion Newton converges to it; with deflation of the known motions it does not."""
     found = isola[1]
     problem, i = found.problem, len(found) // 2
     here = {**ISOLA.parameters, "Omega": float(found.values[i])}
