@@ -2,15 +2,15 @@
 
     F(y, Omega) = y(2 pi nu; y, Omega) - y = 0,   y = (q, q') at tau = 0,   Phi = dy(2 pi nu)/dy
 
-While every element stays on one straight piece of its law the motion is linear, dy/dtau = A(tau) y + f(tau). Its
-solutions over each of ``cells`` equal cells of the excitation period come from collocation at Gauss points, once for
-all motions. A motion goes from cell to cell, and changes pieces where the polynomial of the cell meets a corner.
-Forces are continuous there, so Phi is the product of the matrices passed.
+While every element stays on one linear piece of its law the equation is linear, dy/dtau = A(tau) y + f(tau). Its
+solutions over each of ``cells`` equal cells of the excitation period are computed once by collocation at Gauss points.
+A motion is propagated from cell to cell, and changes pieces where the collocation polynomial reaches a breakpoint.
+Forces are continuous there, so Phi is the product of the propagation matrices.
 
     LP  det(Phi - 1) = 0      PD  det(Phi + 1) = 0      NS  a product of two multipliers is 1, and they are complex
 
-each a bracketed root along the curve, where every point is corrected onto it. `cross.shooting` integrates the same
-equations in another way.
+Each point is a bracketed root along the curve; every iterate is corrected onto the curve. `cross.shooting` integrates
+the same equations by another method.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from hbgear.mechanics.series.fourier import evaluate
 
 STAGES = 10
 CORNER = 1e-13
-"""Distance from a corner below which an element counts as on it."""
+"""Distance from a breakpoint below which an element counts as on it."""
 UPRIGHT = 1e-8
-"""Share of Omega in the tangent below which the curve is upright, a continuum of motions at one Omega without folds."""
+"""Omega component of the tangent below which the curve is vertical: a continuum of motions at one Omega, no fold."""
 
 
 def _collocation(s):
-    """Nodes 0, the Gauss points, 1; and the integrals up to each of the Lagrange polynomials on the Gauss points."""
+    """Nodes (0, Gauss points, 1), and integrals from 0 to each node of the Lagrange polynomials on the Gauss points."""
     gauss = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
     nodes = np.concatenate([[0.0], gauss, [1.0]])
     powers = np.arange(1, s + 1)
@@ -37,13 +37,13 @@ def _collocation(s):
 
 
 NODES, INTEGRALS = _collocation(STAGES)
-# interpolation on 0 and the Gauss points, which is the collocation polynomial itself
+# interpolation on 0 and the Gauss points reproduces the collocation polynomial
 UNIT = np.eye(len(NODES))
 _WEIGHTS = np.array([1.0 / np.prod(x - np.delete(NODES[:-1], i)) for i, x in enumerate(NODES[:-1])])
 
 
 def _weights(x):
-    """Weights (s + 2) of the values at the nodes in the value at x."""
+    """Interpolation weights (s + 2,) of the nodes for the value at x."""
     i = int(np.searchsorted(NODES, x))
     if NODES[i] == x:
         return UNIT[i]
@@ -53,18 +53,18 @@ def _weights(x):
 
 
 def _at(x, values):
-    """Collocation polynomial with these values at the nodes (s + 2,), at x."""
+    """Value at x of the collocation polynomial with given values (s + 2,) at the nodes."""
     return float(_weights(x) @ values)
 
 
 def _motion_at(x, U, g):
-    """Matrix (2n, 2n) and offset (2n,) at x of motions with U (s + 2, 2n, 2n) and g (s + 2, 2n) at the nodes."""
+    """Matrix (2n, 2n) and offset (2n,) at x, interpolated from U (s + 2, 2n, 2n) and g (s + 2, 2n) at the nodes."""
     w = _weights(x)
     return np.tensordot(w, U, 1), w @ g
 
 
 class Pieces:
-    """The linear motions of a `System` at one Omega, on every combination of straight pieces that is asked for."""
+    """Linear motions of a `System` at one Omega, computed once for each combination of linear pieces."""
 
     def __init__(self, system, Omega, cells):
         self.flow, self.Omega, self.cells, self.n = Flow(system, Omega), Omega, cells, system.n
@@ -87,12 +87,12 @@ class Pieces:
         return out
 
     def pieces(self, y):
-        """Pieces on which a state at tau = 0 lies."""
+        """Return the linear piece of each element for a state at tau = 0."""
         d = self.flow.W.T @ y[: self.n] - self.e[:, 0, 0]
         return tuple(Line(law, int(np.searchsorted(law.corners, x))) for law, x in zip(self.laws, d, strict=True))
 
     def motions(self, lines):
-        """All motions on these pieces: U eta + g at the nodes of every cell, eta the state they have at tau = 0."""
+        """General solution on these pieces: U eta + g at the nodes of every cell, with the state eta at tau = 0."""
         key = tuple(line.piece for line in lines)
         if key not in self._known:
             U, g = self._solve(lines)
@@ -130,7 +130,7 @@ class Pieces:
         return U, self.h * np.einsum("ij,cja->cia", INTEGRALS, d)
 
     def turn(self, y, nu=1):
-        """State and Phi after nu periods, and how often a corner was passed."""
+        """Return the state and Phi after nu periods, and the number of breakpoints passed."""
         Phi, lines, passed = np.eye(2 * self.n), self.pieces(y), 0
         for _ in range(nu):
             i, x = 0, 0.0
@@ -150,7 +150,7 @@ class Pieces:
         return y, Phi, passed
 
     def _first_event(self, lines, i, x, Y):
-        """First place behind x in cell i where an element leaves its piece: cell, place, element, end; or None."""
+        """First event after x in cell i, where an element leaves its piece: cell, position, element, end; or None."""
         suspect = np.zeros(len(Y), dtype=bool)
         for j, line in enumerate(lines):
             d = Y[..., : self.n] @ self.flow.W[:, j] - self.e[j, i:]
@@ -167,7 +167,7 @@ class Pieces:
         return None
 
     def _event(self, lines, i, x, Y):
-        """The same within the cell, with Y (nodes, 2n): place, element, end; or None."""
+        """First event after x within cell i, with Y (nodes, 2n): position, element, end; or None."""
         found = []
         for j, line in enumerate(lines):
             d = Y[:, : self.n] @ self.flow.W[:, j] - self.e[j, i]
@@ -216,7 +216,7 @@ class Orbit:
 
 @dataclass(frozen=True)
 class Special:
-    """A point of a `Curve`: "LP", "PD" or "NS"."""
+    """A special point of a `Curve`, of the kind "LP", "PD" or "NS"."""
 
     kind: str
     orbit: Orbit
@@ -228,7 +228,7 @@ class Special:
 
 @dataclass(frozen=True)
 class Curve:
-    """Orbits in their order, special points in theirs, and whether it came back to the motion of the single period."""
+    """Orbits and special points in order, and whether the curve merged with the motion of the single period."""
 
     orbits: list
     special: list
@@ -240,13 +240,16 @@ class Curve:
 
 
 class Shooter:
-    """Shooting for a model: orbits, curves of them, and the branch of doubled motions.
+    """Shooting for a model: orbits, their curves, and the branch of doubled motions.
 
     Parameters
     ----------
-    model : a `Model` whose laws are piecewise linear.
-    cells : cells of the period; a tenth of a radian of the fastest mode in each gives rounding accuracy.
-    nu : periods of the excitation in one of the motion.
+    model : Model
+        Model with piecewise linear laws.
+    cells : int
+        Cells of the excitation period; a tenth of a radian of the fastest mode per cell gives rounding accuracy.
+    nu : int
+        Excitation periods per period of the motion.
     """
 
     def __init__(self, model, cells=64, nu=1):
@@ -256,10 +259,10 @@ class Shooter:
         return Pieces(self.system, Omega, self.cells).turn(y, self.nu)
 
     def orbit(self, y, Omega, normal=None):
-        """Newton on F in the plane across ``normal`` through (y, Omega), at fixed Omega by default.
+        """Newton's method on F in the plane orthogonal to ``normal`` through (y, Omega), at fixed Omega by default.
 
-        The tangent points along the normal. dF/dOmega is that of the start: it turns the tangent a little but does not
-        move the place where its last component, which is det(Phi - 1), vanishes.
+        The tangent is oriented along the normal. dF/dOmega is evaluated at the start: this changes the tangent
+        slightly, but not the zero of its last component, which is proportional to det(Phi - 1).
         """
         u, size = np.append(y, Omega), len(y)
         normal = np.eye(size + 1)[-1] if normal is None else normal
@@ -283,7 +286,7 @@ class Shooter:
         return (self.turn(y, Omega + h)[0] - self.turn(y, Omega - h)[0]) / (2 * h)
 
     def curve(self, first, span, step=0.01, longest=0.06, turn=0.5, limit=2000):
-        """The curve from an orbit until Omega leaves the span, or the motion is of the single period again."""
+        """Continue from an orbit until Omega leaves the span, or the motion has the single period again."""
         low, high = sorted(span)
         orbits, special, merged, largest = [first], [], False, 0.0
         while len(orbits) < limit and low <= orbits[-1].Omega <= high:
@@ -334,7 +337,7 @@ class Shooter:
         return s, known[s]
 
     def doubled(self, point, distance=0.01):
-        """The first doubled motion beside a period doubling, and the shooter for its period."""
+        """Return the shooter for twice the period, and the first doubled motion near a period doubling."""
         other = Shooter(_Given(self.system), self.cells, 2 * self.nu)
         v = np.append(np.linalg.svd(point.orbit.Phi + np.eye(len(point.orbit.y)))[2][-1], 0.0)
         u = point.orbit.u + distance * v
@@ -343,7 +346,7 @@ class Shooter:
 
 @dataclass(frozen=True)
 class _Given:
-    """A system that is there already."""
+    """Model that returns a given system."""
 
     value: object
 
@@ -352,13 +355,13 @@ class _Given:
 
 
 def _products(mu):
-    """mu_i mu_j - 1 of all pairs i < j."""
+    """mu_i mu_j - 1 for all pairs i < j."""
     i, j = np.triu_indices(len(mu), 1)
     return mu[i] * mu[j] - 1
 
 
 def _complex_pair(mu):
-    """Whether the pair whose product is 1 is complex, a Neimark-Sacker point, and not a neutral saddle."""
+    """Whether the pair with the product 1 is complex: a Neimark-Sacker point and not a neutral saddle."""
     i, j = np.triu_indices(len(mu), 1)
     best = int(np.argmin(np.abs(mu[i] * mu[j] - 1)))
     return abs(mu[i[best]].imag) > 1e-6

@@ -1,4 +1,4 @@
-"""Basins over planes of starts of any model: each start ends where it ends when it is integrated alone."""
+"""Basins of attraction over planes of initial states: labels agree with integrations of single initial states."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,7 +16,7 @@ PAIR, OMEGA = hb.SpurPair(e=(0.1,)), 0.65
 
 
 def two_masses():
-    """The spur pair of two attractors with an absorber hung on it that hardly changes them; two elements."""
+    """The spur pair with two attractors and a light absorber that changes them little; two elements."""
     mesh = PAIR.system()
     element = mesh.elements[0]
     M, C, K = np.diag([mesh.M[0, 0], 0.05]), np.array([[0.0, 0.0], [0.0, 0.02]]), np.diag([0.0, 0.3])
@@ -58,7 +58,7 @@ def test_two_coordinates(found):
 
 
 def test_a_plane_of_directions_is_that_of_the_element_where_they_are_the_same(found):
-    """The coordinate moves alone, for the inertia is diagonal; the origin makes its gap zero."""
+    """With diagonal inertia the element displaces one coordinate only; at the origin its gap is zero."""
     e = hb.SpurPair(e=(0.1,)).system().elements[0].displacement
     same = basins(
         two_masses(), OMEGA, (-2, 2), (-1.5, 1.5), (14, 10), start=[float(e(0.0)), 0.0, 0.0, 0.0],
@@ -70,7 +70,7 @@ def test_a_plane_of_directions_is_that_of_the_element_where_they_are_the_same(fo
 
 
 def test_starts_of_an_element_go_through_the_state_given():
-    """The other coordinates are those of the state, moved as a force of the element moves them."""
+    """Initial states are the given state plus displacements in the direction M^-1 w of the element."""
     pair, start = hb.gears.DoubleHelicalPair(), np.linspace(-0.2, 0.2, 48)
     stepper, system = ExponentialIntegrator(pair, 0.9), pair.system()
     origin, directions = module._plane(stepper, system, 0.9, 1, start, None)
@@ -83,7 +83,7 @@ def test_starts_of_an_element_go_through_the_state_given():
 
 
 def test_who_is_caught_would_have_settled_there(monkeypatch):
-    """No label changes if every motion is waited for."""
+    """Labels are the same if every motion is integrated to its steady state."""
     shape = (40, 32)
     quick = basins(PAIR, OMEGA, (-2, 3), (-1.5, 1.5), shape)
     monkeypatch.setattr(module._Found, "caught", lambda self, now, before: np.zeros(len(now), dtype=int))
@@ -93,7 +93,7 @@ def test_who_is_caught_would_have_settled_there(monkeypatch):
 
 
 def test_attractors_of_several_periods_and_none():
-    """Where the pair doubles its period twice, and where it is chaotic."""
+    """An attractor of four periods, and a chaotic one (period 0, 128 points)."""
     doubled = basins(PAIR, 1.5, (0, 2), (-1, 1), (5, 4), settling=SteadyStateSettings(1e-6, longest=600))
     assert doubled.attractors[0].period == 4 and doubled.attractors[0].points.shape == (4, 2)
     chaotic = basins(PAIR, 1.66, (0, 2), (-1, 1), (3, 2), settling=SteadyStateSettings(1e-6, longest=300))
@@ -135,7 +135,7 @@ def test_a_frequency_in_another_unit_is_reported():
 
 
 def test_units_of_the_figure():
-    """Displacements in um, rates in m/s and the frequency in r/min are Scales times the numbers of the model."""
+    """Displacements in um, rates in m/s and the frequency in r/min are the values of the model times its scales."""
     model = hb.SpurPair(e=(0.1,), reference=(38000.0, 37.6e-6, 15000.0, 25))
     few = basins(model, 0.65, (-2, 3), (-1.5, 1.5), (3, 2))
     plain, ax = plot.basins(few, model=model, dimensionless=True), plot.basins(few, model=model)

@@ -1,4 +1,4 @@
-"""Branch points by their equations: against differences, shooting, more harmonics, and along a second parameter."""
+"""Equations of branch points against finite differences, shooting and more harmonics, and in a second parameter."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ import pytest
 import hbgear as hb
 from hbgear.time.integration import state_of
 
-STATED = 3.0  # times the stated error that a true one may be
+STATED = 3.0  # largest ratio of the true to the stated error
 
 
 def spring(zeta=0.05):
-    """A hard spring far from its linear part: its motion stops being symmetric."""
+    """A hardening spring at large amplitudes, where the symmetric motion has a branch point."""
     return hb.Duffing(zeta=zeta, k3=1.0, F=20.0)
 
 
@@ -34,17 +34,17 @@ def test_the_equations_are_differentiated_exactly(curve):
 
 
 def test_a_multiplier_of_the_shot_motion_is_one(curve):
-    """And the motion is symmetric, x(t + T/2) = -x(t): it is no fold."""
+    """The motion is symmetric, x(t + T/2) = -x(t), so that the point is not a fold."""
     point = curve["BP1"]
     Omega = point.parameters["Omega"]
     problem = curve.problem.at_resolution_of(point).with_order(1, 45)
     orbit = hb.time.shoot(spring(), Omega, state_of(problem, problem.from_point(point), Omega=Omega))
-    assert np.abs(orbit.multipliers - 1).min() < 1e-3  # the square root of the error of Omega, 3e-6
+    assert np.abs(orbit.multipliers - 1).min() < 1e-3  # square root of the error of Omega, which is 3e-6
     assert abs(point.amplitude("mean")) < 1e-10 < abs(point.amplitude("rms"))
 
 
 def test_stated_errors_and_the_second_parameter(curve):
-    """Against four times the harmonics, and against a curve traced at the other damping."""
+    """Compared with four times the harmonics, and with a curve traced at another damping ratio."""
     places = {}
     for zeta in (0.05, 0.06):
         fine = hb.trace(hb.HarmonicBalance(spring(zeta), 36), "Omega", (1.0, 1.4), accuracy=None, stability=False)
@@ -63,7 +63,7 @@ def test_stated_errors_and_the_second_parameter(curve):
 
 
 def test_curves_that_do_not_cross_have_none():
-    """A mean load breaks the symmetry: the crossing becomes a fold and a branch beside it."""
+    """A mean load breaks the symmetry: the crossing becomes a fold and a separate branch."""
     bent = hb.System(
         [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3=1.0))], hb.Load(constant=[0.05], cosine={1: [20.0]})
     )
@@ -72,7 +72,7 @@ def test_curves_that_do_not_cross_have_none():
 
 
 def test_two_branch_points_in_a_long_step_are_located():
-    """The symmetric motion between two stops is unstable between two points of the curve that are both stable."""
+    """The symmetric motion between two stops is unstable in a range between two stable points of the curve."""
     stop = hb.Unilateral(k=0.8, gap=0.06)
     elements = [hb.Element([1.0], stop, name="right"), hb.Element([-1.0], stop, name="left")]
     model = hb.System([[1.0]], [[0.0655]], [[0.5]], elements, hb.Load(cosine={1: [0.325]}))

@@ -1,4 +1,4 @@
-"""Studies on a real Dask scheduler with two worker processes: one is killed, or the scheduler; and one with TLS."""
+"""Studies on a Dask scheduler with two workers: a worker or the scheduler is killed; connections with TLS."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ from hbgear.cli import app as cli
 
 pytestmark = pytest.mark.slow
 
-# so many harmonics that some of the cases are still to be computed when three are stored
+# with 60 harmonics some cases are still to be computed when three are stored
 STUDY = """model = "duffing"
 [base]
 k3 = 1.0
@@ -44,7 +44,7 @@ def killing(what):
 study.bar = killing
 app.main(["study", "a.toml", "--dask", sys.argv[1]])
 """
-"""The command; when three cases are stored, processes are killed."""
+"""The command; it kills the given processes when three cases are finished."""
 
 DASK = [sys.executable, "-m", "dask"]
 LOCAL = ["--host", "127.0.0.1", "--no-dashboard"]
@@ -53,7 +53,7 @@ WORKER = [*DASK, "worker", *LOCAL, "--nthreads", "1", "--no-nanny"]
 
 @contextmanager
 def cluster(folder: Path, *tls: str, security=None):
-    """Address of a scheduler, its process and those of its two workers."""
+    """Yield the address of a scheduler, its process and the processes of its two workers."""
     scheduler = [*DASK, "scheduler", *LOCAL, "--port", "0", "--scheduler-file", "s.json", *tls]
     quiet = {"cwd": folder, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     processes = [subprocess.Popen(scheduler, **quiet)]
@@ -72,7 +72,7 @@ def cluster(folder: Path, *tls: str, security=None):
 def address_of(file: Path) -> str:
     end = time.time() + 60
     while not (file.exists() and file.stat().st_size):
-        assert time.time() < end, "waited in vain"
+        assert time.time() < end, "the scheduler wrote no address within 60 s"
         time.sleep(0.05)
     address = json.loads(file.read_text())["address"]
     assert address.partition("://")[2].startswith("127.0.0.1:")
@@ -81,7 +81,7 @@ def address_of(file: Path) -> str:
 
 @pytest.fixture
 def study(tmp_path):
-    """Start the study, which kills these processes on the way."""
+    """Return a function that starts the study, which kills the given processes."""
     (tmp_path / "a.toml").write_text(STUDY)
     (tmp_path / "study.py").write_text(KILLING)
     pipes = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -134,7 +134,7 @@ def test_a_study_without_workers_reports_it_and_waits_for_new_ones(study, tmp_pa
 
 
 def certificate(folder: Path, name: str) -> tuple[str, str]:
-    """Files of a certificate that vouches for itself, and its key."""
+    """Create a self-signed certificate and its key; return their paths."""
     cert, key = str(folder / f"{name}.pem"), str(folder / f"{name}.key")
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"]
     made = subprocess.run([*command, "-out", cert, "-keyout", key], capture_output=True, text=True)

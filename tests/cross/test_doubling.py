@@ -1,4 +1,4 @@
-"""The strongly excited spur pair of Kahraman & Singh, whose motion doubles its period between resonance and twice it.
+"""Period doubling of the strongly excited spur pair of Kahraman & Singh, between resonance and twice its frequency.
 
 x'' + 0.1 x' + f(x) = 0.1 + 0.1 Omega^2 cos(Omega t), half-gap 1
 """
@@ -16,7 +16,7 @@ from hbgear.continuation.switch import switch
 PAIR = SpurPair(e=(0.10,))
 SPAN = (2.2, 0.5)
 SIX = {"rel": 0, "abs": 5e-7}
-# by shooting, and within 5e-7 of it by harmonic balance
+# by shooting; harmonic balance agrees within 5e-7
 POINTS = {"PD1": 1.952685, "PD2": 1.226701, "LP1": 0.585332, "LP2": 0.731361}
 DOUBLED = {"PD1": 1.846195, "PD2": 1.400379, "LP1": 1.030052, "LP2": 1.404840}
 
@@ -46,7 +46,7 @@ def shot_doubled(shot):
 
 
 def agree(branch, curve, expected):
-    """The same points in the same order, at the same six digits; shooting knows neither contacts nor ends."""
+    """Kinds, order and six digits of the points agree; shooting does not detect grazing and end points."""
     found = [p for p in branch.special if p.kind not in ("GR", "EP")]
     assert [p.kind for p in found] == [p.kind for p in curve.special] == [label[:2] for label in expected]
     for p, truth, x in zip(found, curve.special, expected.values(), strict=True):
@@ -63,7 +63,7 @@ def test_folds_and_period_doublings_by_both_methods(curve, shot):
 def test_the_doubled_branch_by_both_methods(doubled, shot_doubled):
     assert doubled.status == "merged" and shot_doubled.merged
     agree(doubled, shot_doubled, DOUBLED)
-    # where it joins the curve again, the subharmonics vanish like a square root
+    # at the end point the subharmonics tend to zero as a square root
     assert doubled.values[-1] == pytest.approx(POINTS["PD2"], **SIX)
 
 
@@ -76,7 +76,7 @@ def test_unstable_between_the_period_doublings_and_nowhere_else_above_the_jumps(
 
 
 def settled(Omega, y, periods, turns):
-    """State after a transient from near y."""
+    """Return the state after a transient from a disturbed start near y."""
     y = y + np.array([0.02, -0.01])
     for _ in range(turns):
         y = integrate(PAIR.system(), Omega, y, periods, tolerance=1e-9).end
@@ -85,7 +85,7 @@ def settled(Omega, y, periods, turns):
 
 @pytest.mark.parametrize("Omega", [1.9, 1.3])
 def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
-    """From a disturbed start: the same motion, which closes after two periods of the mesh and not after one."""
+    """A disturbed start converges to the same motion, which has two periods of the mesh and not one."""
     near = np.flatnonzero(doubled.stable)
     i = near[np.argmin(np.abs(doubled.values[near] - Omega))]
     Omega = float(doubled.values[i])
@@ -98,7 +98,7 @@ def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
 
 @pytest.mark.slow
 def test_four_periods(doubled):
-    """The doubled branch doubles again; its child carries its own stability and is a motion of four periods."""
+    """A second period doubling gives a branch of four periods; motion and multipliers agree with integration."""
     child = switch(doubled, "PD1")
     assert child.problem.nu == 4 and child.status == "merged"
     assert child.values[-1] == pytest.approx(DOUBLED["PD2"], **SIX)

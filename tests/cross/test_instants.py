@@ -1,4 +1,4 @@
-"""Exact motions in contact instants against shooting by SciPy, harmonic balance of more harmonics, and closed forms."""
+"""Exact motions in contact instants against shooting by SciPy, harmonic balance with H = 64, and closed forms."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def chain(**more):
 
 
 def floating():
-    """Three masses that nothing holds, between two gears with backlash."""
+    """Three unconstrained masses, coupled by two meshes with backlash."""
     elements = [
         hb.Element([1, -1, 0], hb.Backlash(b=0.5, stiffness=hb.mechanics.Series(1, (0.2,))), damping=0.1),
         hb.Element([0, 1, -1], hb.Backlash(b=0.5, k=2.0), displacement=hb.mechanics.Series(0, (0.1,)), damping=0.1),
@@ -128,7 +128,7 @@ def test_points_that_a_truncated_motion_calls_stable():
     """One mass with a stop of k = 200: at Omega = 1.629541 the largest multiplier is 1.0985 by shooting."""
     problem = hb.HarmonicBalance(stop(200.0, 0.04, 0.1), 16)
     curve = hb.trace(problem, "Omega", (0.8, 2.2), stability=False, special=False, accuracy=None)
-    top = int(np.argmax(np.diff(curve.values) < 0))  # beside the first fold
+    top = int(np.argmax(np.diff(curve.values) < 0))  # next to the first fold
     row = top + int(np.argmin(np.abs(curve.values[top : top + 40] - 1.629541)))
     side = top - int(np.argmin(np.abs(curve.values[top::-1] - 1.629541)))
     largest = []
@@ -299,7 +299,7 @@ def test_special_points_of_hard_stops(kind, k, c, F, Omega, instants, velocities
 
 @pytest.mark.parametrize("clearance, half", [(-1e-3, 0.05), (1e-3, 0.05), (1e-3, 0.0)])
 def test_crossings_that_are_missing_or_too_many_are_corrected(clearance, half):
-    """A motion that ends a little beyond a stop or before it, started without or with a contact."""
+    """Solutions slightly beyond a stop or in front of it, from approximations without or with a contact."""
     Omega, free = 0.7, 0.3 / (1 - 0.7**2 + 1j * 0.1 * 0.7)
     model = stop(20.0, 0.1, 0.3, gap=abs(free) * (1 + clearance))
     rows, top = np.array([[0.0, free.real, -free.imag]]), -np.angle(free)
@@ -320,7 +320,7 @@ def test_near_a_fold_another_Omega_has_the_motion():
     problem = hb.HarmonicBalance(model, 32)
     curve = hb.trace(problem, "Omega", (0.8, 2.2), stability=False, special=False, accuracy=None)
     top = int(np.argmax(np.diff(curve.values) < 0))
-    beyond = 1.001 * 1.63974  # the fold of the exact motion
+    beyond = 1.001 * 1.63974  # 0.1 % above the fold of the exact motion
     with pytest.raises(hb.NoConvergence, match="no exact motion"):
         refine_motion(problem, curve.X[top], {"Omega": beyond})
     exact = refine_near_fold(problem, curve.X[top], {"Omega": beyond})
@@ -352,7 +352,7 @@ def test_units_do_not_matter():
 
 
 def test_residual_where_a_contact_begins_is_relative_to_the_motion():
-    """Gap and velocity at the switches are nearly zero there; relative to them it was 7e-8."""
+    """Gap and velocity at the switches are nearly zero there; relative to them the residual was 7e-8."""
     load = hb.Load(constant=[-0.01255479], cosine={1: [0.05705222]})
     touching = hb.System([[1.0]], [[0.05203305]], [[1.0]], [hb.Element([1.0], hb.Unilateral(27.154, 0.0))], load)
     curve = hb.trace(hb.ContactInstants(touching), "Omega", (2.37, 2.34))

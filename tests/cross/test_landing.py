@@ -1,4 +1,4 @@
-"""Where jumps land: the motion that integration in time settles on, on its own curve, on another one, or unknown."""
+"""Landings of jumps by time integration: on the same curve, on another curve, or on an unknown motion."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from hbgear.time.integration import state_of
 from hbgear.time.jump_integration import JumpOutcome, arrivals, integrate_jumps, landed
 
 PERIODS = 400
-"""After which the independent integration below is looked at: four times what the slowest of these motions takes."""
+"""Periods of the independent integration: four times the longest transient of these motions."""
 
 FIXED = hb.SpurPair(
     zeta=0.025362646960700685,
@@ -45,7 +45,7 @@ def fixed():
 
 
 def ends_of(curve, share=2e-4, method="exponential"):
-    """For each jump Omega beyond it by a share of it, and two periods, of 256 samples each, of where it ends there."""
+    """For each jump: Omega beyond it by a relative share, and two periods (256 samples each) of the final motion."""
     model, jumps = curve.problem.model, curve.jumps()
     if not jumps:
         return []
@@ -65,7 +65,7 @@ def ends_of(curve, share=2e-4, method="exponential"):
 
 
 def is_where(curve, Omega, samples, point):
-    """Whether two periods, of 256 samples each, are those of a motion of one period, followed to this Omega."""
+    """Whether two periods (256 samples each) are a motion of one period, which is solved from a point at this Omega."""
     if point is None or point.layout.nu > 1:
         return False
     X = solve(curve.problem, point.X, {"Omega": Omega}).X
@@ -75,7 +75,7 @@ def is_where(curve, Omega, samples, point):
 
 @pytest.mark.slow
 def test_several_stable_motions_and_the_right_one(fixed):
-    """Nearest in coefficients is the lower one at LP1; integration lands on the upper, rms 0.0933."""
+    """At LP1 the lower motion is nearest in coefficients; integration converges to the upper one, rms 0.093."""
     jump = next(j for j in fixed.jumps() if j.label == "LP1")
     assert jump.value == pytest.approx(0.75474, abs=1e-5)
     assert sorted(p.amplitude("rms") for p in jump.candidates) == pytest.approx([0.0221, 0.0930], abs=1e-4)
@@ -87,16 +87,16 @@ def test_several_stable_motions_and_the_right_one(fixed):
 def test_integration_decides(fixed):
     decided = fixed.jumps(landing="integrate")
     changed = [j.label for j, near in zip(decided, fixed.jumps(), strict=True) if j.after is not near.after]
-    assert changed == ["LP3", "LP4"]  # there the nearest is another one
+    assert changed == ["LP3", "LP4"]  # the nearest motion is another one
     assert all(jump.landing_description == "integrated" and jump.after.stable for jump in decided)
     assert [jump.label for jump in decided if "indeterminate" in jump.note] == ["LP3", "LP5"]
 
 
 @pytest.mark.slow
 def test_forty_random_pairs():
-    """Of 161 jumps the nearest motion in coefficients is right in 149, in amplitudes in 153, by integration in 160.
+    """Of 161 landings 149 are right by nearest coefficients, 153 by nearest amplitudes and 160 by integration.
 
-    Where that says that a jump is indeterminate, the independent integration must end in one of the motions it tells.
+    For an indeterminate jump the independent integration must end in one of the reported motions.
     """
     counts = np.zeros(5, dtype=int)
     for model in random_pairs(40):
@@ -111,9 +111,9 @@ def test_forty_random_pairs():
             one_of = np.isclose(ends, samples.std(), rtol=0.02).any()
             unsure = "indeterminate" in jump.note or jump.after is None or jump.after.layout.nu > 1
             counts += [1, *right, right[2] or (unsure and one_of)]
-    said, by_coefficients, by_amplitudes, integrated, agreed = counts
-    assert by_coefficients < by_amplitudes < integrated and agreed == said
-    assert (said, by_coefficients, by_amplitudes, integrated) == pytest.approx((161, 149, 153, 160), abs=1)
+    total, by_coefficients, by_amplitudes, integrated, agreed = counts
+    assert by_coefficients < by_amplitudes < integrated and agreed == total
+    assert (total, by_coefficients, by_amplitudes, integrated) == pytest.approx((161, 149, 153, 160), abs=1)
 
 
 def test_an_unknown_motion_is_a_start_of_its_curve():
@@ -134,7 +134,7 @@ def test_an_unknown_motion_is_a_start_of_its_curve():
 
 
 def is_at(curve, point):
-    """Whether a point is on a curve, solved for."""
+    """Whether the nearest point of a curve has the coefficients of a point, to 5 %."""
     near = np.argmin(np.linalg.norm(curve.X - point.X, axis=1) + np.abs(curve.values - point.parameters["Omega"]))
     return np.linalg.norm(curve.X[near] - point.X) < 0.05 * np.linalg.norm(point.X)
 
@@ -163,7 +163,7 @@ def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
 
 
 def test_along_a_load():
-    """Jumps of a Duffing oscillator along its load: of two motions of one frequency, each way to the other."""
+    """Jumps of a Duffing oscillator along its load at one frequency, in both directions between two motions."""
     problem = hb.HarmonicBalance(hb.Duffing(k3=0.2), 9)
     curve = hb.trace(problem, "F", (0.02, 1.0), at={"Omega": 1.3})
     near, decided = curve.jumps(), curve.jumps(landing="integrate")

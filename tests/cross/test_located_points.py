@@ -1,4 +1,4 @@
-"""Special points: one estimate of the error, verified multipliers, the beginning of a branch; against shooting."""
+"""Special points against shooting: error estimates, multipliers at located points, first point of a branch."""
 
 from dataclasses import replace
 
@@ -16,8 +16,8 @@ from hbgear.continuation.problem.base import observe_all
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
 
-STATED = 3.0  # times the stated error within which the true one lies
-CRITICAL = 1e-3  # distance of a multiplier from that of its event at a located point
+STATED = 3.0  # largest ratio of the true to the stated error
+CRITICAL = 1e-3  # largest distance of a multiplier from +1 or -1 at a located point
 
 
 def by_shooting(problem, point):
@@ -28,7 +28,7 @@ def by_shooting(problem, point):
     return np.linalg.eigvals(period.monodromy)
 
 
-# ---- one estimate of the error
+# ---- error estimates
 
 
 def stiff_stop():
@@ -43,16 +43,16 @@ DOUBLING = 0.738783025373  # by shooting
 
 @pytest.fixture(scope="module")
 def near_the_doubling():
-    """A motion of the resonance, behind its upper fold, a little above the doubling."""
+    """A resonant motion after the upper fold, at an Omega slightly above the period doubling."""
     rough = hb.trace(hb.HarmonicBalance(stiff_stop(), 32), "Omega", (0.8, 0.6), accuracy=None, stability=False)
     behind = rough["LP2"].index + np.flatnonzero(rough.values[rough["LP2"].index :] < 0.743)[0]
     return rough[int(behind)]
 
 
 def test_the_error_of_a_doubling_does_not_depend_on_how_it_was_reached(near_the_doubling):
-    """With 64 harmonics 3.3e-7 or 6.6e-6 was stated of one point, whose error is 1.0e-5.
+    """With 64 harmonics an error of 3.3e-7 or 6.6e-6 was stated for a point whose true error is 1.0e-5.
 
-    It is located from 32 harmonics and from 64, to two accuracies; with as many harmonics the same is stated.
+    It is located from 32 and from 64 harmonics, to two accuracies; equal harmonics give equal errors, to 20 %.
     """
     stated = {}
     for harmonics, accuracy in ((32, 1.2e-5), (64, 1.2e-5), (64, 5e-6)):
@@ -68,7 +68,7 @@ def test_the_error_of_a_doubling_does_not_depend_on_how_it_was_reached(near_the_
 
 
 def test_a_doubling_of_the_stiff_stop_by_shooting(near_the_doubling):
-    """The reference of the test above: the monodromy matrix of the motion there has the multiplier -1."""
+    """At the reference `DOUBLING` the monodromy matrix of shooting has the multiplier -1, to 1e-6."""
     balance = hb.HarmonicBalance(stiff_stop(), 32)
     X = solve(balance, balance.from_point(near_the_doubling), {"Omega": DOUBLING}).X
     _, period = shoot(stiff_stop(), DOUBLING, state(balance, X, Omega=DOUBLING))
@@ -79,7 +79,7 @@ def test_a_doubling_of_the_stiff_stop_by_shooting(near_the_doubling):
 
 
 def two_gaps():
-    """Two equal masses, each with backlash, driven alike: symmetric motions, from which others branch off."""
+    """Two equal masses with equal backlashes and loads: symmetric motions with branch points."""
     C, K = 0.05 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[2.0, -0.3], [-0.3, 2.0]])
     gaps = [hb.Element(w, hb.Backlash(b=0.3, k=8.0), name=n) for w, n in (([1.0, 0.0], "a"), ([0.0, 1.0], "b"))]
     return hb.System(np.eye(2), C, K, gaps, hb.Load(cosine={1: [0.3, 0.3]}))
@@ -90,7 +90,7 @@ BRANCHING = 1.0149020  # by shooting in the symmetric subspace
 
 @pytest.mark.parametrize("harmonics", [16, 128])
 def test_a_branch_point_states_its_error_at_every_size(harmonics):
-    """With 128 harmonics it was put at .98, an end of its segment, with an error of nan, and nothing was doubted."""
+    """With 128 harmonics it was located at .98, an end of its segment, with an error of nan and without warning."""
     problem = hb.HarmonicBalance(two_gaps(), harmonics)
     assert (problem.refined_problem is None) == (harmonics == 128) and len(problem.comparisons) == 2
     curve = hb.trace(problem, "Omega", (0.99, 1.03))
@@ -100,7 +100,7 @@ def test_a_branch_point_states_its_error_at_every_size(harmonics):
 
 
 def test_a_branch_point_has_the_multiplier_by_shooting():
-    """Newton's method of shooting is singular there: the multiplier passes +1 between motions on either side."""
+    """Shooting is singular at the point; the multiplier passes +1 between motions on both sides."""
     curve = hb.trace(hb.HarmonicBalance(two_gaps(), 16), "Omega", (0.99, 1.03))
     (point,) = (p for p in curve.special if p.kind == "BP")
     problem, real = curve.problem.with_order(1, 64), []
@@ -115,7 +115,7 @@ def test_a_branch_point_has_the_multiplier_by_shooting():
 
 
 def segment_without_events(event):
-    """A segment of the curve of a spur pair on which nothing happens, and its end as a point of an event."""
+    """A segment of a spur pair's curve without special points, and its end as a located point of an event."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 6), "Omega", (1.5, 1.3), special=False)
     problem, scale = as_problem(curve.problem), np.ones(14)
     rows = [point_from_solution(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
@@ -137,16 +137,16 @@ def test_an_unknown_error_is_a_doubt_that_names_the_point():
     unknown = tuple(replace(p, error=np.nan) if p.label == "LP2" else p for p in curve.special)
     assert "LP2 not known" in replace(curve, special=unknown).warnings[0]
     plain = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6), accuracy=None)
-    assert np.isnan(plain["LP1"].error) and plain.warnings == ()  # nothing was asked of it
+    assert np.isnan(plain["LP1"].error) and plain.warnings == ()  # no accuracy is required
 
 
-# ---- the beginning of a branch
+# ---- first point of a branch
 
 
 def test_a_branch_begins_at_its_special_point_and_not_beyond_its_first_fold():
-    """The doubled branch of a subcritical doubling turns 3e-4 above it, within a fraction of the first step.
+    """The doubled branch of a subcritical doubling has a fold 3e-4 above it, within a fraction of the first step.
 
-    Its first motions are unstable, and the fold, by shooting a motion with the multiplier +1, is where a sweep leaves.
+    Its first motions are unstable; at the fold shooting gives a multiplier +1, and a sweep jumps.
     """
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 16), "Omega", (2.1, 1.75))
     doubled = hb.switch(curve, "PD1")
@@ -159,7 +159,7 @@ def test_a_branch_begins_at_its_special_point_and_not_beyond_its_first_fold():
     fold = again["LP1"]
     assert fold.parameters["Omega"] == pytest.approx(1.84650, abs=5e-6)  # by another continuation with nu = 4
     assert not again.stable[1 : fold.index].any() and again.stable[fold.index + 1]
-    assert np.abs(by_shooting(again.problem, fold) - 1).min() < 0.02  # it falls like a root beside a fold
+    assert np.abs(by_shooting(again.problem, fold) - 1).min() < 0.02  # 1 - mu decreases as a square root near a fold
     assert [jump.label for jump in again.jumps()] == ["LP1"]
 
 
@@ -167,7 +167,7 @@ def test_a_branch_begins_at_its_special_point_and_not_beyond_its_first_fold():
 
 
 def test_long_steps_do_not_lose_a_pair_of_doublings():
-    """A tongue of instability .043 wide in a step of .23: nothing was found there, and nothing said."""
+    """An unstable range of width .043 within a step of .23, which was missed without warning."""
     eps = (0.08719385437618231, 0.012913368645819146, 0.005505055803624091)
     model = hb.SpurPair(zeta=0.018939949313678924, F_m=0.39088024656702675, eps=eps, e=(), phase="sin")
     steps = hb.StepControl(max_step=0.12, max_turn_deg=35)

@@ -1,4 +1,4 @@
-"""Balances with some orders as unknowns against those with all of them."""
+"""Harmonic balance with selected orders as unknowns against the balance with all orders."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from hbgear.mechanics.series.fourier import places, to_real
 
 
 def two_stages(first=21, second=10, law=None, e=None, **kwargs):
-    """Three inertias in a row, meshes of two tooth frequencies between them."""
+    """Three inertias in series, coupled by two meshes with different tooth frequencies."""
 
     def one(w, p, k):
         stiffness = hb.mechanics.Series(k, (0.0,) * (p - 1) + (0.15 * k,), (0.0,) * (2 * p - 1) + (0.05 * k,))
@@ -27,26 +27,26 @@ def two_stages(first=21, second=10, law=None, e=None, **kwargs):
 
 
 def compared(sparse, model, X, Omega, **settings):
-    """R, dR/dX, dR/dOmega of a balance with some orders, and those rows of the one with all."""
+    """R, dR/dX, dR/dOmega of a balance with selected orders, and the same entries of the balance with all orders."""
     whole = hb.HarmonicBalance(model, sparse.H, nu=sparse.nu, **settings)
     some = (np.arange(sparse.m)[:, None] * (2 * sparse.H + 1) + places(sparse.orders)).ravel()
     a = sparse.linearise(X, "Omega", Omega=Omega)
     rows, kept = sparse.rows(X), to_real(whole.compiled({}).piecewise.kept.T)
     away = np.setdiff1d(np.arange(rows.shape[1]), places(sparse.orders))
-    rows[:, away] = -kept[:, away]  # where there is no unknown the structure does not move
+    rows[:, away] = -kept[:, away]  # at omitted orders the structure does not move
     b = whole.linearise(rows.ravel(), "Omega", Omega=Omega)
     return (a.R, b.R[some]), (a.dR_dX, b.dR_dX[np.ix_(some, some)]), (a.dR_dp, b.dR_dp[some])
 
 
 def stepped(p):
-    """A transmission error with corners, p times a turn."""
+    """A transmission error with kinks, p periods per revolution."""
     from hbgear.gears.trains.train import in_order
 
     return in_order(hb.mechanics.Periodic.table([0.0, 1.0, 4.0], [0.0, 0.05, -0.03]), p, 0.3)
 
 
 def rough(d, v, tau):
-    """A law only Python knows."""
+    """A law without compiled code."""
     return d + 0.2 * d**3, 1.0 + 0.6 * d**2, np.zeros_like(d)
 
 
@@ -56,7 +56,7 @@ MODELS = {
     "cubic": two_stages(3, 2, law=lambda k: hb.Cubic(1.0, 0.1)),
     "turning": two_stages(3, 2, speed=hb.mechanics.SpeedTerms(np.array([[0, 0.1, 0], [-0.1, 0, 0], [0, 0, 0]]), 1.0)),
     "tied": two_stages(3, 2, M=np.eye(3), elements=[
-        *two_stages(3, 2).elements, hb.Element([1.0, -1.0, 0.0], hb.Cubic(0.1, 0.2), name="beside")
+        *two_stages(3, 2).elements, hb.Element([1.0, -1.0, 0.0], hb.Cubic(0.1, 0.2), name="parallel")
     ]),
 }  # fmt: skip
 
@@ -78,7 +78,7 @@ def test_rule_of_the_orders_of_meshes():
     two = HarmonicSelection((10, 21))
     kept = set(two.kept(21 * 6, 1).tolist())
     wanted = {abs(10 * a + 21 * b) for a in range(-6, 7) for b in range(-6, 7) if (1 + abs(a)) * (1 + abs(b)) <= 7}
-    assert {k for k in wanted if k <= 126} <= kept and {5, 15, 26, 16} <= kept  # half of a period of mesh 10 too
+    assert {k for k in wanted if k <= 126} <= kept and {5, 15, 26, 16} <= kept  # including half orders of mesh 10
     assert len(kept) < 70
     sizes = [two.kept(H, 1) for H in range(1, 200)]
     assert all(set(a.tolist()) <= set(b.tolist()) for a, b in itertools.pairwise(sizes))
@@ -108,7 +108,7 @@ def train():
 
 @pytest.fixture(scope="module")
 def curves(train):
-    """Curves with few orders, with those that it asks for, and with those that this one asks for."""
+    """Curves with few orders, and three with orders selected from the error of the previous curve."""
     found = [hb.trace(hb.HarmonicBalance(train, 6, orders="meshes"), "Omega", (0.085, 0.07), stability=False)]
     for _ in range(3):
         found.append(hb.trace(found[-1].problem.with_harmonics_of(found[-1], 5e-11), "Omega", (0.085, 0.07)))
@@ -116,7 +116,7 @@ def curves(train):
 
 
 def test_motions_in_mesh_are_those_of_all_orders(train, curves):
-    """Nothing is lost while the teeth stay in contact: the motion is smooth, and few orders have all of it."""
+    """Without loss of contact the motion is smooth, and the selected orders represent it to 1e-8."""
     curve = curves[-1]
     whole = hb.HarmonicBalance(train, curve.problem.H)
     assert curve.problem.size < 0.6 * whole.size
@@ -132,7 +132,7 @@ def test_motions_in_mesh_are_those_of_all_orders(train, curves):
 
 @pytest.fixture(scope="module")
 def lost():
-    """A curve on which a mesh loses contact, with the orders that a coarse one asks for."""
+    """A curve with loss of contact, with orders selected from the error of a coarse curve."""
     model = two_stages(7, 4)
     first = hb.trace(hb.HarmonicBalance(model, 6, orders="meshes"), "Omega", SPAN, accuracy=None)
     return hb.trace(first.problem.with_harmonics_of(first, 2e-5), "Omega", SPAN)
@@ -208,11 +208,11 @@ def test_auto_takes_more_orders_where_they_are_needed():
 
 
 @pytest.mark.parametrize(
-    ("orders", "told"),
+    ("orders", "message"),
     [("teeth", "need 'meshes'"), ((), "at least one"), ((0, 2), "orders"), ((1.5,), "orders"), ([[2, "a"]], "orders")],
 )
-def test_orders_that_are_none(orders, told):
-    with pytest.raises((ValueError, TypeError), match=told):
+def test_orders_that_are_none(orders, message):
+    with pytest.raises((ValueError, TypeError), match=message):
         hb.HarmonicBalance(two_stages(3, 2), orders=orders)
 
 

@@ -1,4 +1,4 @@
-"""Receptances as if measured, computed from a known system: they give that system's curve."""
+"""Receptances computed from a known system give the curve of that system."""
 
 import json
 
@@ -20,7 +20,7 @@ def by_force(w, stiffness=K, mass=M, damping=C):
 
 
 def machine(directions, n=3):
-    """A stop between two coordinates, and backlash to the ground, on a wave and a constant force."""
+    """Elements (a stop between two coordinates, backlash to the ground), and constant and harmonic loads."""
     one, other, wave = np.eye(n)[directions[0]], np.eye(n)[directions[1]], np.eye(n)[directions[2]]
     elements = [hb.Element(one - other, hb.Unilateral(2.0, 0.2), damping=0.02, name="stop"),
                 hb.Element(other, hb.Backlash(0.4, 3.0), hb.mechanics.Series(0.0, (0.02,)), name="gap")]  # fmt: skip
@@ -41,7 +41,7 @@ def measured():
 
 
 def test_measured_whole_gives_the_curve_of_the_system(known, measured):
-    """Motions to the error of the spline, which falls with the fourth power of the distance of the lines."""
+    """Motions agree to the error of the spline, which decreases as the fourth power of the line spacing."""
     one, other = (hb.HarmonicBalance(model, 8) for model in (known, measured))
     for Omega in (0.5027, 1.1021, 1.8993):  # between the lines
         X = one.start(Omega=Omega)
@@ -53,7 +53,7 @@ def test_measured_whole_gives_the_curve_of_the_system(known, measured):
         np.testing.assert_allclose(other.motion(X, Omega=Omega), one.motion(X, Omega=Omega), atol=1e-7)
     a, b = (hb.trace(problem, "Omega", (0.6, 1.9), accuracy=None) for problem in (one, other))
     assert b.status.complete and b.multipliers is None and b.stable is None
-    assert 16 * 0.6 < W[-1] < 16 * 1.9  # twice the harmonics are measured for a part of the curve
+    assert 16 * 0.6 < W[-1] < 16 * 1.9  # the lines cover twice the harmonics on a part of the curve
     assert np.isfinite(b.error).all() and b.error.max() > 1e-5 and (b.regime >= 0).all()
     assert b.meta["stability"].startswith("not available")
     folds = [[p.parameters["Omega"] for p in curve.special if p.kind in ("LP", "GR")] for curve in (a, b)]
@@ -62,7 +62,7 @@ def test_measured_whole_gives_the_curve_of_the_system(known, measured):
 
 
 def test_a_measured_part_with_masses_and_springs(known):
-    """The third mass is written by hand, with its spring; the two others were measured without it."""
+    """Matrices of the third mass and its springs are combined with receptances of the other two masses."""
     left = K[:2, :2] - np.diag([0.0, 1.0])
     part = hb.mechanics.Receptances(W, [by_force(w, left, M[:2, :2], 0.06 * left) for w in W], ["a", "b"])
     rest = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 2.0]])
@@ -122,7 +122,7 @@ def test_universal_files(tmp_path):
     H = np.array([by_force(2 * np.pi * each)[:2, :2] for each in f])
     path = tmp_path / "test.uff"
     for i, j, binary in ((0, 0, 0), (1, 0, 1), (1, 1, 0)):
-        sign = -1 if i != j else 1  # the response against its direction
+        sign = -1 if i != j else 1  # a response in the negative direction
         one = pyuff.prepare_58(
             binary=binary, func_type=4, rsp_node=i + 1, rsp_dir=3 * sign, ref_node=j + 1, ref_dir=3,
             data=-sign * H[:, i, j] * (2 * np.pi * f) ** 2, x=f, abscissa_spacing=1, abscissa_spec_data_type=18,
@@ -131,7 +131,7 @@ def test_universal_files(tmp_path):
         pyuff.UFF(str(path)).write_sets(one, "add")
     static = by_force(0.0)[:2, :2].real
     found = hb.io.from_receptances(path, static)
-    assert found.names == ("1z", "2z") and len(found.omega) == 40  # an acceleration tells nothing at 0 Hz
+    assert found.names == ("1z", "2z") and len(found.omega) == 40  # the line at 0 Hz of an accelerance is omitted
     np.testing.assert_allclose(found.values, H[1:], rtol=1e-5, atol=1e-6 * np.abs(H).max())
     named = hb.io.from_receptances(path, [[0.5]], names={"2z": "case"})
     assert named.names == ("case",)
@@ -160,7 +160,7 @@ def test_lines_far_apart_are_reported(measured):
 
 @pytest.mark.parametrize(("step", "tolerance"), [(1, 0.02), (2, 0.06), (4, 0.3)])
 def test_coarseness_is_the_error_of_the_spline_between_the_lines(step, tolerance):
-    """Against the exact receptance of one mass in the middle of the intervals, over the peak."""
+    """Error relative to the peak, against the exact receptance of one mass at the midpoints of the intervals."""
     w = W[:801]
 
     def exact(w):
@@ -183,7 +183,7 @@ def on(measured, **changes):
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda m: hb.trace(hb.HarmonicBalance(m, 8), "Omega", (0.6, 2.5)),
          "Omega from 0.6 to 2.5 with 8 harmonics needs receptances from 0.6 to 20; the lines are from 0.005 to 16"),
@@ -215,8 +215,8 @@ def on(measured, **changes):
         (lambda m: hb.io.from_receptances("nowhere.uff"), "there is no file 'nowhere.uff'"),
     ],
 )  # fmt: skip
-def test_bad_input(make, said, measured):
-    with pytest.raises(ValueError, match=said):
+def test_bad_input(make, message, measured):
+    with pytest.raises(ValueError, match=message):
         make(measured)
 
 

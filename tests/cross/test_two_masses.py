@@ -1,9 +1,9 @@
-"""Two masses and a stop: as many folds, period doublings and Neimark-Sacker points as the equations of motion have.
+"""Two masses and a stop: all folds, period doublings and Neimark-Sacker points, and no spurious ones.
 
     q'' + 0.03 A q' + A q + (p(q_1), 0) = (0, 0.1 cos(Omega t)),   A = [[1, -1], [-1, 2]],   p = 100 max(q_1 - 1, 0)
 
-from Omega = 0.8 to 0.5. Sampled forces make hundreds of folds of it. The stop is hard, so the harmonics fall slowly;
-a fold lies 6e-9 beside a grazing contact.
+from Omega = 0.8 to 0.5. Sampled forces give hundreds of spurious folds. The stop is stiff, so that harmonics decay
+slowly; a fold lies 6e-9 from a grazing contact.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from hbgear.harmonic import PeriodDoublingProblem
 from hbgear.mechanics.series.fourier import resize
 
 SPAN = (0.8, 0.5)
-# in the order of the curve; by shooting, and within 5e-7 of it by harmonic balance
+# in the order of the curve, by shooting; harmonic balance agrees within 5e-7
 POINTS = {
     "LP1": 0.653440, "LP2": 0.755627, "PD1": 0.755586, "PD2": 0.738783, "NS1": 0.618607, "NS2": 0.581901,
 }  # fmt: skip
@@ -42,7 +42,7 @@ def shot():
 
 @pytest.fixture(scope="module")
 def curve():
-    """The curve by harmonic balance; the period doublings ask for the many harmonics."""
+    """The curve by harmonic balance; the period doublings need 120 harmonics."""
     return trace(HarmonicBalance(two_masses(), 120), "Omega", SPAN)
 
 
@@ -56,7 +56,7 @@ def labelled(points):
 
 
 def refined(problem, point):
-    """Omega of a point with the harmonics of another problem."""
+    """Omega of a special point, solved with the harmonics of another problem."""
     Omega, X = point.parameters["Omega"], resize(point.X, problem.H)
     if point.kind == "NS":
         wide = 2e-5
@@ -104,7 +104,7 @@ def test_grazing(curve):
 
 
 def test_stable_means_stable(curve, shot):
-    """Regimes of stability along the curve, from both."""
+    """The number of stability changes along the curve is the same by both methods."""
     changes = [p.label for p in curve.special if p.kind != "GR"]
     stable = [bool(np.abs(orbit.multipliers).max() < 1) for orbit in shot.orbits]
     assert np.sum(np.diff(np.array(stable, int)) != 0) == np.sum(np.diff(curve.stable.astype(int)) != 0) <= len(changes)

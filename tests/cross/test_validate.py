@@ -1,4 +1,4 @@
-"""Curves held against time integration: they agree, and what is wrong with a curve is found."""
+"""Validation of curves by time integration: correct curves agree, and errors of a curve are detected."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from hbgear.time.validation.validate import LEAST, validate
 
 @pytest.fixture(scope="module")
 def pair():
-    """The case with impacts: two folds, unstable between them."""
+    """A curve with impacts and two folds, unstable between them."""
     return hb.trace(hb.HarmonicBalance(hb.SpurPair(), 40), "Omega", (1.5, 0.3))
 
 
@@ -44,9 +44,9 @@ def test_spur_pair_agrees(report):
 
 @pytest.mark.slow
 def test_double_helical_pair_of_low_damping():
-    """24 coordinates: rms to 1e-5 with 24 harmonics at 7 points, and every verdict on stability.
+    """24 coordinates: rms to 1e-5 with 24 harmonics at 7 points, and the stability of each point.
 
-    Among them are motions that lose their stability to a second frequency, in opposite phase on the two helices.
+    At some points a disturbance of a second frequency grows, in opposite phase on the two helices.
     """
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.8))
     found = validate(curve, 7, 1e-5, multiplier_tolerance=1e-3)
@@ -58,9 +58,9 @@ def test_double_helical_pair_of_low_damping():
 
 @pytest.mark.slow
 def test_teeth_of_a_drawing():
-    """Contacts of teeth begin at tau = 0, where the rates of H = 16 have an error of 1e-2; points near the fold, too.
+    """Tooth contacts begin at tau = 0, where velocities with H = 16 have errors of 1e-2; some points are near the fold.
 
-    From the state of the series, shooting goes to the motion beyond the fold at one of them.
+    At one of them, shooting from the state of the series converges to the motion beyond the fold.
     """
     pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     model = hb.GearPair(pinion, wheel, backlash="80 um").model(200.0, 0.04)
@@ -86,13 +86,13 @@ def test_motions_of_two_periods():
     doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=12))
     found = validate(doubled, 4, 1e-5)
     assert found.ok and doubled.layout.nu == 2
-    # the first row is the period doubling, where shooting is singular: it is checked only if it is asked for
+    # the first point is the period doubling, where shooting is singular: it is checked on request only
     assert np.abs(doubled.multipliers[0] - 1).min() < 1e-3 and len(found.rows) == 4
     assert 0 not in {row.index for row in found.rows}
     assert validate(doubled, [0], 1e-5).rows[0].sensitivity > 1e3
 
 
-# ---- what is wrong is found
+# ---- errors are detected
 
 
 def test_a_wrong_motion_is_found(pair):
@@ -112,7 +112,7 @@ def test_wrong_multipliers_are_found(pair):
 
 
 def test_right_multipliers_of_a_coarse_motion_are_no_reason_against_more_harmonics():
-    """Verified points have the multipliers of a refined motion, which their own coefficients do not give."""
+    """Multipliers of verified points belong to a refined motion, not to the coefficients of the curve."""
     coarse, fine = (hb.HarmonicBalance(hb.Duffing(), H) for H in (1, 8))
     curve = hb.trace(coarse, "Omega", (1.0, 1.05))
     mu = curve.multipliers.copy()
@@ -123,7 +123,7 @@ def test_right_multipliers_of_a_coarse_motion_are_no_reason_against_more_harmoni
 
 @pytest.mark.parametrize(("by", "status"), [(3e-6, "agrees with H = 12"), (3e-3, "rms, harmonics, multipliers differ")])
 def test_multipliers_that_differ_by_the_last_newton_step_are_no_reason_against_more_harmonics(by, status):
-    """Multipliers of a trace belong to the state before its last step, which is up to 1e-6."""
+    """Multipliers of a trace belong to the state before the last Newton step, which is up to 1e-6."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.03), 6), "Omega", (0.9, 0.8), special=False)
     mu = curve.multipliers.copy()
     mu[5] = curve.problem.multipliers(curve.X[5], **curve.parameters_at(5)) * (1 + by * np.array([1, -1]))
@@ -132,7 +132,7 @@ def test_multipliers_that_differ_by_the_last_newton_step_are_no_reason_against_m
 
 
 def test_a_wrong_verdict_on_stability_is_found(pair):
-    """The middle motion with the multipliers of a stable one, and the other way round."""
+    """An unstable motion with multipliers of a stable one is reported, and vice versa."""
     middle = pair["LP1"].index + 8
     for i, other, words in ((middle, 5, "disturbances decay"), (5, middle, "disturbances grow")):
         mu = pair.multipliers.copy()
@@ -148,7 +148,7 @@ def test_few_harmonics_are_confirmed_with_more_and_their_error_is_stated():
     assert found.ok and all(row.refined and row.harmonics > 5 for row in found.rows)
     for row in found.rows:
         assert row.refined_error < 1e-6 < max(row.rms_error, row.harmonic_error)
-        assert row.rms == curve.amplitude("rms")[row.index]  # what is shown is the curve as traced
+        assert row.rms == curve.amplitude("rms")[row.index]  # rms belongs to the curve as traced
         assert row.rms_error == pytest.approx(abs(row.rms / row.rms_true - 1), rel=1e-6)
     assert "3 of them with more harmonics" in repr(found)
     top, low = plot.validation(found, curve).axes
@@ -167,14 +167,14 @@ def test_a_curve_whose_harmonics_vary_is_refined_too():
 
 @pytest.mark.slow
 def test_the_default_harmonics_near_the_fold_of_the_double_helical_pair():
-    """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
+    """At 6e-7 from LP1 the equations are nearly singular: the error exceeds 1e-4 with H = 16, not with H = 32."""
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
     (row,) = validate(curve, [-1]).rows
     assert row.status == "agrees with H = 32" and row.refined and row.Omega == 0.8453693
     assert row.refined_error < 1e-4 < row.harmonic_error
 
 
-# ---- which points
+# ---- selection of points
 
 
 def test_points_that_matter_are_chosen(pair):
@@ -211,7 +211,7 @@ def test_tolerances_that_cannot_be_met(pair, tolerance):
 
 
 def test_a_tolerance_of_multipliers_that_cannot_be_met(pair):
-    """Every point took all the harmonics there are, in vain."""
+    """A zero tolerance would refine each point to the largest number of harmonics without success."""
     with pytest.raises(ValueError, match="multiplier_tolerance = 0 cannot be verified"):
         validate(pair, 3, multiplier_tolerance=0.0)
 
@@ -297,7 +297,7 @@ def test_another_version_is_mentioned(pair):
         problem_for(replace(pair, meta={**pair.meta, "hbgear": "0.0.1"}))
 
 
-# ---- what is shown
+# ---- tables, files and figures
 
 
 def test_table_file_and_figure(pair, report, tmp_path):

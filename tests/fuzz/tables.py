@@ -1,9 +1,9 @@
-"""Tables of receptances, mesh cycles and measurements, and matrices, as programs write them: valid and damaged.
+"""Fuzzing of tables (receptances, mesh cycles, measurements) and matrices in formats of other programs.
 
     python -m tests.fuzz.tables --count 3000 --seed 0 --processes 2
 
-Of a valid file every number is read as it was generated, in SI. A cell, name or unit that is none is refused with one
-clean sentence; a file with damaged bytes is refused so, or read.
+Every number of a valid file must be read with its generated value, in SI. An invalid cell, name or unit must be refused
+with a one-line message; a file with damaged bytes may be read or be refused in the same way.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ REMARKS = ("# made in May", "% T = 20, p = 1", "// rig 2", "! 3 runs; 2 sweeps",
 
 @dataclass
 class Made:
-    """A table that was made: headings as name and unit, rows of cells, and the numbers of each column in SI."""
+    """A generated table: names and units of its columns, rows of cells, and the values of each column in SI."""
 
     names: list[str]
     units: list[str]
@@ -56,14 +56,14 @@ def pick(rng: Random, options: Any) -> Any:
 
 
 def column(rng: Random, values: Sequence[float], factor: float) -> tuple[list[str], np.ndarray]:
-    """Texts of numbers in a unit, and what they are in SI."""
+    """Return values formatted in a unit, and the values in SI."""
     style = pick(rng, ("{!r}", "{:.12e}", "{:.9E}", "{:+.8e}"))
     texts = [style.format(float(x) / factor) for x in values]
     return texts, np.array([float(text) * factor for text in texts])
 
 
 def response(rng: Random) -> Made:
-    """A frequency response of one mass, in random units and of either form."""
+    """A frequency response of one mass in random units: real and imaginary part, or magnitude and phase."""
     count = int(rng.integers(4, 40))
     f = np.sort(rng.uniform(0.5, 90.0, count) + np.arange(count) * 0.1)
     H = 1 / (1e4 * (1 - (f / 30.0) ** 2) + 800j * f)
@@ -97,7 +97,7 @@ def response(rng: Random) -> Made:
 
 
 def cycle(rng: Random) -> Made:
-    """Mesh stiffness over a cycle."""
+    """Mesh stiffness over one cycle, in random units."""
     count = int(rng.integers(4, 60))
     unit, own = pick(rng, CYCLES), pick(rng, STIFFNESSES)
     phase = np.arange(count) / count
@@ -108,7 +108,7 @@ def cycle(rng: Random) -> Made:
 
 
 def sweeps(rng: Random) -> Made:
-    """Measured amplitudes with directions, deviations and jumps."""
+    """Measured amplitudes, some with sweep directions and deviations."""
     count = int(rng.integers(2, 30))
     unit, length = pick(rng, ("r/min", "Hz", "kHz", "rpm", "-")), pick(rng, LENGTHS)
     names = {"r/min": ("n", "speed", "Pinion_Speed"), "rpm": ("n", "RPM"), "-": ("Omega",)}.get(
@@ -141,7 +141,7 @@ def _made(parts: list[tuple[Any, ...]], more: Any) -> Made:
 
 
 def written(rng: Random, made: Made) -> bytes:
-    """The bytes of a table in a random dialect that keeps its meaning."""
+    """Return the bytes of a table in a random dialect that keeps its values."""
     mark = pick(rng, MARKS)
     decimal = pick(rng, (".", ".", ","))
     quote = (decimal == "," and mark.strip() == ",") or (rng.random() < 0.1 and mark.strip() != "")
@@ -156,7 +156,7 @@ def written(rng: Random, made: Made) -> bytes:
     if quote:
         heads, rows = [f'"{head}"' for head in heads], [[f'"{cell}"' for cell in row] for row in rows]
     lines = [mark.join(heads), *(mark.join(row) for row in rows)]
-    if rng.random() < 0.1 and style == "{} [{}]":  # units in a line of their own
+    if rng.random() < 0.1 and style == "{} [{}]":  # units in a separate line
         units = [f"[{unit}]" if unit else "-" for unit in made.units]
         if mark.strip() or mark == "\t":
             lines[:1] = [mark.join(made.names), mark.join(units)]
@@ -171,7 +171,7 @@ def written(rng: Random, made: Made) -> bytes:
 
 
 def spoilt(rng: Random, made: Made) -> str:
-    """Put into a table what no reader may take; what it is, in words."""
+    """Put an invalid unit, name or cell into a table; return its description."""
     which = int(rng.integers(3))
     at = int(rng.integers(len(made.names)))
     if which == 0:
@@ -213,7 +213,7 @@ def attempt_table(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
     make_, read = KINDS[int(rng.integers(3))]
     made = make_(rng)
     what = pick(rng, ("valid", "valid", "spoilt", "damaged"))
-    told = spoilt(rng, made) if what == "spoilt" else ""
+    fault = spoilt(rng, made) if what == "spoilt" else ""
     try:
         content = written(rng, made)
     except UnicodeEncodeError:
@@ -222,7 +222,7 @@ def attempt_table(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
         content = _bytes(rng, content)
     path = folder / "table.csv"
     path.write_bytes(content)
-    note(f"{read.__name__}, {what} {told}: {content[:300]!r}")
+    note(f"{read.__name__}, {what} {fault}: {content[:300]!r}")
     if what == "damaged" and rng.random() < 0.02:
         return judged(["fit", "table.csv", "spur-pair", "--free", "zeta", "--harmonics", "2", "--starts", "1"], folder)
     try:
@@ -232,7 +232,7 @@ def attempt_table(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
             return pool.Wrong("refused", f"{read.__name__}: a valid table", str(error)[:300])
         return _clean(error)
     if what == "spoilt":
-        return pool.Wrong("nonsense", f"{read.__name__} takes a {told.split()[0]} that is none", told)
+        return pool.Wrong("nonsense", f"{read.__name__} accepts an invalid {fault.split()[0]}", fault)
     for found, right in pairs if what == "valid" else ():
         if np.shape(found) != np.shape(right) or not np.allclose(found, right, rtol=1e-6, atol=0):
             return pool.Wrong("misread", read.__name__, f"{np.ravel(found)[:3]} and not {np.ravel(right)[:3]}")
@@ -246,7 +246,7 @@ def matrices(rng: Random) -> dict[str, np.ndarray]:
 
 
 def saved(rng: Random, suffix: str, found: dict[str, np.ndarray]) -> bytes:
-    """The bytes of a file with all matrices."""
+    """Return the bytes of a file with all matrices."""
     given = {name: scipy.sparse.csc_array(A) if rng.random() < 0.3 else A for name, A in found.items()}
     buffer = io.BytesIO()
     if suffix == ".npz":
@@ -259,7 +259,7 @@ def saved(rng: Random, suffix: str, found: dict[str, np.ndarray]) -> bytes:
 
 
 def _save_hdf5(buffer: io.BytesIO, given: dict[str, Any]) -> None:
-    """As MATLAB writes version 7.3."""
+    """Write matrices in the layout of MATLAB version 7.3."""
     import h5py
 
     with h5py.File(buffer, "w", userblock_size=512) as file:
@@ -306,7 +306,7 @@ def attempt_matrices(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong |
 
 
 def make() -> pool.Attempt:
-    """The attempt of this fuzzer."""
+    """Return the function that runs one attempt of this fuzzer."""
 
     def attempt(seed: int, folder: Path, note: pool.Note) -> pool.Wrong | None:
         rng = np.random.default_rng([4, seed])

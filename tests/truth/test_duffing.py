@@ -1,9 +1,9 @@
-"""Duffing's oscillator with one harmonic against the closed cubic, and its free motion against the elliptic integral.
+"""Duffing's oscillator with one harmonic against the cubic equation, and its free motion against elliptic integrals.
 
     A^2 [(1 - Omega^2 + 3/4 k3 A^2)^2 + (2 zeta Omega)^2] = F^2         (H = 1, exact)
     T = 4 K(m) / sqrt(1 + k3 A^2),   m = k3 A^2 / (2 (1 + k3 A^2))      (free, undamped, exact)
 
-The folds and the peak at more harmonics are among the reference numbers.
+Folds and peak with more harmonics are compared with the reference numbers of the project.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def test_one_harmonic_is_the_closed_form_all_along_the_curve(m):
 
 
 def frequency(m, A, side):
-    """Omega at which the H = 1 response is A, on the low (-1) or high (+1) side of the backbone.
+    """Omega at which the H = 1 response has the amplitude A, on the low (-1) or high (+1) side of the backbone.
 
     Omega^4 - (2 c - 4 zeta^2) Omega^2 + c^2 - F^2/A^2 = 0 with c = 1 + 3/4 k3 A^2.
     """
@@ -45,7 +45,7 @@ def frequency(m, A, side):
 
 
 def test_one_harmonic_folds_are_where_the_closed_form_turns():
-    """dOmega/dA = 0 on the side towards which the curve leans."""
+    """dOmega/dA = 0 on the high side of the backbone: Omega to 1e-10, amplitude to 1e-5."""
     m, h = Duffing(), 1e-4
     curve = trace(HarmonicBalance(m, 1), "Omega", (0.5, 1.6))
 
@@ -62,7 +62,7 @@ def test_one_harmonic_folds_are_where_the_closed_form_turns():
 
 
 def test_peak_of_one_harmonic_and_its_stability():
-    """The peak A = F / (2 zeta sqrt(1 + 3/4 k3 A^2 - zeta^2)) is met; the middle branch alone is unstable."""
+    """The peak is A = F / (2 zeta sqrt(1 + 3/4 k3 A^2 - zeta^2)) to 1e-3; only the middle branch is unstable."""
     m = Duffing()
     curve = trace(HarmonicBalance(m, 1), "Omega", (0.5, 1.6))
     peak = brentq(lambda A: A * 2 * m.zeta * np.sqrt(1 + 0.75 * m.k3 * A**2 - m.zeta**2) - m.F, 1.0, 2.0)
@@ -70,7 +70,7 @@ def test_peak_of_one_harmonic_and_its_stability():
     assert curve.amplitude("H1").max() == pytest.approx(peak, rel=1e-3)
     first, second = (curve[label].index for label in ("LP1", "LP2"))
     inside = np.zeros(len(curve), dtype=bool)
-    # beside a fold the multiplier differs from 1 by less than the harmonics left out change it
+    # near a fold the distance of the multiplier from 1 is smaller than its truncation error
     inside[first + 3 : second - 2] = True
     outside = np.ones(len(curve), dtype=bool)
     outside[first - 3 : second + 4] = False
@@ -79,7 +79,7 @@ def test_peak_of_one_harmonic_and_its_stability():
 
 @pytest.mark.parametrize(("k3", "A"), [(0.1, 1.65), (1.0, 1.2), (-0.2, 0.8)])
 def test_undamped_free_motion(k3, A):
-    """Driven by +F and by -F ever so little, the mean amplitude of the two motions is that of the free motion."""
+    """The mean of the amplitudes with small forces +F and -F is the amplitude of the free motion, to 5e-8."""
     T = 4 * ellipk(k3 * A**2 / 2 / (1 + k3 * A**2)) / np.sqrt(1 + k3 * A**2)
     Omega = 2 * np.pi / T
     found = []

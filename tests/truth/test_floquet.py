@@ -1,4 +1,4 @@
-"""Floquet multipliers: what theory says of their product, of folds and of period doublings, and of linear motions.
+"""Floquet multipliers against theory: their product, folds, period doublings and linear motions.
 
 det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
 """
@@ -50,7 +50,7 @@ class SteepFriction(Law):
 
 
 def three_masses(rng):
-    """Random, damped, with a cubic spring and a gap with a damper beside it."""
+    """Random damped system of three masses with a cubic spring, and a gap with a parallel damper."""
     A, B = rng.standard_normal((2, 3, 3)) / 3
     C = 0.05 * (np.eye(3) + A @ A.T)
     elements = [Element([1.0, -1.0, 0.5], Backlash(0.3), damping=0.1), Element([0.0, 1.0, 1.0], Cubic(0.5, 0.3))]
@@ -59,7 +59,7 @@ def three_masses(rng):
 
 
 def motion(model, Omega, H=15, start=1.8):
-    """A motion reached from above."""
+    """Return the balance and its motion at Omega, by continuation down from `start`."""
     problem = HarmonicBalance(model, H)
     return problem, trace(problem, "Omega", (start, Omega), stability=False, special=False).X[-1]
 
@@ -83,7 +83,7 @@ def dragged():
 
 
 def chain(n=12):
-    """Masses between walls with a cubic spring to ground at the last, which is pushed."""
+    """Chain of masses between walls, with a force and a cubic spring to ground at the last mass."""
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     spring = Element(np.eye(n)[-1], Cubic(1.0, 0.2))
     return System(np.eye(n), 0.01 * np.eye(n), K, [spring], Load(cosine={1: 0.4 * np.eye(n)[-1]}))
@@ -100,13 +100,13 @@ CASES = {
 
 
 def beam(law, n=2):
-    """A cantilever of n finite elements, whose end touches a stop or rubs: its highest mode is 60 times its lowest."""
+    """Cantilever of n finite elements with contact or friction at its tip; modes differ by 60 times in frequency."""
     (M, K), end = cantilever(n), np.eye(2 * n)[-2]
     return System(M, 2e-4 * K + 0.05 * M, K, [Element(end, law)], Load(cosine={1: 0.2 * end}))
 
 
 def flow_between(system, stiffness, begin, end, Omega):
-    """Flow of the variational equation in physical coordinates; the stiffness of the element over the phase."""
+    """Flow of the variational equation in physical coordinates, with the element stiffness as a function of tau."""
     M, (w,) = np.asarray(system.M), system.W.T
     C, K, n = np.asarray(system.C), np.asarray(system.K), len(M)
 
@@ -126,7 +126,7 @@ def flow_between(system, stiffness, begin, end, Omega):
 @pytest.mark.parametrize("varying", [0.0, 0.3])
 @pytest.mark.parametrize("k", [2.0, 200.0])
 def test_modes_much_faster_than_the_springs(k, varying):
-    """The steps must resolve modes that a soft spring excites; they were up to 2e-2 off.
+    """Steps resolve fast modes that a soft spring excites: errors below 3e-8; longer steps had errors up to 2e-2.
 
     The reference propagates the disturbance in physical coordinates, by matrix exponentials or DOP853.
     """
@@ -171,7 +171,7 @@ def test_exact_flows_of_friction_are_the_limit_of_short_steps(k):
 
 
 def test_truncated_modes_change_multipliers_of_friction_little():
-    """The displacement at which a slider begins to stick has the static part of the truncated modes."""
+    """The displacement of a slider at stick includes the static part of the truncated modes: errors below 2e-5."""
     problem = HarmonicBalance(beam(Jenkins(20.0, 0.1), 20), 24)
     X, Omega = problem.start(3.3), np.array([3.3])
     reduced = problem.compiled({})
@@ -225,7 +225,7 @@ def test_product_at_the_default_steps(name, rng):
 
 @pytest.mark.parametrize("Omega", [0.7, 2.0])
 def test_linear_motion_has_the_multipliers_of_its_poles(Omega):
-    """Contact throughout: mu = exp(lambda T), lambda = -zeta +- i sqrt(1 - zeta^2), whatever the amplitude."""
+    """Contact throughout: mu = exp(lambda T), lambda = -zeta +- i sqrt(1 - zeta^2), for any amplitude."""
     problem = HarmonicBalance(SpurPair(b=0.0), 5)
     mu = problem.multipliers(problem.start(Omega), Omega=Omega)
     poles = -0.05 + 1j * np.sqrt(1 - 0.05**2) * np.array([1, -1])
@@ -233,7 +233,7 @@ def test_linear_motion_has_the_multipliers_of_its_poles(Omega):
 
 
 def test_linear_motion_of_the_double_helical_pair():
-    """All 46 multipliers exp(lambda T) of the closed mesh; the rotation's pair +1 is left out."""
+    """All 46 multipliers are exp(lambda T) of the closed mesh; the pair +1 of the free rotation is excluded."""
     model = DoubleHelicalPair(W=-1.0, eps=())
     system, problem = model.system(), HarmonicBalance(model, 3)
     W, n = system.W, 24
@@ -251,7 +251,7 @@ def test_linear_motion_of_the_double_helical_pair():
 
 
 def excited_at(order, law):
-    """One mass whose stiffness, displacement and load have this base order."""
+    """One mass whose stiffness, displacement and load have a given base order."""
     displacement = Series(0.2, (0.0,) * (order - 1) + (0.2,)) if isinstance(law, Cubic) else Series()
     element = Element([1.0], law, displacement)
     return System([[1.0]], [[0.05]], [[1.0]], [element], Load([0.3], {order: [0.8]}))
@@ -261,7 +261,7 @@ def excited_at(order, law):
 @pytest.mark.parametrize("kind", ["stiffness", "cubic", "tanh"])
 @pytest.mark.parametrize("speed", [1.3, 3.0])
 def test_the_unit_of_the_frequency_is_arbitrary(kind, order, speed):
-    """Excitation of the order n at Omega / n is that of the order 1 at Omega: the multipliers are n-th powers."""
+    """Order n at Omega / n and order 1 at Omega are the same excitation: the multipliers are n-th powers."""
     laws = {"cubic": Cubic(2.0), "tanh": SteepFriction(0.1, 0.02)}
     multipliers, X = [], None
     for n in (1, order):
@@ -285,7 +285,7 @@ STEEP_FRICTION = {
 
 @pytest.mark.parametrize("Omega", STEEP_FRICTION)
 def test_motions_and_multipliers_with_steep_friction_are_those_of_shooting(Omega):
-    """Steps of the multipliers are short where the velocity reverses."""
+    """Integration steps of the multipliers are short near velocity reversals: errors below 2e-8."""
     friction = Element([1.0], SteepFriction(0.1, 0.05))
     problem = HarmonicBalance(System([[1.0]], [[0.01]], [[1.0]], [friction], Load(cosine={1: [0.2]})), 96)
     X, (rms, multiplier) = problem.start(Omega=Omega), STEEP_FRICTION[Omega]
@@ -295,9 +295,9 @@ def test_motions_and_multipliers_with_steep_friction_are_those_of_shooting(Omega
 
 @pytest.mark.parametrize("model", [SpurPair(), SpurPair(eps=(0.1, 0.05))], ids=["constant", "varying stiffness"])
 def test_a_multiplier_is_one_at_every_fold(model):
-    """The multiplier is that of the true motion, the fold that of H harmonics: they meet like H^-3.
+    """The multiplier at the fold of H harmonics differs from 1 by a truncation error O(H^-3).
 
-    H = 150 brings this case below 1e-6 without and 200 with varying stiffness.
+    It is below 1e-6 at H = 150 with constant and at H = 200 with varying stiffness.
     """
     H = 200
     problem = HarmonicBalance(model, H)
@@ -310,9 +310,9 @@ def test_a_multiplier_is_one_at_every_fold(model):
 
 
 def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
-    """Period doubling in other words: the Jacobian of the balance over two periods loses rank where mu = -1.
+    """Where mu = -1 the Jacobian of the balance over two periods is singular: its determinant changes sign.
 
-    Away from contact loss (eps alone moves the teeth) the linear equation is solved exactly by few harmonics.
+    Without contact loss the equation is linear, and few harmonics solve it to rounding accuracy.
     """
     model = SpurPair(zeta=0.02, F_m=0.3, eps=(0.3,), e=(0.02,))
     problem = HarmonicBalance(model, 20)
@@ -332,7 +332,7 @@ def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
 
 
 def test_stable_means_disturbances_die():
-    """Of the three motions of Duffing at one frequency the middle one is unstable, by integration too."""
+    """Of three motions of Duffing's oscillator at one Omega the middle one is unstable, also by integration."""
     model, Omega = Duffing(), 1.102
     problem = HarmonicBalance(model, 9)
     curve = trace(problem, "Omega", (0.5, 1.6))
@@ -349,15 +349,15 @@ def test_stable_means_disturbances_die():
 
 
 def switched():
-    """Two gaps, one of varying stiffness, side by side with a damper that gives way, on a chain of three masses."""
-    beside = Parallel((Backlash(0.2, 0.5, Series(1.0, (0.3,), (0.1,))), Drag(0.2)))
-    elements = [Element([1.0, -1.0, 0.0], beside, name="a"), Element([0.0, 1.0, -1.0], Backlash(0.4), name="b")]
+    """Chain of three masses with two gaps, one of varying stiffness in parallel with a nonlinear damper."""
+    parallel = Parallel((Backlash(0.2, 0.5, Series(1.0, (0.3,), (0.1,))), Drag(0.2)))
+    elements = [Element([1.0, -1.0, 0.0], parallel, name="a"), Element([0.0, 1.0, -1.0], Backlash(0.4), name="b")]
     K = np.diag([1.2, 1.0, 0.8])
     return System(np.eye(3), 0.04 * np.eye(3), K, elements, Load(cosine={1: [0.5, 0.0, -0.3], 2: [0.0, 0.2, 0.0]}))
 
 
 def along(model, H, span):
-    """Problem, motions and frequencies along a curve, grazing points among them."""
+    """Problem, motions and frequencies along a curve, including grazing points."""
     problem = HarmonicBalance(model, H)
     curve = trace(problem, "Omega", span, stability=False)
     grazing = [p for p in curve.special if p.kind == "GR"]
@@ -367,7 +367,7 @@ def along(model, H, span):
 
 
 def doubled():
-    """Motions of twice the period: those of the simple one, seen so."""
+    """Motions of one period in the layout of twice the period."""
     problem, X, Omega = along(SpurPair(e=(0.1,)), 10, (2.2, 1.7))
     twice = problem.with_order(2)
     return twice, np.array([twice.from_layout(x, problem.layout) for x in X]), Omega
@@ -384,7 +384,7 @@ CURVES = {
 
 
 def test_multipliers_of_one_mode_are_the_eigenvalues_of_lapack(rng):
-    """Of any size, with multipliers that are nearly the same, and with one that is nearly zero."""
+    """Matrices of any norm, with nearly equal multipliers, and with one near zero: sums and products to 1e-14."""
     A = rng.standard_normal((600, 2, 2)) * 10.0 ** rng.uniform(-9, 9, (600, 1, 1))
     A[200:400, 1, 1] = A[200:400, 0, 0] * (1 + 1e-9 * rng.standard_normal(200))
     A[200:300, 1, 0] *= 1e-12
@@ -394,7 +394,7 @@ def test_multipliers_of_one_mode_are_the_eigenvalues_of_lapack(rng):
     for symmetric in (lambda mu: mu.sum(axis=1) / size, lambda mu: mu.prod(axis=1) / size**2):
         np.testing.assert_allclose(symmetric(mine), symmetric(known), rtol=0, atol=1e-14)
     apart = np.abs(mine[:, :, None] - known[:, None]).min(axis=2).max(axis=1) / size
-    assert apart[:200].max() < 1e-13 and apart.max() < 1e-6  # double ones are known to half of the digits
+    assert apart[:200].max() < 1e-13 and apart.max() < 1e-6  # double eigenvalues have half of the digits
     A[7, 0, 1] = np.nan
     with pytest.raises(ValueError, match="the monodromy matrix is not finite"):
         _eigenvalues(A)
@@ -416,9 +416,9 @@ def test_many_at_once_are_those_one_by_one(name):
 
 
 def test_steps_of_few_and_of_many_points():
-    """The monodromy matrix of all modes, by steps of 4 and 6 Gauss points, is that by longer steps of 8.
+    """Monodromy matrices of all modes by steps of 4 and 6 Gauss points equal those by longer steps of 8, to 1e-10.
 
-    More nodes round more, see `gauss`: by 3e-12 with 8, by 2e-9 with 12.
+    Rounding errors grow with the nodes, see `gauss`: 3e-12 with 8, 2e-9 with 12.
     """
     problem, X, Omega = CURVES["long steps"]()
     compiled = problem.compiled({})

@@ -1,4 +1,4 @@
-"""What must not change the motion: the size of a backlash that is not crossed, and ways of writing the same model."""
+"""Invariance of the motion: size of a backlash that is not crossed, and equivalent formulations of a model."""
 
 from dataclasses import dataclass
 
@@ -13,13 +13,13 @@ OMEGAS = (1.3, 0.95, 0.9, 0.88)
 
 
 def motions(model, harmonics=12):
-    """X and multipliers at OMEGAS, followed down from 1.6."""
+    """X, multipliers and regimes at OMEGAS, by continuation down from Omega = 1.6."""
     problem = HarmonicBalance(model, harmonics)
     out, X, Omega = {}, None, 1.6
     for target in OMEGAS:
         curve = trace(problem, "Omega", (Omega, target), X, stability=False, special=False)
         assert curve.status == "reached_end"
-        # to rounding, for the comparison is finer than the tolerance of a trace
+        # Newton steps to rounding accuracy: the comparison is stricter than the tolerance of a trace
         X, Omega = curve.X[-1], target
         for _ in range(2):
             R, J = problem.evaluate(X, Omega=Omega)
@@ -35,7 +35,7 @@ def reference():
 
 @pytest.mark.parametrize("W", [-0.6, 0.6])
 def test_backlash_that_is_not_crossed_only_shifts_the_gap(W, reference):
-    """No tooth touches on its back: d shifts by b_c W; neither amplitudes nor multipliers know the backlash."""
+    """Without back contact d is shifted by b_c W; amplitudes and multipliers do not depend on W, to 1e-9."""
     regimes = []
     for Omega, (X, mu, regime) in motions(DoubleHelicalPair(W=W)).items():
         X0, mu0, regime0 = reference[Omega]
@@ -47,7 +47,7 @@ def test_backlash_that_is_not_crossed_only_shifts_the_gap(W, reference):
         np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(mu0), atol=1e-9)
         np.testing.assert_array_equal(regime, regime0)
         regimes.append(regime[0])
-    assert set(regimes) == {0, 1}  # both in contact throughout and with impacts
+    assert set(regimes) == {0, 1}  # permanent contact and impacts both occur
 
 
 def test_jump_frequencies_do_not_know_the_backlash():
@@ -61,7 +61,7 @@ def test_jump_frequencies_do_not_know_the_backlash():
 
 
 def test_a_backlash_that_is_crossed_does_change_the_motion():
-    """The counter-check: with W = -0.99 teeth touch on their backs, and the amplitude is another."""
+    """Counter-check: with W = -0.99 teeth touch on their backs, and the amplitude changes by more than 1e-2."""
     problem = HarmonicBalance(DoubleHelicalPair(W=-0.99), 12)
     curve = trace(problem, "Omega", (1.6, 0.9), stability=False, special=False)
     full = trace(HarmonicBalance(DoubleHelicalPair(), 12), "Omega", (1.6, 0.9), stability=False, special=False)
@@ -79,7 +79,7 @@ def traced(model, Omega, H=12):
 
 
 def test_origin_of_time():
-    """A cosine error without varying stiffness is the sine error a quarter period earlier."""
+    """With constant stiffness, a cosine error is the sine error shifted by a quarter period."""
     (a, X), (b, Y) = (traced(SpurPair(phase=phase), 0.78) for phase in ("cos", "sin"))
     shifted = X.copy()
     k = np.arange(1, a.H + 1)
@@ -90,7 +90,7 @@ def test_origin_of_time():
 
 
 def test_direction_of_an_element():
-    """Seen from the other side, the gap moves the other way."""
+    """With reversed direction and error the gap changes its sign, and the motion is the same."""
     model = SpurPair(eps=(0.1,))
     base = model.system()
     (gap,) = base.elements
@@ -102,7 +102,7 @@ def test_direction_of_an_element():
 
 
 def test_order_of_coordinates_and_elements(rng):
-    """A permutation of the 24 coordinates and of the two halves."""
+    """A permutation of the 24 coordinates and of the two elements gives the same motion."""
     base = DoubleHelicalPair(stagger=0.4).system()
     p = rng.permutation(24)
     (load,) = base.load
@@ -114,12 +114,12 @@ def test_order_of_coordinates_and_elements(rng):
     X = a.start(1.2)
     Y = solve(b, X.reshape(2, -1)[::-1].ravel(), {"Omega": 1.2}).X
     np.testing.assert_allclose(Y.reshape(2, -1)[::-1].ravel(), X, atol=1e-9)
-    # the free rotation has no unique place, so velocities are compared
+    # the mean of the free rotation is arbitrary, so only the harmonics are compared
     np.testing.assert_allclose(b.motion(Y, Omega=1.2)[:, 1:], a.motion(X, Omega=1.2)[p, 1:], atol=1e-9)
 
 
 def test_two_periods_are_two_periods():
-    """Written with nu = 2 a motion keeps its residual; its multipliers are the squares."""
+    """Over two periods (nu = 2) the residual of a motion is zero too, and its multipliers are the squares."""
     problem, X = traced(SpurPair(eps=(0.1,)), 0.9)
     doubled = problem.with_order(2)
     Y = doubled.from_layout(X, problem.layout)
@@ -130,7 +130,7 @@ def test_two_periods_are_two_periods():
 
 @dataclass(frozen=True)
 class Referred(Cubic):
-    """A cubic spring with a reference stiffness of one's own choice."""
+    """A cubic spring with a given reference stiffness."""
 
     kr: float = 1.0
 
@@ -141,7 +141,7 @@ class Referred(Cubic):
 
 @pytest.mark.parametrize("kr", [0.01, 1.0, 20.0])
 def test_reference_stiffness_changes_nothing(kr):
-    """It conditions the linear algebra and must cancel from motions and multipliers."""
+    """The reference stiffness conditions the linear equations; motions and multipliers must not depend on it."""
     base = Duffing().system()
     other = System(base.M, base.C, base.K, [Element([1.0], Referred(0.1, 0.0, kr))], base.load)
     a, b = HarmonicBalance(base, 7), HarmonicBalance(other, 7)
@@ -150,5 +150,5 @@ def test_reference_stiffness_changes_nothing(kr):
     np.testing.assert_allclose(b.residual(X, Omega=1.0), 0, atol=1e-9)
     fine = {"width": 0.02, "points": 5, "Omega": 1.0}
     np.testing.assert_allclose(b.multipliers(X, **fine), a.multipliers(X, **fine), atol=1e-9)
-    # and by default, whatever the reference is
+    # also with the default steps
     np.testing.assert_allclose(b.multipliers(X, Omega=1.0), a.multipliers(X, **fine), atol=1e-7)

@@ -1,4 +1,4 @@
-"""Shares of planets against statics by linear algebra, and against what is known of three planets and a free sun."""
+"""Load shares of planets against statics by linear algebra, and against 1/3 for three planets and a free sun."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def shares():
 
 
 def statics(machine):
-    """Forces of all meshes at rest: (K + W k W^T) q = F + W k (e + b), all teeth on the side that carries load."""
+    """Forces of all meshes at rest: (K + W k W^T) q = F + W k (e + b), all teeth in contact on the drive side."""
     k = np.repeat([machine.k_sp, machine.k_rp], machine.planets)
     W, K, unit = machine.mesh_vectors(), machine.structure()[2], machine.b_c
     errors = np.repeat([0.0, 0.0], machine.planets)
@@ -46,7 +46,7 @@ def test_shares_at_rest_are_those_of_statics(shares, errors):
 
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_three_planets_share_alike_if_the_sun_is_free(shares):
-    """Three forces on a sun that nothing holds sideways balance in one way only, whatever the errors."""
+    """Equilibrium of a sun without lateral support determines the three forces: shares are 1/3 for any errors."""
     errors = (10e-6, -5e-6, 0.0)
     free, held = (
         hb.gears.PlanetarySet(26, 34, 94, planets=3, planet_errors=errors, k_s=k, **STILL) for k in (1.0, 1e9)
@@ -56,7 +56,7 @@ def test_three_planets_share_alike_if_the_sun_is_free(shares):
 
 
 def test_factors_hold_the_dynamic_factor(shares):
-    """Without errors and in phase all planets are alike: shares 1/N, factors the dynamic factor."""
+    """For equal planets that mesh in phase, shares are 1/N and load factors equal the dynamic factor."""
     machine = hb.gears.PlanetarySet()
     found = shares(machine, Omega=1.9)
     np.testing.assert_allclose(found.share, 0.25, rtol=1e-9)
@@ -76,7 +76,7 @@ def test_from_a_file_and_of_a_train(tmp_path):
     assert found.meshes == ("a-b", "a-c")
     np.testing.assert_array_equal(again.factor, found.factor)
     np.testing.assert_allclose(found.share.sum(axis=1), 1.0, rtol=1e-12)
-    assert found.share[0, 0] < 0.45  # the shaft between them gives way
+    assert found.share[0, 0] < 0.45  # the shaft between the gears is flexible
 
 
 def test_bad_input(shares):

@@ -1,6 +1,6 @@
-"""Parts of trains against closed forms: beams that turn, discs on them, unbalance, clearances, housings.
+"""Parts of trains against closed forms: rotating shafts and discs, unbalance, clearances, housings.
 
-whirl of a simply supported Timoshenko shaft, of sin(k z):
+Whirl of a simply supported Timoshenko shaft with the mode sin(k z):
     (E I k^2 - rho I omega^2 + 2 rho I Omega omega) (k^2 - rho omega^2 / (kappa G)) = rho A omega^2
 """
 
@@ -18,7 +18,7 @@ E, NU, RHO = 2.06e11, 0.3, 7850.0
 
 
 def timoshenko(beam, mode, Omega):
-    """Natural frequencies of a simply supported shaft that turns with Omega, the two lowest in size."""
+    """Natural frequencies of a simply supported shaft that rotates at Omega: the two smallest in magnitude."""
     k = mode * pi / beam.length
     A, I = beam.area, beam.second_moment  # noqa: E741
     shear = beam.shear_coefficient * E / (2 * (1 + NU))
@@ -31,7 +31,7 @@ def timoshenko(beam, mode, Omega):
 @pytest.mark.parametrize("Omega", [0.0, 3000.0])
 @pytest.mark.parametrize("inner", [0.0, 0.06])
 def test_whirl_of_a_timoshenko_shaft(Omega, inner):
-    """Errors fall with the square of the length of the elements."""
+    """The error decreases as the square of the element length; extrapolated frequencies agree to 1e-4."""
     found, wanted = [], np.zeros(4)
     for elements in (8, 16):
         beam = hb.gears.Beam("a", "b", 0.1, 0.8, inner, elements=elements)
@@ -49,7 +49,7 @@ def test_whirl_of_a_timoshenko_shaft(Omega, inner):
 
 
 def test_statics_of_a_beam_are_exact():
-    """Tip of a cantilever: F L^3 / 3 E I + F L / (kappa A G), and its slope; torsion and extension."""
+    """Tip deflection F L^3 / 3 E I + F L / (kappa A G) of a cantilever, its slope, torsion and extension."""
     beam = hb.gears.Beam("a", "b", 0.05, 0.4, 0.02, elements=3)
     K = beam.matrices[1][6:, 6:]
     tip = np.linalg.solve(K, np.eye(len(K))[:, -6:])[-6:]
@@ -65,7 +65,7 @@ def test_statics_of_a_beam_are_exact():
 
 
 def gears(**kwargs):
-    """Two gears in space, the second on bearings; joined to more by what is given."""
+    """A pinion that moves in space, or as given, and a gear that only rotates."""
     return [
         hb.gears.Wheel("pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, torque=100.0, **{"moves": "space", **kwargs}),
         hb.gears.Wheel("gear", 4e-3, 5.0, teeth=20, base_radius=0.028),
@@ -76,14 +76,14 @@ MESH = hb.gears.Mesh("pinion", "gear", 4e8, 4e-5, eps=(0.1,), direction=0.0)
 
 
 def test_whirl_of_an_overhung_disc():
-    """(k_11 - m w^2)(k_22 - I_d w^2 + I_p Omega w) = k_12^2 of a disc at the end of a shaft without mass."""
+    """(k_11 - m w^2)(k_22 - I_d w^2 + I_p Omega w) = k_12^2 for a disc at the end of a massless shaft."""
     m, I_p, I_d, L, d = 12.0, 0.09, 0.05, 0.3, 0.05
     disc = hb.gears.Wheel("disc", I_p, m, I_d, moves="space", z=L)
     shaft = hb.gears.Beam("pinion", "disc", d, density=0.0, elements=1, damping=0.0)
     train = hb.gears.Train([*gears(), disc], [MESH], beams=[shaft], balance="gear", gyroscopic=True)
     assert train.beams[0].length == L
     system, at = train.system(), [i for i, name in enumerate(train.system().dof_names) if name.endswith("_disc")]
-    at = [at[0], at[4], at[1], at[3]]  # x, theta_y, y, theta_x; the pinion is thought to be fixed
+    at = [at[0], at[4], at[1], at[3]]  # x, theta_y, y, theta_x; the pinion is taken as fixed
     Omega = 0.7
     speed = Omega * train.omega_n / 20
     M, K, C = (A[np.ix_(at, at)] for A in (system.M, system.K, system.at_speed(Omega).C))
@@ -95,7 +95,7 @@ def test_whirl_of_an_overhung_disc():
     P = np.polynomial.Polynomial
     roots = (P([k11, 0, -m]) * P([k22, I_p * speed, -I_d]) - k12**2).roots().real
     np.testing.assert_allclose(np.sort(found), np.sort(np.concatenate([roots, -roots])), rtol=1e-9)
-    assert np.ptp(np.abs(roots)) > 0.3 * abs(roots).max()  # forward and backward whirl are apart
+    assert np.ptp(np.abs(roots)) > 0.3 * abs(roots).max()  # forward and backward whirl differ
 
 
 def test_damping_of_the_modes_of_a_beam():
@@ -111,7 +111,7 @@ def test_damping_of_the_modes_of_a_beam():
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_unbalance_of_a_jeffcott_rotor(turn):
-    """x + i y = U w^2 e^{i (w t + phase)} / (k - m w^2 + i c w), of a rotor that its gear turns and does not hold."""
+    """x + i y = U w^2 e^{i (w t + phase)} / (k - m w^2 + i c w) for a rotor driven by a torsional shaft."""
     m, k, zeta, U = 8.0, 6e6, 0.04, 2e-4
     rotor = hb.gears.Wheel("rotor", 0.05, m, moves="plane", unbalance=U, unbalance_angle=0.4)
     wheels = [hb.gears.Wheel("pinion", 1e-3, teeth=20, base_radius=0.028, torque=turn * 100.0), gears()[1], rotor]
@@ -129,15 +129,17 @@ def test_unbalance_of_a_jeffcott_rotor(turn):
     problem = hb.HarmonicBalance(train, 40)
     q = to_complex(problem.motion(problem.start(Omega=Omega), Omega=Omega))[:, 1] * train.b_c
     x, y = (q[problem.dof_names.index(f"{axis}_rotor")] for axis in "xy")
-    phase = np.exp(turn * 1j * (0.4 + train._kinematics.turned["rotor"]))  # x ~ cos(theta), whichever way it turns
+    phase = np.exp(
+        turn * 1j * (0.4 + train._kinematics.turned["rotor"])
+    )  # x ~ cos(theta) in both directions of rotation
     expected = 1.5 * U * w**2 * phase / (k - m * w**2 + 2j * zeta * sqrt(k * m) * w)
     np.testing.assert_allclose([x, y], [expected, -turn * 1j * expected], rtol=1e-10)
     resting = hb.gears.Train(wheels[:2], [MESH], balance="gear")
-    assert resting.orders["pinion"] == 0.05  # without an unbalance Omega is that of the teeth
+    assert resting.orders["pinion"] == 0.05  # without an unbalance Omega is the mesh frequency
 
 
 def test_orders_about_the_multiples_of_the_teeth_are_enough():
-    """An unbalance of order 1 beside teeth of order 20: these orders against all of them; too few are told."""
+    """Unbalance of order 1 and teeth of order 20: orders within 3 of multiples of 20 against all orders, to 1e-6."""
     rotor = hb.gears.Wheel(
         "pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, moves="plane", torque=100.0, unbalance=1e-4
     )
@@ -147,11 +149,11 @@ def test_orders_about_the_multiples_of_the_teeth_are_enough():
     X = [problem.motion(problem.start(Omega=Omega), Omega=Omega) for problem in (few, whole)]
     assert few.size < 0.5 * whole.size
     np.testing.assert_allclose(X[0], X[1], atol=1e-6 * np.abs(X[1]).max())
-    assert 20 in hb.HarmonicBalance(train, 3).orders  # below the orders of the teeth, those of the meshes are chosen
+    assert 20 in hb.HarmonicBalance(train, 3).orders  # below the tooth order, the orders of the meshes are selected
 
 
 def static(train):
-    """Displacements [m] by coordinate under the torques alone."""
+    """Return the static displacements [m] of all coordinates under the torques."""
     problem = hb.HarmonicBalance(train, 1)
     means = problem.motion(problem.start(Omega=0.5), Omega=0.5)[:, 0] * train.b_c
     return dict(zip(problem.dof_names, means, strict=True))
@@ -159,7 +161,7 @@ def static(train):
 
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_clearance_and_housing_in_series():
-    """The force of the teeth closes the round clearance and bends bearing and housing: c + F / k + F / k_h."""
+    """The mesh force closes the radial clearance and deflects bearing and housing: c + F / k + F / k_h."""
     F, k, k_h, c, alpha = 100.0 / 0.028, 2e8, 5e8, 3e-5, 0.35
     still = hb.gears.Mesh("pinion", "gear", 4e8, 4e-5, direction=0.0, pressure_angle=alpha)
     box = hb.gears.Housing([[60.0]], [[k_h]], [[1e4]], ["side"], {"pinion": {"y": "side"}})
@@ -177,7 +179,7 @@ def test_clearance_and_housing_in_series():
 
 
 def test_a_stiff_housing_is_the_ground():
-    """Tables and reactions too: they act between wheel and housing."""
+    """A rigid housing gives the motion without housing; tables and reactions act between wheel and housing."""
     table = hb.mechanics.MatrixTable([10.0, 1e4], [1e7 * np.eye(2), 3e7 * np.eye(2)])
     bearing = hb.gears.Bearing("pinion", "2e8 N/m", "3e8 N/m", table=table)
     seats = {"pinion": {"x": "h1", "y": "h2"}}
@@ -196,7 +198,7 @@ def bent(second, length=0.2, z=0.0):
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: hb.gears.Beam("a", "a", 0.05), "name two wheels"),
         (lambda: hb.gears.Beam("a", "b", 0.05, inner=0.06), "smaller than outer"),
@@ -225,14 +227,14 @@ def bent(second, length=0.2, z=0.0):
          "no wheel 'mill'"),
     ],
 )  # fmt: skip
-def test_bad_input(make, said):
-    with pytest.raises(ValueError, match=said):
+def test_bad_input(make, message):
+    with pytest.raises(ValueError, match=message):
         make()
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_shear_coefficients_of_solid_sections_and_thin_tubes(nu):
-    """Limits of Cowper (1966), tables for the circle and the thin-walled round tube."""
+    """Limits after Cowper (1966): solid circle to 1e-14 and thin-walled round tube to 1e-8."""
 
     def coefficient(inner):
         return hb.gears.Beam("a", "b", outer=0.1, inner=inner, length=1.0, poisson=nu).shear_coefficient

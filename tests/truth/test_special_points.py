@@ -1,11 +1,11 @@
-"""Special points against what theory says of them: multipliers, orders of convergence, cusps, critical values.
+"""Special points against theory: multipliers, orders of convergence, cusps, critical values.
 
-| point | truth |
+| point | property |
 |---|---|
-| LP | a multiplier is +1; error falls with H^-3 at the least |
+| LP | a multiplier is +1; the error decreases at least as H^-3 |
 | PD | a multiplier is -1 |
-| CP | folds on one side and none on the other, however near; the same by shooting |
-| critical value | jumps 0.5 % on one side, none on the other |
+| CP | two folds at 1e-6 below the cusp, none at 1e-6 above; same location by shooting |
+| critical value | a jump at 0.5 % on one side, none on the other |
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ def folds(branch):
 
 
 def refined(kind, model, H, point):
-    """A special point with H harmonics: problem, X, Omega."""
+    """Solve for a special point with H harmonics; return problem, X and Omega."""
     problem = HarmonicBalance(model, H)
     start = np.append(resize(point.X, H), point.parameters["Omega"])
     U = solve(kind(problem), start, point.parameters).X
@@ -43,7 +43,7 @@ def refined(kind, model, H, point):
 
 
 def distance_from(value, problem, X, Omega):
-    """Distance of the nearest multiplier from +1 or -1."""
+    """Distance of the nearest multiplier from a value, +1 or -1."""
     return float(np.abs(problem.multipliers(X, points=6, Omega=Omega) - value).min())
 
 
@@ -52,7 +52,7 @@ def distance_from(value, problem, X, Omega):
 
 @pytest.fixture(scope="module")
 def curve():
-    """kahraman_singh_fah005 through both folds."""
+    """Curve of kahraman_singh_fah005 through both folds."""
     return trace(HarmonicBalance(SpurPair(), 20), "Omega", (1.5, 0.6), stability=False)
 
 
@@ -67,7 +67,7 @@ def test_a_fold_converges_at_least_with_the_cube_of_the_harmonics(curve, label):
 
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_newton_converges_quadratically_on_a_fold(curve, label):
-    """Residuals of plain Newton on {R, g}, relative to the forces: each at most 20 times the square of the last."""
+    """Residuals of plain Newton on {R, g}, relative to the forces: each at most 20 times the square of the previous."""
     problem, point = FoldProblem(HarmonicBalance(SpurPair(), 20)), curve[label]
     truth = np.append(point.X, point.parameters["Omega"])
     U, residuals = truth + 2e-4 * np.cos(np.arange(len(truth))), []
@@ -75,7 +75,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
         now = linearise(problem, U, "zeta", SpurPair().parameters)
         residuals.append(float(np.linalg.norm(now.R)) / now.size)
         U = U - solve_linear(now.dR_dX, now.R)
-    rounding = 8 * np.finfo(float).eps * np.sqrt(len(truth))  # of the sum of terms that a residual is, relative to them
+    rounding = 8 * np.finfo(float).eps * np.sqrt(len(truth))  # of the residual, relative to its terms
     assert residuals[0] > 0.1 and residuals[-1] < rounding
     for last, new in pairwise(residuals):
         assert new < 20 * last**2 + rounding
@@ -85,7 +85,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
 @pytest.mark.slow
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_a_multiplier_is_one_at_a_fold(curve, label):
-    """The fold is that of H harmonics, the multiplier that of the motion: they meet with H^-3, below 1e-8 at 800."""
+    """The multiplier at the fold of H harmonics differs from 1 by a truncation error O(H^-3), 1e-8 at H = 800."""
     H = np.array([40, 80, 160])
     errors = [distance_from(1, *refined(FoldProblem, SpurPair(), int(h), curve[label])) for h in H]
     assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -2.85
@@ -114,7 +114,7 @@ def test_a_multiplier_is_minus_one_at_a_period_doubling():
 
 
 def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness():
-    """In contact throughout the motion is smooth: few harmonics give all digits."""
+    """With permanent contact the motion is smooth: 40 harmonics give the multiplier to 1e-9."""
     model = SpurPair(eps=(0.3,), e=())
     coarse = trace(HarmonicBalance(model, 20), "Omega", (2.3, 1.8))
     points = [p for p in coarse.special if p.kind == "PD"]
@@ -140,7 +140,7 @@ def test_cusp_to_eight_digits():
 
 @pytest.mark.parametrize("before", [1e-7, 3e-7, 1e-6])
 def test_a_cusp_next_to_a_row_has_an_error(before):
-    """Whose other side of the row it is on with more harmonics."""
+    """The error is estimated to 10 % although the cusp with more harmonics lies before the first point."""
     coarse, settings = HarmonicBalance(SpurPair(), 10), StepControl(first_step=0.03, max_step=0.03)
     cusp = fold_curve(coarse, 0.117, 0.119)["CP1"].parameters["zeta"]
     near = fold_curve(coarse, 0.117, cusp - before)
@@ -150,7 +150,7 @@ def test_a_cusp_next_to_a_row_has_an_error(before):
 
 
 def test_the_same_cusp_by_shooting():
-    """There the largest share of Omega in the tangent of the curve, negative beyond the cusp, is zero."""
+    """At the cusp the maximum along the curve of the Omega component of the tangent is zero, beyond it negative."""
     near, coarse = 0.118, HarmonicBalance(SpurPair(), 10)
     X = trace(coarse, "Omega", (1.3, 0.87), at={"zeta": near}, stability=False, special=False).X[-1]
     shooter = Shooter(SpurPair(zeta=near), cells=24)
@@ -187,13 +187,13 @@ def test_folds_a_hair_below_the_cusp_and_none_above(shift, count):
 # ---- critical values
 
 
-# value, by 32 harmonics, and Omega
+# critical value with 32 harmonics, and Omega
 CRITICAL = {"zeta": (0.06115863, 0.88253), "torque": (1196.4704, 0.88149), "eps_scale": (1.034328, 0.88004)}
 
 
 @pytest.mark.parametrize("name", CRITICAL)
 def test_critical_value_of_the_double_helical_pair(name):
-    """Between tracing 0.5 % below and 0.5 % above, the jump appears or vanishes."""
+    """The curve has two folds at 0.5 % on one side of the critical value, and none at 0.5 % on the other."""
     model, (value, Omega) = DoubleHelicalPair(), CRITICAL[name]
     problem = HarmonicBalance(model, 12)
     found = critical_parameter(problem, name, frequencies=(0.92, 0.84))
@@ -209,17 +209,17 @@ def test_critical_value_of_the_double_helical_pair(name):
 
 
 def test_a_pair_that_crosses_just_before_a_fold():
-    """Between two rows a pair comes inside the unit circle and a real multiplier passes +1: two points, told apart."""
+    """In one segment a pair enters the unit circle and a real multiplier passes +1: both points are located."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.03), 16)
     coarse = trace(problem, "Omega", (1.0, 0.7))
     fine = trace(
         problem, "Omega", (1.0, 0.7), steps=StepControl(first_step=0.004, max_step=0.004)
-    )  # in which they lie apart
+    )  # the points lie in different segments
     assert [p.kind for p in coarse.special] == [p.kind for p in fine.special]
     for a, b in zip(coarse.special, fine.special, strict=True):
         assert a.located and a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-8)
     assert coarse["LP2"].parameters["Omega"] - coarse["NS2"].parameters["Omega"] > 1e-4
     for label in ("NS1", "NS2"):
         mu = coarse[label].multipliers
-        # those carried along the truncated motion pass beside the zero of Hill's determinant by their own error
+        # multipliers of the truncated motion differ from the zero of Hill's determinant by their truncation error
         assert np.min(np.abs(np.abs(mu[np.abs(mu.imag) > 1e-3]) - 1)) < 1e-6
