@@ -65,7 +65,7 @@ def ends_of(curve, share=2e-4, method="exponential"):
 
 
 def is_where(curve, Omega, samples, point):
-    """Whether two periods (256 samples each) are a motion of one period, which is solved from a point at this Omega."""
+    """Whether two periods (256 samples each) equal the one-period motion of a point, solved at this Omega."""
     if point is None or point.layout.nu > 1:
         return False
     X = solve(curve.problem, point.X, {"Omega": Omega}).X

@@ -159,7 +159,7 @@ def test_a_branch_begins_at_its_special_point_and_not_beyond_its_first_fold():
     fold = again["LP1"]
     assert fold.parameters["Omega"] == pytest.approx(1.84650, abs=5e-6)  # by another continuation with nu = 4
     assert not again.stable[1 : fold.index].any() and again.stable[fold.index + 1]
-    assert np.abs(by_shooting(again.problem, fold) - 1).min() < 0.02  # 1 - mu decreases as a square root near a fold
+    assert np.abs(by_shooting(again.problem, fold) - 1).min() < 0.02  # |mu - 1| decreases as a square root near a fold
     assert [jump.label for jump in again.jumps()] == ["LP1"]
 
 

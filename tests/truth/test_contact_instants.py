@@ -1,4 +1,4 @@
-"""Curves in contact instants against references that were computed without hbgear, and against closed forms.
+"""Curves in contact instants against references computed without hbgear, and against closed forms.
 
 The special points of the stop (k = 1000, damping .1, load .3, gap .5) were solved with 30 digits by an independent code
 from the same physical model; the folds of the spur pair were enclosed in interval arithmetic.
@@ -138,14 +138,14 @@ def test_motions_of_hard_contacts_are_found_from_softer_ones(Omega: float) -> No
 
 
 def test_contacts_of_a_symmetric_machine_begin_and_end_together() -> None:
-    """Two equal masses move as one; they touch and leave their stops at the same instants, also at grazing points."""
+    """Two equal masses move as one; their contacts begin and end at the same instants, also at grazing points."""
     one = hb.trace(hb.ContactInstants(stop(10.0), 8), "Omega", (0.5, 2.2))
     two = hb.trace(hb.ContactInstants(two_equal_masses(), 8), "Omega", (0.5, 2.2))
     assert two.status is hb.Status.REACHED_END and len(one.special) == 6
     assert [point.label for point in two.special] == [point.label for point in one.special]
     for alone, both in zip(one.special, two.special, strict=True):
         assert abs(alone.parameters["Omega"] - both.parameters["Omega"]) < 1e-12
-        for mu in alone.multipliers:  # the others belong to the disturbance of opposite motions
+        for mu in alone.multipliers:  # the others belong to antisymmetric disturbances
             assert np.abs(both.multipliers - mu).min() < 1e-7
     assert two["GR2"].note == "highest of stop 1 at 0.5, highest of stop 2 at 0.5"
 
@@ -170,7 +170,7 @@ def test_first_grazing_is_the_linear_response(curve: hb.Branch) -> None:
 
 
 def test_coefficients_are_those_of_the_harmonic_balance() -> None:
-    """With a soft stop, harmonics of 64 orders have a truncation error of 1e-9."""
+    """With a soft stop, the truncation error of 64 harmonics is 1e-9."""
     balance, exact = hb.HarmonicBalance(stop(5.0), 64), hb.ContactInstants(stop(5.0), 64)
     X, Y = balance.start(Omega=1.2), exact.start(Omega=1.2)
     solved = balance.evaluate(X, Omega=1.2)
@@ -195,7 +195,7 @@ def test_harmonic_balance_covers_a_hard_stop() -> None:
 
 
 def test_stated_errors_contain_the_independent_values(curve: hb.Branch) -> None:
-    """No point is exact: rounding changes its place; the reference has 20 digits, grazing points have 12."""
+    """Stated errors are positive because of rounding; the reference has 20 digits, 12 for grazing points."""
     for kind, Omega, _ in SPECIAL_POINTS:
         point = min((p for p in curve.special if p.kind == kind), key=lambda p: abs(p.parameters["Omega"] - Omega))
         assert 0 < point.error <= 1e-11
@@ -204,7 +204,7 @@ def test_stated_errors_contain_the_independent_values(curve: hb.Branch) -> None:
 
 @pytest.mark.slow
 def test_jumps_of_a_hard_stop_land_by_integration() -> None:
-    """The motion after a jump by integration is the nearest solution, in its regime; it may have another period."""
+    """Regimes after jumps by integration, and amplitudes equal to those of the nearest solutions."""
     found = hb.trace(hb.HarmonicBalance(stop(1e4), 32), "Omega", (1.2, 2.0))
     nearest = {jump.label: jump.after for jump in found.jumps()}
     jumps = found.jumps(landing="integrate")
@@ -217,7 +217,7 @@ def test_jumps_of_a_hard_stop_land_by_integration() -> None:
 
 @pytest.mark.slow
 def test_hard_stop_without_a_gap_starts_from_more_harmonics() -> None:
-    """A contact of a seventieth of the period, which 16 harmonics do not show: the motion closes by Runge-Kutta."""
+    """16 harmonics do not resolve a contact of 1/70 of the period; the motion is periodic by Runge-Kutta to 1e-7."""
     k, c, F, Omega = 23357.0, 0.2, 0.1, 2.1
     element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.0), name="stop")
     system = hb.System([[1.0]], [[c]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
@@ -268,7 +268,7 @@ def test_smooth_law_is_refused() -> None:
     ids=["constant", "varying", "simultaneous"],
 )
 def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
-    """Central differences of the residual; the stop has a short contact whose equation is divided."""
+    """Central differences of the residual; the equation of the short contact is divided by its duration."""
     from hbgear.harmonic.instants.corrector import CurveState
     from hbgear.harmonic.instants.kernels import short_visits
     from hbgear.harmonic.instants.shooting import linearise
@@ -397,7 +397,7 @@ def test_a_sweep_continues_on_an_exact_motion_of_twice_the_period() -> None:
 
 
 def two_backlashes(k: float, b: float, force: float, damping: float, coupling: float, load: float = 0.0) -> hb.System:
-    """Return two equal masses in equal backlashes, with one load."""
+    """Return two equal coupled masses in equal backlashes, with equal loads."""
     K = np.array([[1.3, coupling], [coupling, 1.3]])
     elements = [hb.Element(w, hb.Backlash(b=b, k=k), name=name) for w, name in (([1.0, 0.0], "a"), ([0.0, 1.0], "b"))]
     loads = hb.Load(constant=[load, load], cosine={1: [force, force]})
@@ -405,7 +405,7 @@ def two_backlashes(k: float, b: float, force: float, damping: float, coupling: f
 
 
 def test_two_doublings_between_corners_are_located() -> None:
-    """Multipliers meet between -.67 and -1 in a range of 3e-4 and leave it again, in a step of 4e-3."""
+    """PD4 and PD5 are less than 4e-4 apart, in one step of 4e-3; the harmonic balance agrees to 1e-6."""
     model = two_backlashes(11.758, 0.1618, 0.24648, 0.01403, 0.3, 0.16161)
     curve = hb.trace(hb.ContactInstants(model), "Omega", (0.5216, 0.6))
     balance = hb.trace(hb.HarmonicBalance(model, 48), "Omega", (0.578, 0.588))
@@ -416,7 +416,7 @@ def test_two_doublings_between_corners_are_located() -> None:
 
 
 def test_a_symmetric_motion_passes_several_branch_points() -> None:
-    """Tangents are exact where dF/du is nearly singular: the curve once ended at Omega = .7153."""
+    """Tangents are exact where dF/du is nearly singular: in earlier versions the curve ended at Omega = .7153."""
     k, F, damping, b = 15.436699402610017, 0.19363924737704585, 0.024780978660692975, 0.3218514178138575
     model, span = two_backlashes(k, b, F, damping, -0.3), (0.527555282775874, 1.6447693265037202)
     curve = hb.trace(hb.ContactInstants(model), "Omega", span)
@@ -431,7 +431,7 @@ def test_a_symmetric_motion_passes_several_branch_points() -> None:
 
 
 def test_a_contact_begins_between_samples() -> None:
-    """The first contact is found although a point lies 5e-6 beyond it; a cubic through the samples did not show it.
+    """The first contact is found although a point lies 5e-6 beyond it; a cubic through the samples did not resolve it.
 
     Below the contact the motion is linear: |a| = .35 for a = F / (1.6 - Omega^2 + i c Omega), c = .17.
     """
@@ -456,7 +456,7 @@ def between_two_stops() -> hb.System:
 
 
 def in_a_backlash() -> hb.System:
-    """Return a mass in a backlash, which reaches the lower side at a smaller Omega than the upper one."""
+    """Return a mass in a backlash, with contact on the lower side at a smaller Omega than on the upper side."""
     element = hb.Element([1.0], hb.Backlash(b=0.3, k=27.0), name="gap")
     return hb.System([[1.0]], [[0.05]], [[1.0]], [element], hb.Load(cosine={1: [0.1]}, sine={2: [0.002]}))
 
@@ -467,12 +467,12 @@ ALL_PASSED = {
     "two branch points in a step": (two_equal(hb.Backlash(b=0.2729, k=16.08), 0.17377, 0.0549, -0.3), (0.677, 1.98)),
     "simultaneous contacts vanish": (two_equal(hb.Unilateral(k=12.89, gap=-0.0544), 0.1053, 0.0392, 0.3), (1.1, 1.75)),
 }
-"""Machines whose curves once ended early or lacked special points, and their spans."""
+"""Models with spans in which earlier versions ended curves early or missed special points."""
 
 
 @pytest.mark.parametrize("name", ALL_PASSED)
 def test_curves_are_those_of_the_harmonic_balance(name: str) -> None:
-    """The balance does not report contacts that begin next to a longer one, so that its grazings are not compared."""
+    """The balance does not report contacts that begin next to a longer one, so that grazing points are not compared."""
     model, span = ALL_PASSED[name]
     exact = hb.trace(hb.ContactInstants(model), "Omega", span)
     balance = hb.trace(hb.HarmonicBalance(model, 48), "Omega", span)
@@ -492,7 +492,7 @@ def test_the_first_of_two_grazings_is_that_of_the_linear_motion() -> None:
 
 
 def test_a_doubled_branch_joins_where_its_parameter_turns() -> None:
-    """At the end point the parameter of the branch of twice the period turns, and the equations are singular."""
+    """At the end point the parameter of the doubled branch turns, and the equations are singular."""
     M, C = np.diag([1.822, 0.902, 0.726]), [[0.0561, -0.021, 0.0], [-0.021, 0.0721, -0.0189], [0.0, -0.0189, 0.0434]]
     K = [[1.2976, -0.8203, 0.0], [-0.8203, 2.3718, -0.738], [0.0, -0.738, 1.3389]]
     stop = hb.Element([0.0, -1.0, 0.0], hb.Unilateral(k=58.2, gap=0.379), name="stop")
@@ -541,7 +541,7 @@ def hard() -> hb.Branch:
 
 @pytest.mark.parametrize("label", ["GR1", "LP1", "LP2", "GR2", "PD1", "PD2", "LP4", "PD3", "LP6"])
 def test_special_points_of_exact_motions_are_followed(hard: hb.Branch, label: str) -> None:
-    """The curve ends at the points of curves of other gaps; LP1, LP4 and LP6 are 1e-6 next to grazing points."""
+    """Both ends agree with traces at these gaps, to 1e-10; LP1, LP4 and LP6 are 1e-6 from grazing points."""
     found = hb.follow(hard, label, "gap", (0.49, 0.51))
     assert found.status is hb.Status.REACHED_END
     for i in (0, -1):
@@ -556,7 +556,7 @@ def folds_at(F: float) -> int:
 
 
 def test_cusps_and_isola_centres_are_where_folds_meet(hard: hb.Branch) -> None:
-    """The equation is similar: Omega depends on F / gap only. Two folds appear at the cusp."""
+    """By similarity, Omega depends on F / gap only. Two folds appear at the cusp."""
     over_load = hb.follow(hard, "LP1", "F", (0.3, 0.28))
     over_gap = hb.follow(hard, "LP1", "gap", (0.5, 0.53))
     assert [point.kind for point in over_load.special] == [point.kind for point in over_gap.special] == ["CP", "IC"]
@@ -593,7 +593,7 @@ def two_stops(left: float = 0.8) -> hb.System:
 
 
 def test_the_curve_of_a_fold_passes_the_begin_and_the_end_of_a_contact() -> None:
-    """Without the left contact the fold is that of one stop; with it the curve has a cusp. Both ways are one curve."""
+    """Without the left contact the fold is that of one stop; with it the curve has a cusp. Both directions agree."""
     near, far = (hb.trace(hb.ContactInstants(two_stops(left), 16), "Omega", (0.8, 3.5)) for left in (0.8, 3.0))
     out, back = hb.follow(near, "LP1", "left", (0.8, 3.0)), hb.follow(far, "LP1", "left", (3.0, 0.8))
     for curve in (out, back):
@@ -603,7 +603,7 @@ def test_the_curve_of_a_fold_passes_the_begin_and_the_end_of_a_contact() -> None
     np.testing.assert_allclose(alone, far["LP1"].parameters["Omega"], rtol=1e-8)
     assert out["CP1"].parameters["left"] == pytest.approx(back["CP1"].parameters["left"], rel=1e-9)
     assert back.tracked["Omega"][-1] == pytest.approx(near["LP1"].parameters["Omega"], rel=1e-10)
-    value = 2.6  # between the corner, where the left contact begins, and the cusp: two folds with it, one without
+    value = 2.6  # between the beginning of the left contact and the cusp: two folds with this contact, one without
     special = hb.trace(hb.ContactInstants(two_stops(value), 16), "Omega", (0.8, 3.5)).special
     folds = [p.parameters["Omega"] for p in special if p.kind == "LP" and p.parameters["Omega"] > 1.4]
     Omega = sorted(float(one.interpolate(out.tracked["Omega"])) for one in crossings_at(out, value))
@@ -621,7 +621,7 @@ def masses_with_a_stop(f: float = 1.0) -> hb.System:
 
 
 def test_a_curve_of_neimark_sacker_points_ends_on_a_curve_of_folds() -> None:
-    """At a 1:1 resonance the multipliers are a double +1: a fold has the same Omega."""
+    """At a 1:1 resonance the multiplier +1 is double: the fold has the same Omega, to 1e-9."""
     curve = hb.trace(hb.ContactInstants(masses_with_a_stop(), 16), "Omega", (0.53, 0.58))
     pairs = hb.follow(curve, "NS2", "f", (1.0, 0.6))
     end = pairs["RI1"]
@@ -631,7 +631,7 @@ def test_a_curve_of_neimark_sacker_points_ends_on_a_curve_of_folds() -> None:
 
 
 def test_a_grazing_point_is_located_with_its_own_order_of_contact_instants() -> None:
-    """Before it, the end of the other contact passes a jump of the stiffness; a long step located it 4e-7 off."""
+    """Before it the end of another contact passes a jump of the stiffness; with a long step the error was 4e-7."""
     stiffness = hb.mechanics.Periodic(phases=(0.0379, 3.8078), coefficients=((1.2,), (0.8,)))
     law = hb.Backlash(b=0.3375, k=5.495, stiffness=stiffness)
     gap = hb.Element([1.0], law, hb.mechanics.Series(0.0, (0.00816,)), name="gap")
@@ -664,7 +664,7 @@ def test_folds_of_contacts_that_switch_at_the_same_instant_are_followed() -> Non
 
 
 def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
-    """A gap equal to the static displacement grazes at Omega = 0."""
+    """With a gap equal to the static displacement, the grazing point is at Omega = 0."""
     found = hb.follow(hard, "GR1", "gap", (0.5, 0.25))
     assert found.status is hb.Status.EVENT and "Omega = 0.0" in found.message and "end of its range" in found.message
     assert found.values[-1] == pytest.approx(0.3, abs=1e-4)
@@ -672,7 +672,7 @@ def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
 
 @pytest.mark.parametrize("label", ["LP2", "GR2"])
 def test_points_of_a_curve_from_a_file_are_followed(hard: hb.Branch, label: str, tmp_path: Path) -> None:
-    """Its 32 harmonics do not show the shorter contact of LP2, nor the contact that begins at GR2."""
+    """The 32 harmonics of the file do not resolve the shorter contact of LP2 or the contact that begins at GR2."""
     hard.save(tmp_path / "curve.npz")
     again = hb.load(tmp_path / "curve.npz", problem=hb.ContactInstants(stop_of(k=1e3), 32))
     known, found = (hb.follow(curve, label, "gap", (0.5, 0.51)) for curve in (hard, again))
@@ -690,7 +690,7 @@ def test_a_curve_reaches_the_end_of_the_range_of_its_parameter() -> None:
 
 
 def test_the_curve_of_a_fold_is_a_problem_of_its_own(hard: hb.Branch, tmp_path: Path) -> None:
-    """A point of the curve is a start, also at other fixed parameters; a file has the curve as one of folds."""
+    """A point of the curve is a start, also at other fixed parameters; a file stores a curve of folds."""
     folds = hb.follow(hard, "LP2", "gap", (0.49, 0.51))
     middle = len(folds) // 2
     part = hb.follow(hard, "LP2", "gap", (0.5, 0.51), steps=hb.StepControl(max_points=5))
@@ -726,7 +726,7 @@ def test_an_interrupted_trace_keeps_its_points() -> None:
 
 
 def test_sensitivities_of_jumps_at_folds_next_to_a_grazing() -> None:
-    """LP1 is 1e-6 next to a grazing point: Omega, and amplitudes before and after, against neighbouring curves."""
+    """LP1 is 1e-6 from a grazing point: Omega and amplitudes before and after, against neighbouring models."""
 
     def jump_of(k: float) -> hb.Jump:
         return hb.trace(hb.ContactInstants(stop_of(k=k), 32), "Omega", (0.5, 1.0)).jumps()[0]
@@ -777,7 +777,7 @@ def test_only_the_special_points_of_a_trace_are_located() -> None:
 
 
 def test_a_branch_turns_at_its_end_without_a_fold() -> None:
-    """Where a branch of twice the period joins, its parameter turns: an end point, no fold, also from a file."""
+    """Where a doubled branch merges its parameter turns; this is an end point and not a fold."""
     curve = hb.trace(hb.ContactInstants(stop_of(), 32), "Omega", (0.8, 2.0))
     doubled = hb.switch(curve, "PD1")
     assert [point.label for point in doubled.special] == ["LP1", "LP2", "GR1", "GR2", "LP3", "EP1"]
@@ -786,7 +786,7 @@ def test_a_branch_turns_at_its_end_without_a_fold() -> None:
 
 
 def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
-    """The curve follows the balance; an iteration at a frequency outside of the table shortens the step."""
+    """An iteration outside the table shortens the step; folds agree with the balance to 1e-6."""
     Omega = [0.5, 1.0, 1.5]
     table = hb.mechanics.MatrixTable(Omega, [[[x]] for x in (0.0, 0.1, 0.15)])
     system = replace(stop(10.0, 0.2), speed=hb.mechanics.SpeedTerms(stiffness=table))
@@ -801,7 +801,7 @@ def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
 
 
 def test_motions_without_bound_end_at_their_asymptote() -> None:
-    """At the asymptote the equation without gap and load, solved by Runge-Kutta, has a motion that neither grows."""
+    """At the asymptote the equation without gap and load has a periodic motion, by Runge-Kutta to 1e-8."""
     m, c, K, k = 2.0, 0.1, 0.8, 8.0
     stiffness = hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.6)
     element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.2, stiffness=stiffness), name="stop")
@@ -837,7 +837,7 @@ def test_motions_without_bound_end_at_their_asymptote() -> None:
 
 
 def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(curve: hb.Branch) -> None:
-    """The number of harmonics is doubled until the fold of the balance is at the same Omega within 1e-5."""
+    """The number of harmonics is doubled until the fold of the balance agrees in Omega to the threshold."""
     point = curve["LP2"]
     balance, resolved = in_residual_form(point.problem, point, "Omega", point.event)
 
@@ -851,7 +851,7 @@ def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(cur
 
 
 def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> None:
-    """A file has 32 harmonics of each motion; the contacts that have just begun at PD1 and LP4 are not among them."""
+    """A file stores 32 harmonics of each motion, which do not resolve the short contacts of PD1 and LP4."""
     problem = hb.ContactInstants(stop_of(k=1e3), 32)
     curve = hb.trace(problem, "Omega", (0.5, 2.0))
     curve.save(tmp_path / "curve.npz")
@@ -866,7 +866,7 @@ def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> 
 
 @pytest.mark.parametrize("order", [7, 20, 40])
 def test_the_unit_of_the_frequency_is_arbitrary(order):
-    """A mesh of the order n at Omega / n is that of the order 1 at Omega: the multipliers are n-th powers."""
+    """Order n at Omega / n and order 1 at Omega are the same excitation: the multipliers are n-th powers."""
     found = []
     for n in (1, order):
         stiffness = hb.mechanics.Series(1.0, (0.0,) * (n - 1) + (0.3,))

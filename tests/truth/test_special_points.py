@@ -75,7 +75,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
         now = linearise(problem, U, "zeta", SpurPair().parameters)
         residuals.append(float(np.linalg.norm(now.R)) / now.size)
         U = U - solve_linear(now.dR_dX, now.R)
-    rounding = 8 * np.finfo(float).eps * np.sqrt(len(truth))  # of the residual, relative to its terms
+    rounding = 8 * np.finfo(float).eps * np.sqrt(len(truth))  # rounding error of the residual, relative to its terms
     assert residuals[0] > 0.1 and residuals[-1] < rounding
     for last, new in pairwise(residuals):
         assert new < 20 * last**2 + rounding
@@ -85,7 +85,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
 @pytest.mark.slow
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_a_multiplier_is_one_at_a_fold(curve, label):
-    """The multiplier at the fold of H harmonics differs from 1 by a truncation error O(H^-3), 1e-8 at H = 800."""
+    """The multiplier at the fold of H harmonics differs from 1 by O(H^-3), and by less than 1e-8 at H = 800."""
     H = np.array([40, 80, 160])
     errors = [distance_from(1, *refined(FoldProblem, SpurPair(), int(h), curve[label])) for h in H]
     assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -2.85
