@@ -128,18 +128,24 @@ def along(
 ) -> float:
     """Return the derivative of a function of the point along dX (n,) per unit change of a parameter.
 
-    The step changes the unknowns as little as the parameter. Near a fold dX/dp is large, and a step of the usual size
-    would leave the neighbourhood of the point.
+    The largest step changes the unknowns as little as the parameter: near a fold dX/dp is large. A point may lie still
+    closer to a grazing contact, beyond which the function is another one, and rounding limits small steps. Of the
+    differences with ever smaller steps that one is returned which differs least from the one before.
     """
     at = here[name]
     change = norm(dX) * problem.unit_of(name, at)
-    step = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
+    largest = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
 
     def changed(there: dict[str, float]) -> tuple[float]:
         return (value(X + (there[name] - at) * dX, there),)
 
-    (moved,) = parameter_derivatives(problem, name, here, changed, step)
-    return float(moved)
+    steps = largest / STEP_RATIO ** np.arange(STEP_SIZES)
+    found = np.array([parameter_derivatives(problem, name, here, changed, step)[0] for step in steps.tolist()])
+    return float(found[1 + np.argmin(np.abs(np.diff(found)))])
+
+
+STEP_RATIO, STEP_SIZES = 8.0, 6
+"""Ratio of the step sizes of differences along a curve, and their number: 1e-5 to 3e-10 of the size of a point."""
 
 
 def of_branch_point(
