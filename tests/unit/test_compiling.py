@@ -1,4 +1,4 @@
-"""Compiled code is stored, verified, loaded and shared; without Numba, or without a store, all works the same."""
+"""Compiled code is stored, verified, loaded and shared; results are the same without Numba or without a store."""
 
 import json
 import os
@@ -28,7 +28,7 @@ print(*out)
 predict(u, u - 0.5, 2, np.array([1.0, 2.0, 0.5]), 0.1, out)
 print(*out)
 """
-"""Two kernels, with those they call in another file."""
+"""Calls two kernels, which call kernels of another file."""
 
 KERNELS = {"arclength_normal", "predict"}
 
@@ -40,7 +40,7 @@ problem = hb.HarmonicBalance(hb.SpurPair(), 8)
 found = [problem.linearise(X, "Omega", Omega=0.8) for X in np.random.default_rng(1).normal(size=(20, problem.size))]
 print(len(found), hashlib.sha256(b"".join(x.tobytes() for e in found for x in (e.R, e.dR_dX, e.dR_dp))).hexdigest())
 """
-"""Residuals and derivatives of 20 motions with contact loss."""
+"""Prints a hash of the residuals and derivatives at 20 motions with contact loss."""
 
 WITHOUT = """
 import json, sys
@@ -56,52 +56,52 @@ print(json.dumps(found))
 
 
 def start(script, folder=None, package=ROOT.parent):
-    """A process of its own that keeps what it compiles in a folder."""
+    """Start a process that stores its compiled code in a folder."""
     others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     kept = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder)}
     return subprocess.Popen([sys.executable, "-c", script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             cwd=package, env={**others, **kept, "PYTHONPATH": str(package)})  # fmt: skip
 
 
-def told(process):
-    """What a process printed, and what it warned of."""
+def output_of(process):
+    """Return the standard output and the standard error of a process; its exit code must be 0."""
     out, err = process.communicate(timeout=900)
     assert process.returncode == 0, err
     return out, err
 
 
 def files(folder):
-    """Every file below a folder with its size and the time of its last change."""
+    """Return the size and the modification time of every file in a folder."""
     return {str(path.relative_to(folder)): (path.stat().st_size, path.stat().st_mtime_ns)
             for path in folder.rglob("*") if path.is_file()}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
-    """A folder with the code of two kernels, and what they print."""
+    """Return a folder with the compiled code of two kernels, and their output."""
     pytest.importorskip("numba")
     folder = tmp_path_factory.mktemp("compiled")
-    return folder, told(start(NORMAL, folder))[0]
+    return folder, output_of(start(NORMAL, folder))[0]
 
 
 @pytest.fixture(scope="module")
 def without_numba():
-    """A package that cannot be compiled, traced while other tests run."""
+    """Trace curves without Numba in a separate process while other tests run."""
     process = start(WITHOUT)
     yield process
     process.kill()
 
 
 def test_processes_that_compile_at_once_and_one_that_comes_later(tmp_path):
-    """Two write the same folder at the same time and agree to the last bit; a third loads all and writes nothing."""
+    """Two processes write a folder at the same time with identical results; a third one loads it and writes nothing."""
     pytest.importorskip("numba")
-    together = [told(process) for process in [start(NORMAL, tmp_path) for _ in range(2)]]
+    together = [output_of(process) for process in [start(NORMAL, tmp_path) for _ in range(2)]]
     assert together[0][0] == together[1][0] and len(together[0][0].split()) == 6
     assert any("compiles its core for this processor: once" in err for _, err in together)
     before = files(tmp_path)
     assert {Path(name).name for name in before} == {f"hbgear.continuation.stepping.kernels.{name}" for name in KERNELS}
-    assert len({Path(name).parts[0] for name in before}) == 1  # one state of the sources
-    out, err = told(start(NORMAL, tmp_path))
+    assert len({Path(name).parts[0] for name in before}) == 1  # one folder for one version of the sources
+    out, err = output_of(start(NORMAL, tmp_path))
     assert out == together[0][0] and err == ""
     assert files(tmp_path) == before
 
@@ -121,21 +121,21 @@ def _flipped(content):
 
 @pytest.mark.parametrize("damage", [_cut, _random, _flipped, lambda content: b"", lambda content: content + b"x"])
 def test_damaged_code_is_compiled_again_with_one_warning(tmp_path, compiled, damage):
-    """As if there were none: same results, no error; the files are whole afterwards."""
+    """Damaged code is ignored: results are unchanged, no error is raised, and valid files are written."""
     folder, out = compiled
     shutil.copytree(folder, tmp_path / "kept")
     whole = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     for path in (tmp_path / "kept").rglob("hbgear.*"):
         path.write_bytes(damage(path.read_bytes()))
-    again, err = told(start(NORMAL, tmp_path / "kept"))
+    again, err = output_of(start(NORMAL, tmp_path / "kept"))
     assert again == out
     assert len(err.splitlines()) == 1 and "cannot be used" in err and "checksum" in err
-    assert told(start(NORMAL, tmp_path / "kept")) == (out, "")
+    assert output_of(start(NORMAL, tmp_path / "kept")) == (out, "")
     assert {path.name for path in (tmp_path / "kept").rglob("hbgear.*")} == whole.keys()
 
 
 def test_parts_of_a_file_are_those_written_or_an_error(tmp_path):
-    """Whichever byte is damaged."""
+    """Reading detects a change of any single byte by the checksum."""
     parts = {"a": b"one", "b": bytes(range(40))}
     write_parts(tmp_path / "x", parts)
     assert read_parts(tmp_path / "x") == parts and read_parts(tmp_path / "none") == {}
@@ -150,10 +150,10 @@ def test_parts_of_a_file_are_those_written_or_an_error(tmp_path):
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):
-    """A file stands where it should be: compiled for this process, with one warning that names the remedy."""
+    """A file has the path of the folder: code is compiled for this process, with one warning that names a remedy."""
     pytest.importorskip("numba")
     (tmp_path / "taken").touch()
-    out, err = told(start(NORMAL, tmp_path / "taken"))
+    out, err = output_of(start(NORMAL, tmp_path / "taken"))
     expected = np.array([1.0, 0.5, 12.0]) / np.sqrt(145.25)  # u / scale^2
     np.testing.assert_allclose(np.array(out.split()[:3], dtype=float), expected, rtol=1e-15)
     assert len(err.splitlines()) == 1 and "in every process" in err and "NUMBA_CACHE_DIR" in err
@@ -170,41 +170,41 @@ os.access = lambda path, mode: False if "kernels-" in str(path) else real(path, 
 
 
 def test_a_complete_folder_that_cannot_be_written_is_read(tmp_path, compiled):
-    """Nothing is compiled and there is no warning; of an incomplete one the rest is compiled, with one."""
+    """Nothing is compiled and no warning is issued; a kernel missing in the folder is compiled with one warning."""
     folder, out = compiled
     shutil.copytree(folder, tmp_path / "kept")
     before = files(tmp_path / "kept")
-    assert told(start(READ_ONLY + NORMAL, tmp_path / "kept")) == (out, "")
+    assert output_of(start(READ_ONLY + NORMAL, tmp_path / "kept")) == (out, "")
     assert files(tmp_path / "kept") == before
     next((tmp_path / "kept").rglob("*.predict")).unlink()
-    again, err = told(start(READ_ONLY + NORMAL, tmp_path / "kept"))
+    again, err = output_of(start(READ_ONLY + NORMAL, tmp_path / "kept"))
     assert again == out and len(err.splitlines()) == 1 and "in every process" in err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="limits of processes are those of POSIX")
 @pytest.mark.parametrize("room", [0, 5_000])
 def test_a_full_disk_does_not_stop_a_kernel(tmp_path, room):
-    """No file may grow beyond some bytes, of Numba's temporary ones either."""
+    """A limit on the size of all files, also of temporary files of Numba, causes one warning and no error."""
     pytest.importorskip("numba")
     full = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
-    out, err = told(start(full + NORMAL, tmp_path))
+    out, err = output_of(start(full + NORMAL, tmp_path))
     assert len(out.split()) == 6 and "Traceback" not in err
     assert sum("in every process" in line for line in err.splitlines()) == 1
     assert not any(path.is_file() for path in tmp_path.rglob("*"))
 
 
 def test_code_is_shared_between_copies_of_the_package(tmp_path, compiled):
-    """The path of the checkout is not in the key."""
+    """The key of stored code does not contain the path of the package."""
     folder, out = compiled
     shutil.copytree(folder, tmp_path / "kept")
     shutil.copytree(ROOT, tmp_path / "elsewhere" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
     before = files(tmp_path / "kept")
-    assert told(start(NORMAL, tmp_path / "kept", tmp_path / "elsewhere")) == (out, "")
+    assert output_of(start(NORMAL, tmp_path / "kept", tmp_path / "elsewhere")) == (out, "")
     assert files(tmp_path / "kept") == before
 
 
 def test_functions_of_a_user_are_cached_elsewhere(tmp_path):
-    """While kernels are compiled in another thread, Numba caches a function of a user where it always does."""
+    """Numba caches a function of a user in its default folder while kernels are compiled in another thread."""
     pytest.importorskip("numba")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "own.py").write_text("import numba\n@numba.njit(cache=True)\ndef f(x):\n    return x + 1\n")
@@ -235,15 +235,15 @@ print(*sorted(places))
 
 
 def test_results_do_not_depend_on_whether_code_was_compiled_in_this_process(tmp_path):
-    """To the last bit: compiled here, by another process at the same time, after other kernels, and loaded."""
+    """Results are identical with code compiled here, by a concurrent process, after other kernels, and loaded."""
     pytest.importorskip("numba")
     first = "import numpy, hbgear as hb; hb.HarmonicBalance(hb.SpurPair(), 8).observe(numpy.ones(17), Omega=0.8)\n"
-    together = [told(process)[0] for process in [start(EQUATIONS, tmp_path), start(first + EQUATIONS, tmp_path)]]
-    loaded = told(start(EQUATIONS, tmp_path))[0]
+    together = [output_of(process)[0] for process in [start(EQUATIONS, tmp_path), start(first + EQUATIONS, tmp_path)]]
+    loaded = output_of(start(EQUATIONS, tmp_path))[0]
     assert together == [loaded, loaded] and len(loaded.split()) == 2
 
 
-BESIDE = """
+PARALLEL = """
 import time
 import numpy as np
 import hbgear as hb
@@ -265,20 +265,20 @@ if {command}:
     print(*(sum(one.cache_hits.values()) for one in stats), *(sum(one.cache_misses.values()) for one in stats))
 print(compiling.is_missing(monodromies))
 """
-"""The first command, but for the curve itself; and the same in another program."""
+"""Compiles in parallel as the first command does, without tracing; ``command=False`` stands for another program."""
 
 
 @pytest.mark.parametrize("stiffness", ["", "stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)"])
 def test_the_first_command_loads_code_of_another_process(tmp_path, stiffness):
-    """Of multipliers and observables it compiles nothing, with and without breakpoints."""
+    """The kernels of multipliers and observables are loaded, not compiled, with and without breakpoints."""
     pytest.importorskip("numba")
-    out, err = told(start(BESIDE.format(command=True, seconds=250, stiffness=stiffness), tmp_path))
+    out, err = output_of(start(PARALLEL.format(command=True, seconds=250, stiffness=stiffness), tmp_path))
     assert out == "1 1 1 1 0 0 0 0\nFalse\n" and err == ""
 
 
 def test_a_program_that_is_not_the_command_starts_no_process(tmp_path):
     pytest.importorskip("numba")
-    assert told(start(BESIDE.format(command=False, seconds=0, stiffness=""), tmp_path))[0] == "True\n"
+    assert output_of(start(PARALLEL.format(command=False, seconds=0, stiffness=""), tmp_path))[0] == "True\n"
     assert files(tmp_path) == {}
 
 
@@ -295,7 +295,7 @@ def one_mass(law):
     ],
 )
 def test_kernels_know_two_types_of_models(model, sizes):
-    """Without breakpoints, compiled laws and friction there are no tables of them; with any of these there are all."""
+    """A model without breakpoints, compiled laws and friction has no tables of them; any other model has all tables."""
     packed = hb.HarmonicBalance(model, 8).compiled({}).packed
     if sizes is None:
         assert packed[3:] == (None, None, None)
@@ -304,7 +304,7 @@ def test_kernels_know_two_types_of_models(model, sizes):
 
 
 def test_products_and_sums_are_not_fused(tmp_path):
-    """The contraction a b + c in one rounding would depend on how the compiler arranges the code."""
+    """A fused a b + c rounds only once, and the compiler would fuse it depending on the surrounding code."""
     pytest.importorskip("numba")
     (tmp_path / "fused.py").write_text(
         "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a, b, c):\n    return a * b + c\n"
@@ -312,36 +312,36 @@ def test_products_and_sums_are_not_fused(tmp_path):
     a = 1.0 + 2.0**-30
     script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import fused\n"
     script += f"print(fused.f({a!r}, {a!r}, -1.0 - 2.0**-29))"
-    assert told(start(script, tmp_path / "kept"))[0] == "0.0\n"  # 2^-60 with one rounding
+    assert output_of(start(script, tmp_path / "kept"))[0] == "0.0\n"  # 2^-60 with one rounding
 
 
 def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
     """A stored kernel contains the code of the kernels that it calls, here `scaled_norm` of another file."""
     pytest.importorskip("numba")
     shutil.copytree(ROOT, tmp_path / "own" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
-    first = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
+    first = output_of(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
     path = tmp_path / "own" / "hbgear" / "continuation" / "numerics" / "gauss_kernels.py"
     path.write_text(path.read_text().replace("return math.sqrt(total)", "return 2.0 * math.sqrt(total)", 1))
-    second = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
+    second = output_of(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
     a, b = (np.array(text.split()[:3], dtype=float) for text in (first, second))
     np.testing.assert_allclose(b, a / 2, rtol=1e-15)
     assert len(list((tmp_path / "kept").iterdir())) == 2
 
 
 def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
-    """As a part it has no entry of its own; that one more is compiled is said only where nothing is stored."""
+    """A kernel called by another one has no signature; compiling it later issues no message, because code is stored."""
     pytest.importorskip("numba")
-    assert "compiles its core" in told(start(NORMAL, tmp_path))[1]
+    assert "compiles its core" in output_of(start(NORMAL, tmp_path))[1]
     by_itself = (
         "from hbgear.continuation.numerics.gauss_kernels import scaled_norm\nfound = [len(scaled_norm.signatures)]\n"
     )
     by_itself += "print(*found, scaled_norm(np.array([3.0, 4.0])), len(scaled_norm.signatures))\n"
-    out, err = told(start(NORMAL + by_itself, tmp_path))
+    out, err = output_of(start(NORMAL + by_itself, tmp_path))
     assert out.splitlines()[-1] == "0 5.0 1" and err == ""
 
 
 def test_arguments_of_another_type_are_compiled_for_and_stored(tmp_path):
-    """Both forms stand in one file; a later process loads either."""
+    """The code for both types is stored in one file; a later process loads either one."""
     pytest.importorskip("numba")
     (tmp_path / "two.py").write_text(
         "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a):\n    return a + a\n"
@@ -349,13 +349,13 @@ def test_arguments_of_another_type_are_compiled_for_and_stored(tmp_path):
     begin = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two\n"
     said = "\nprint(sum(two.f._call.stats.cache_hits.values()), sum(two.f._call.stats.cache_misses.values()))"
     both = begin + "print(two.f(1), two.f(2.5), len(two.f.signatures))" + said
-    assert told(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n0 2\n"
-    assert told(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n2 0\n"
-    assert told(start(begin + "print(two.f(2.5))" + said, tmp_path / "kept"))[0] == "5.0\n1 0\n"
+    assert output_of(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n0 2\n"
+    assert output_of(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n2 0\n"
+    assert output_of(start(begin + "print(two.f(2.5))" + said, tmp_path / "kept"))[0] == "5.0\n1 0\n"
 
 
 def test_arguments_of_the_same_classes_and_of_another_type_are_stored(tmp_path):
-    """A tuple can hold arrays of other dimensions: a later process loads both forms and compiles nothing."""
+    """Tuples with arrays of different dimensions: a later process loads the code of both types and compiles nothing."""
     pytest.importorskip("numba")
     (tmp_path / "two.py").write_text(
         "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a):\n    return a[0].sum()\n"
@@ -363,15 +363,15 @@ def test_arguments_of_the_same_classes_and_of_another_type_are_stored(tmp_path):
     script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two, numpy as np\n"
     script += "print(two.f((np.ones(2),)), two.f((np.ones((2, 2)),)), two.f((np.ones(3),)), len(two.f.signatures))"
     script += "\nprint(sum(two.f._call.stats.cache_hits.values()), sum(two.f._call.stats.cache_misses.values()))"
-    assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n0 2\n"
-    assert told(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n2 0\n"
+    assert output_of(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n0 2\n"
+    assert output_of(start(script, tmp_path / "kept"))[0] == "2.0 4.0 3.0 2\n2 0\n"
     wrong = script.partition("print")[0] + "two.f(('a',))"
     assert "TypingError" in start(wrong, tmp_path / "kept").communicate(timeout=600)[1]
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
-    """Some hundred times slower, which is said once."""
-    out, err = told(without_numba)
+    """Special points and jumps agree with the compiled code; one warning reports the missing Numba."""
+    out, err = output_of(without_numba)
     assert err.count("Numba cannot be imported") == 1 and "works without it" in err
     found = json.loads(out)
     for H in (1, 2, 3):
@@ -388,7 +388,7 @@ def test_without_numba_the_same_curves_are_found(without_numba):
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_while_a_kernel_is_compiled(tmp_path, stop):
-    """The command ends with one sentence and its exit code when that kernel is ready; what it stored is whole."""
+    """The command ends with one message and exit code 3 once the kernel is compiled; stored files are complete."""
     pytest.importorskip("numba")
     others = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     command = subprocess.Popen([sys.executable, "-m", "hbgear", "trace", "spur-pair"], cwd=ROOT.parent, text=True,
@@ -406,7 +406,7 @@ def test_ctrl_c_while_a_kernel_is_compiled(tmp_path, stop):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
 def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_path):
-    """Some of its extension modules say ImportError when a KeyboardInterrupt comes up in them."""
+    """Some extension modules of Numba raise ImportError when a KeyboardInterrupt occurs during their import."""
     (tmp_path / "numba.py").write_text(
         "import os, signal, time\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(0.1)\n"
         "except KeyboardInterrupt:\n    raise ImportError('_devicearray failed to import')\n"
@@ -419,7 +419,7 @@ def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_pat
 
 
 def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_their_own():
-    """Each would be of another type, for which everything is compiled again."""
+    """Integers and read-only arrays are converted first: their types would require compiling all kernels again."""
     from hbgear.harmonic.equations.assembly_kernels import assemble_allocating
     from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
 
@@ -428,15 +428,15 @@ def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_thei
         load = hb.Load(constant=np.array([one]), cosine={1: np.array([one])})
         return hb.HarmonicBalance(hb.System([[one]], [[one / 5]], [[one]], [hb.Element([one], law)], load), 4)
 
-    def looked_at(problem, X):
+    def evaluate_all(problem, X):
         problem.linearise(X, "Omega", Omega=1.0)
         problem.curvature(X, X, "Omega", Omega=1.0)
         problem.observe(X, Omega=1.0)
         problem.clearance(X, Omega=1.0)
 
     X = np.linspace(1.0, 2.0, 9)
-    looked_at(curve(1.0, 0.5), X)
+    evaluate_all(curve(1.0, 0.5), X)
     known = [len(kernel.signatures) for kernel in (assemble_allocating, monodromies)]
     X.setflags(write=False)
-    looked_at(curve(1, 1), X)
+    evaluate_all(curve(1, 1), X)
     assert [len(kernel.signatures) for kernel in (assemble_allocating, monodromies)] == known

@@ -1,6 +1,6 @@
-"""The pages of docs/ say what is so: the files they name exist, their picture is that of the code; examples run.
+"""Consistency of docs/ with the code: named files exist, the picture of the packages is current, examples run.
 
-Their blocks are run by `test_readme`.
+`test_readme` runs the code blocks of the pages.
 """
 
 import ast
@@ -76,7 +76,7 @@ def test_table_how_to_add_names_existing_files():
 
 @pytest.mark.parametrize("page", ["README.md", "docs/architecture.md"])
 def test_names_of_the_steps_of_a_period_doubling_exist(page):
-    """And detection and location are named in the README."""
+    """The page also names the detection (`EventDetector`) and the location (`PeriodDoublingEvent.locate`)."""
     text = (ROOT / page).read_text(encoding="utf-8")
     modules = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "hbgear").rglob("*.py"))
     named = set(re.findall(r"`(?!True|None)([A-Z]\w+)(?:\.(\w+))?`", text)) | {
@@ -90,7 +90,7 @@ def test_names_of_the_steps_of_a_period_doubling_exist(page):
 
 _DOI = r"10\.\d{4,9}/[\w.()%/-]*[\w)]"
 _MADE = {"_site", "api", "gallery", "studies", "tutorials", "sg_execution_times.rst", "commands.md", "constants.md"}
-"""What building the site leaves in docs."""
+"""Files and folders in docs that building the site generates."""
 _SOURCES = [
     path
     for place in ("*", "docs/**/*", "examples/**/*", "hbgear/**/*", "studies/**/*")
@@ -101,13 +101,13 @@ _SOURCES = [
 
 
 def badly_cited(text: str) -> list[str]:
-    """What of a text is meant as a DOI, and is no link of the one form: https://doi.org/10.1115/1.1539868.
+    """Return the lines with a DOI that is not a link of the form https://doi.org/10.1115/1.1539868.
 
-    In Markdown its text is "doi" and the number it leads to.
+    In Markdown the link text must be "doi" and the DOI of the address.
     """
-    for told, address in re.findall(rf"\[doi ({_DOI})\]\(https://doi\.org/({_DOI})\)(?!\))", text):
-        if told == unquote(address) and told.count("(") == told.count(")"):
-            text = text.replace(f"[doi {told}](https://doi.org/{address})", "")
+    for doi, address in re.findall(rf"\[doi ({_DOI})\]\(https://doi\.org/({_DOI})\)(?!\))", text):
+        if doi == unquote(address) and doi.count("(") == doi.count(")"):
+            text = text.replace(f"[doi {doi}](https://doi.org/{address})", "")
     links = re.findall(rf"(?<![\[(])https://doi\.org/({_DOI})", text)
     for link in sorted((link for link in links if link.count("(") == link.count(")")), key=len, reverse=True):
         text = text.replace(f"https://doi.org/{link}", "")
@@ -155,5 +155,5 @@ def test_example_runs(name):
     assert done.returncode == 0, done.stderr
     expected = re.search(r"^Prints:\n\n((?:    .*\n)+)", ast.get_docstring(ast.parse(
         (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8"))) + "\n", re.M)  # fmt: skip
-    assert expected, "the docstring of an example ends with what it prints"
+    assert expected, "the docstring of an example must end with its output"
     assert done.stdout.split() == expected[1].split()

@@ -1,4 +1,4 @@
-"""The explorer: what it computes, whom it refuses, and that a person can use it in a real browser."""
+"""The explorer: computations, access control, the command, and use in a real browser."""
 
 import base64
 import json
@@ -46,7 +46,7 @@ def machine():
 
 @contextmanager
 def served(found):
-    """A server in a thread of its own."""
+    """Run a server in a separate thread; shut it down at the end."""
     server = Server(found, "test")
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
@@ -65,7 +65,7 @@ def server():
 
 
 def answer(server, path, body=None, token=None, **headers):
-    """Status and text of an answer."""
+    """Return the status and the text of the response."""
     request = urllib.request.Request(
         f"http://127.0.0.1:{server.port}{path}", None if body is None else json.dumps(body).encode(),
         {"X-Hbgear-Token": server.token if token is None else token, "Content-Type": "application/json", **headers},
@@ -123,7 +123,7 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
         assert (study.work.span, study.work.harmonics) == (SPAN, 8)
 
 
-# ---- what is computed
+# ---- computations
 
 
 @pytest.mark.slow
@@ -138,10 +138,10 @@ def test_jump_maps_of_a_machine_are_over_its_model():
 
 def test_curve_is_the_traced_one():
     found = explorer()
-    told = found.curve("s", Request.of(question(zeta=0.06)))
+    result = found.curve("s", Request.of(question(zeta=0.06)))
     curve = hb.trace(hb.HarmonicBalance(MODEL.replace(zeta=0.06), 8), "Omega", SPAN)
-    np.testing.assert_allclose(told["curves"][0]["x"], curve.values, rtol=1e-9)
-    assert [jump["x"] for jump in told["curves"][0]["jumps"]] == [jump.value for jump in curve.jumps()]
+    np.testing.assert_allclose(result["curves"][0]["x"], curve.values, rtol=1e-9)
+    assert [jump["x"] for jump in result["curves"][0]["jumps"]] == [jump.value for jump in curve.jumps()]
     details = found.details("s", Request.of(question(zeta=0.06)))
     assert details["tables"][0]["jumpTable"][1][0][0] == "LP1" and "zeta=0.06" in details["python"]
 
@@ -159,7 +159,7 @@ def test_superseded_computations_are_cancelled():
     thread.start()
     while not found.progress("s", "curve")["busy"] and thread.is_alive():
         time.sleep(0.001)
-    assert found.curve("other", Request.of(question()))["curves"]  # another page is not in the way
+    assert found.curve("other", Request.of(question()))["curves"]  # another session does not cancel it
     assert found.curve("s", Request.of(question()))["curves"]
     thread.join(60)
     assert ended == ["overtaken"] and found.progress("s", "curve") == {"busy": False}
@@ -167,10 +167,10 @@ def test_superseded_computations_are_cancelled():
 
 def test_jump_map_is_that_of_the_library():
     axes = {"x": ["Omega", 0.3, 1.5], "y": ["zeta", 0.05, 0.12], "Omega": None}
-    told = explorer().jump_map("s", Request({}, SPAN, 4), axes)
+    result = explorer().jump_map("s", Request({}, SPAN, 4), axes)
     jumps = hb.jump_map(MODEL, "zeta", (0.05, 0.12), frequencies=(0.3, 1.5), harmonics=4)
-    assert len(told["lines"]) == len(jumps.arms) and told["message"] == ""
-    for line, arm in zip(told["lines"], jumps.arms, strict=True):
+    assert len(result["lines"]) == len(jumps.arms) and result["message"] == ""
+    for line, arm in zip(result["lines"], jumps.arms, strict=True):
         np.testing.assert_allclose(line["x"], arm.Omega, rtol=1e-8)
         np.testing.assert_allclose(line["y"], arm.values, rtol=1e-8)
 
@@ -178,9 +178,9 @@ def test_jump_map_is_that_of_the_library():
 @pytest.mark.slow
 def test_jump_map_of_two_parameters_holds_omega():
     axes = {"x": ["F_m", 0.05, 0.3], "y": ["zeta", 0.045, 0.055], "Omega": 0.75}
-    told = explorer().jump_map("s", Request({}, SPAN, 4), axes)
-    assert told["lines"]
-    line = told["lines"][0]
+    result = explorer().jump_map("s", Request({}, SPAN, 4), axes)
+    assert result["lines"]
+    line = result["lines"][0]
     F_m, zeta = next((x, y) for x, y in zip(line["x"][3:], line["y"][3:], strict=True) if x is not None)
     problem = hb.HarmonicBalance(MODEL.replace(zeta=zeta), 4)
     curve = hb.trace(problem, "F_m", (0.05, 0.3), at={"Omega": 0.75})
@@ -201,7 +201,7 @@ def test_questions_that_are_none_are_refused(change, message):
         Request.of(question() | change)
 
 
-# ---- whom it answers
+# ---- access control
 
 
 def test_answers_its_own_page_only(server):
@@ -278,7 +278,7 @@ def test_other_hosts_are_refused(server, host):
 )
 @pytest.mark.parametrize("path", ["/?token={}", "/progress?token={}", "/nothing?token={}", "/"])
 def test_every_answer_has_the_headers(server, path, name, value):
-    """Of the page, of data, of what is not there (404) and of who does not know the token (403)."""
+    """Responses of the page, of data, of an unknown address (404) and of a request without the token (403)."""
     try:
         with urllib.request.urlopen(f"http://127.0.0.1:{server.port}{path.format(server.token)}") as found:
             headers = found.headers
@@ -317,7 +317,7 @@ def test_a_measured_cell_without_end_is_refused(server, capfd):
 
 @pytest.mark.parametrize("begun", [b"", b"POST /curve HTTP/1.1\r\nHost: ", None])
 def test_connections_that_say_nothing_are_closed(begun):
-    """Nothing, half of a head, half of a body: the connection and its thread end."""
+    """A client sends nothing, part of the header or part of the body: the connection and its thread end."""
     quiet = Server(explorer(), "quiet", patience=0.5)
     thread = threading.Thread(target=quiet.run, daemon=True)
     thread.start()
@@ -328,7 +328,7 @@ def test_connections_that_say_nothing_are_closed(begun):
     with socket.create_connection(("127.0.0.1", quiet.port), timeout=20) as open_one:
         open_one.sendall(begun)
         while open_one.recv(4096):
-            pass  # an answer, until the other side closes
+            pass  # read the response until the server closes the connection
         end = time.monotonic() + 10
         while threading.active_count() > before:
             assert time.monotonic() < end
@@ -414,8 +414,8 @@ def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     )
     subject, span, _, saved = explored(f"{tmp_path / 'mine.py'}:stop", ["gap=0.5"], None)
     assert span == (0.5, 1.5) and saved is None
-    told = Explorer(subject, span, 4).curve("s", Request({"zeta": 0.1}, span, 4))
-    assert told["curves"][0]["x"][0] == 0.5
+    result = Explorer(subject, span, 4).curve("s", Request({"zeta": 0.1}, span, 4))
+    assert result["curves"][0]["x"][0] == 0.5
     assert subject.python({"zeta": 0.1}) == "from mine import stop\nmodel = stop(zeta=0.1, gap=0.5)"
     curve = hb.trace(hb.HarmonicBalance(subject.model({}), 4), "Omega", span)
     curve.save(tmp_path / "mine.npz")
@@ -469,7 +469,7 @@ def shown(driver, server):
 
 
 def settled(driver):
-    """Wait until what is said is of the curve that is shown."""
+    """Wait until the status line describes the displayed curve."""
     waited_for(driver, "document.getElementById('status').textContent.includes(' points in ')")
 
 
@@ -487,7 +487,7 @@ def jumps_shown(driver):
 
 
 def slide(driver, name, keys):
-    """Move a slider by the keyboard, as a person without a mouse."""
+    """Move a slider with the keyboard and wait for the curve."""
     before = driver.execute_script("return explorer.timings.length")
     driver.find_element("css selector", f"[aria-label='{name} as a slider']").send_keys(keys)
     waited_for(driver, f"explorer.timings.length > {before}")
@@ -514,7 +514,7 @@ def test_a_slider_draws_another_curve(shown):
 
 
 def test_a_slider_has_a_sensible_range_after_typed_values(shown):
-    """The ends are .2 and 2.5 times a value outside of the range; a value inside of it restores the range."""
+    """A value outside the range sets its ends to 0.2 and 2.5 times the value; a value inside restores the range."""
     from selenium.webdriver.common.keys import Keys
 
     def typed(text):
@@ -535,7 +535,7 @@ def test_a_slider_has_a_sensible_range_after_typed_values(shown):
 
 @pytest.fixture
 def slow(monkeypatch):
-    """Curves that take until nobody wants them, for the values that are put in."""
+    """Return a list of values of zeta whose curves are computed until they are cancelled."""
     values = []
 
     def traced(self, asked, job):
@@ -642,7 +642,7 @@ def test_the_vertical_axis_fits_each_curve_after_an_unbounded_one(driver):
         top, largest, _ = top_and_largest()
         assert largest < top < 1.2 * largest
         assert complaints(driver) == []
-        driver.get("about:blank")  # the page asks for details after the curve
+        driver.get("about:blank")  # close the page, which requests details after the curve
 
 
 def test_a_click_shows_the_motion(shown):
@@ -707,11 +707,11 @@ def test_only_own_scripts_run(driver, server):
     opened(driver, server.address)
     settled(driver)
     check_only_own_scripts_run(driver)
-    complaints(driver)  # of what was refused
+    complaints(driver)  # clear the messages about blocked scripts
 
 
 class Slow(Explorer):
-    """Takes long for any damping but that of the start."""
+    """Explorer whose curves take at least 30 s, except with the initial damping."""
 
     def _traced(self, asked, job):
         for i in range(600 if asked.values["zeta"] != 0.05 else 0):
@@ -744,7 +744,7 @@ def test_fits_a_phone_with_the_curve_above_the_sliders(driver, server):
     assert driver.execute_script("return document.documentElement.scrollWidth") <= 390
     driver.execute_script("document.getElementById('p-b').scrollIntoView({block: 'center'})")
     top = driver.execute_script("return document.getElementById('response').getBoundingClientRect().top")
-    assert abs(top) < 2  # it stays at the top while sliders are moved
+    assert abs(top) < 2  # the figure stays at the top while the page is scrolled
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     try:
         assert driver.execute_script("return document.getElementById('response').offsetHeight") >= 440

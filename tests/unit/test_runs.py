@@ -1,4 +1,4 @@
-"""Run-up, run-down, their figures, and answers in the engineer's units."""
+"""Run-up and run-down, their figures, and machine quantities in engineering units."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ def curve():
 
 
 def test_a_run_equals_a_slow_sweep(curve):
-    """Against integration in time, on both sides of the jumps."""
+    """Run-up and run-down agree within 1 % with a slow sweep by time integration, on both sides of the jumps."""
     up, down = hb.analysis.run_up(curve, "up"), hb.analysis.run_up(curve, "down")
     assert [jump.direction for jump in (*up.jumps, *down.jumps)] == [1, -1]
     assert up.message == "Omega = 1.5 reached" and down.message == "Omega = 0.3 reached"
@@ -34,7 +34,7 @@ def test_a_run_equals_a_slow_sweep(curve):
             here = (swept.values - jump.value) * way * side > 1e-9
             expected = np.interp(way * swept.values[here], way * stretch.values, stretch.amplitude("rms", 0))
             assert here.sum() == 5
-            np.testing.assert_allclose(swept.rms[here, 0], expected, rtol=1e-2)  # rows are joined straight
+            np.testing.assert_allclose(swept.rms[here, 0], expected, rtol=1e-2)  # linear interpolation between points
 
 
 def test_a_run_goes_on_along_doubled_motions():
@@ -66,7 +66,7 @@ def test_a_run_begins_on_the_curve_that_reaches_farthest(tmp_path):
     model = hb.SpurPair(zeta=0.01, eps=(0, 0.2), reference=(38000.0, 37.6e-6, 15000.0, 25))
     wild = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))
     wild.save(tmp_path / "wild.npz")
-    curve = hb.load(tmp_path / "wild.npz")  # without its problem: landings need it for forces
+    curve = hb.load(tmp_path / "wild.npz")  # without its problem, which the forces of landings need
     for direction, extreme in (("up", min), ("down", max)):
         found = hb.analysis.run_up(curve, direction)
         stable = [one.values[np.asarray(one.stable)] for one in curve.curves]
@@ -77,7 +77,7 @@ def test_a_run_begins_on_the_curve_that_reaches_farthest(tmp_path):
 
 
 def test_a_landing_of_twice_the_period_has_the_quantities_of_its_branch():
-    """A file gives a landing the problem of its curve, which has another period."""
+    """A loaded landing has the problem of its curve, with half its period; its quantities agree with its branch."""
     model = hb.SpurPair(e=(0.1,), reference=(38000.0, 37.6e-6, 15000.0, 25))
     curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (2.1, 1.9))
     doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=4))
@@ -96,7 +96,7 @@ def test_figures_of_runs(curve):
     assert axes.get_yscale() == "log" and "acceleration of" in axes.get_ylabel()
     axes = hb.plot.waterfall(up)
     levels = [c.get_array().max() for c in axes.collections if c.get_gid() == "order 1"]
-    assert len(levels) == 2 and max(levels) == pytest.approx(0.0, abs=0.3)  # the middle of a step beside the largest
+    assert len(levels) == 2 and max(levels) == pytest.approx(0.0, abs=0.3)  # mean level of a segment
     arrows = [text for text in hb.plot.runs(curve).texts if text.arrowprops]
     assert len(arrows) == 2
 
@@ -138,7 +138,7 @@ def test_answers(curve, tmp_path):
     (hb.gears.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
 ])  # fmt: skip
 def test_reactions_are_mesh_force_less_inertia(pair, gears):
-    """By Newton: what the supports of a gear carry is the force of its meshes less what accelerates its mass."""
+    """Support forces of a gear equal its mesh forces minus mass times acceleration (Newton's second law)."""
     curve = hb.trace(hb.HarmonicBalance(pair, 10), "Omega", (1.45, 1.451))
     problem, system, Omega, X = curve.problem, pair.system(), float(curve.values[0]), curve.X[0]
     q = problem.motion(X, Omega=Omega)
@@ -176,12 +176,12 @@ def test_static_reactions_of_a_spur_pair_are_the_tooth_force():
 
 
 def test_the_dynamic_factor_of_an_error_with_corners():
-    """It is that of the whole gap, as in the answers."""
+    """The dynamic factor of a point agrees with the machine quantities, both computed from the whole gap."""
     error = hb.mechanics.Periodic.trapezoidal(high=0.06, low=-0.06, share=0.5, ramp=0.1)
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(), error=error), 6), "Omega", (1.5, 1.3))
-    told = hb.analysis.machine_quantities(curve)["dynamic factor"]
+    expected = hb.analysis.machine_quantities(curve)["dynamic factor"]
     for i in (0, len(curve) - 1):
-        assert hb.analysis.dynamic_factor(curve.problem.model, curve[i]) == pytest.approx(told[i], rel=1e-12)
+        assert hb.analysis.dynamic_factor(curve.problem.model, curve[i]) == pytest.approx(expected[i], rel=1e-12)
 
 
 def test_answers_in_units_of_the_machine():

@@ -1,4 +1,4 @@
-"""Derivatives of located points against central differences of the points located again with other parameters."""
+"""Derivatives of located points against central differences of points located with changed parameters."""
 
 import math
 import pickle
@@ -16,18 +16,18 @@ from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
 from hbgear.continuation.solvers.newton import refine, solve
 from hbgear.harmonic.bifurcations.extremum import EXTREMA
 
-CLOSE = 1e-6  # of a derivative, relative
-LEAST = 1e-8  # of Omega for a change of the parameter by its own size: below it a derivative is rounding
+CLOSE = 1e-6  # relative tolerance of a derivative
+LEAST = 1e-8  # absolute tolerance, relative to Omega per unit of the parameter: rounding of the differences
 
 
 def located(problem, equations, U, here):
-    """The special point solved for anew."""
+    """Return the unknowns of the special point, solved with the parameters ``here``."""
     based = equations.with_borders_at(U, here)
     return refine(based, solve(based, U, here), here).X
 
 
 def differences(point, parameters=None):
-    """Derivatives of (X, p) by differences of points located at h and 2h to both sides; one-sided at ends of ranges."""
+    """Return names, central differences of (X, p) with steps h and 2h (one-sided at a range end), and the equations."""
     problem, here, parameter = problem_and_parameters(point)
     names = parameter_names(problem, here, parameter, parameters)
     at = PointSensitivity(with_cache_size(problem, point, 8), point, here, parameter, names)
@@ -57,9 +57,9 @@ def check(point, parameters=None):
     p, size = expected[:, -1], max(abs(point.parameters[at.parameter]), 1e-3)
     error = np.abs(found.slopes[0] - p)
     bad = error > CLOSE * np.abs(p) + LEAST * size / unit
-    told = [(n, a, b) for n, a, b, wrong in zip(names, found.slopes[0], p, bad, strict=True) if wrong]
-    assert not told, told
-    # the amplitude: its gradient along the differences of the unknowns
+    failed = [(n, a, b) for n, a, b, wrong in zip(names, found.slopes[0], p, bad, strict=True) if wrong]
+    assert not failed, failed
+    # slope of the amplitude: its directional derivative along the differences of the unknowns
     measure = found.quantities[-2] if found.quantities[-1].endswith(" m") else found.quantities[-1]
     layout, X = point.layout, point.X
     for name, dX, slope, one in zip(names, expected[:, :-1], found.of(measure).values(), unit, strict=True):
@@ -91,7 +91,7 @@ def test_peaks(spur, measure):
     top = tops[0] if measure == "mean" else max(tops, key=lambda point: point.amplitude(measure))
     found = check(top)
     assert found.quantities[-2] == measure
-    if measure in EXTREMA:  # of the peak found by searching, whose amplitude is flat
+    if measure in EXTREMA:  # against differences of the largest peaks of two traced curves
         for name in ("zeta", "e[0]"):
             h = 1e-3 * found.values[found.parameters.index(name)]
             sizes = []
@@ -125,7 +125,7 @@ def test_every_parameter_of_every_model(name):
 
 
 def moved_point(model, kind, place, name, h, harmonics=5):
-    """The special point of a kind nearest to a place, of the model with another value of a parameter, from a trace."""
+    """Return the special point of a kind nearest to ``place`` on a curve traced with a parameter changed by h."""
     own = (model.parameters | model.entries)[name]
     problem = hb.HarmonicBalance(model.replace(**{name: own + h}), harmonics)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
@@ -134,7 +134,7 @@ def moved_point(model, kind, place, name, h, harmonics=5):
 
 
 def test_neimark_sacker_point():
-    """Against points bracketed again on curves traced anew; these hold some 1e-10 of Omega."""
+    """Derivatives agree to 2e-5 with differences of points bracketed on two traced curves to about 1e-10 of Omega."""
     model = hb.gears.DoubleHelicalPair(zeta=0.05)
     curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.0, 0.8), accuracy=None)
     point = curve["NS1"]
@@ -197,7 +197,7 @@ def test_neimark_sacker_points_between_grazing_and_a_fold():
 
 
 def test_scatter_of_a_jump_at_a_neimark_sacker_point():
-    """Each draw is the point solved for with its values."""
+    """Each draw is the point solved with its parameters; the first one agrees with a traced curve to 1e-7."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
     one = next(
@@ -211,7 +211,7 @@ def test_scatter_of_a_jump_at_a_neimark_sacker_point():
 
 
 def test_branch_point_and_its_imperfections():
-    """Even harmonics set in where a symmetric oscillator loses its symmetry; a mean load parts the curves there."""
+    """A mean load separates the curves at a symmetry-breaking branch point: derivatives with respect to it are nan."""
 
     @hb.mechanics.model()
     def symmetric(zeta: float = 0.1, k3: float = 1.0, F: float = 10.0, mean: float = 0.0) -> hb.System:
@@ -234,7 +234,7 @@ def test_branch_point_and_its_imperfections():
 
 
 def test_critical_value():
-    model = hb.Duffing()  # with so many harmonics that a cusp solved for with more is the same
+    model = hb.Duffing()  # with 8 harmonics the cusp is converged: more harmonics do not change it
     cusp = hb.analysis.critical_parameter(model, "zeta", frequencies=(0.9, 1.4), harmonics=8)
     found = hb.analysis.sensitivity(cusp)
     assert found.quantities[:2] == ("zeta", "Omega") and set(found.parameters) == {"k3", "F"}
@@ -266,13 +266,13 @@ def test_jump_with_both_of_its_motions(spur):
     assert found.of("pinion r/min")[name] == pytest.approx((speed[0] - speed[1]) / (2 * h), rel=1e-6)
     after = [one.after.amplitude("pp2") for one in sides]
     assert found.of("pp2 after")[name] == pytest.approx((after[0] - after[1]) / (2 * h), rel=1e-5)
-    # the natural frequency moves no dimensionless number, and the speed in proportion
+    # the natural frequency changes no dimensionless quantity; the speed is proportional to it
     assert found.of("Omega")["reference[0]"] == pytest.approx(0.0, abs=1e-12)
     assert found.percent("pinion r/min")["reference[0]"] == pytest.approx(1.0, rel=1e-8)
 
 
 def test_row_of_a_curve(spur):
-    """At a held frequency the amplitude moves, and the speed with the scales only."""
+    """At a fixed frequency the slopes of Omega are 0; amplitude and largest multiplier agree with differences."""
     row = spur[40]
     found = hb.analysis.sensitivity(row, measure="pp2", multipliers=True)
     assert not any(found.of("Omega").values())
@@ -356,7 +356,7 @@ def test_invalid_sensitivities_are_refused(spur):
 
 
 def test_traced_in_an_entry(spur):
-    """Entries are parameters of curves too, and of curves of special points."""
+    """An entry such as e[0] can be the parameter of a curve and of a curve of special points."""
     problem = spur.problem
     curve = hb.trace(problem, "e[0]", (0.1, 0.11), at={"Omega": 1.5}, start=None)
     assert curve.status.complete and curve.values[-1] == 0.11
@@ -370,7 +370,7 @@ def test_traced_in_an_entry(spur):
 
 @pytest.mark.slow
 def test_scatter_of_jumps_against_monte_carlo(spur):
-    """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
+    """Small deviations: linear and sampled standard deviations agree within 12 %. Large ones: some jumps are lost."""
     jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]
     found = {
         one.label: one for one in hb.design.jump_tolerance(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400, unit="Omega")
@@ -380,7 +380,7 @@ def test_scatter_of_jumps_against_monte_carlo(spur):
         assert one.lost == 0 and abs(one.error) < 0.12
         slopes = hb.analysis.sensitivity(jump.before, ["zeta", "e[0]"]).of()
         assert one.first == pytest.approx(math.hypot(1e-4 * slopes["zeta"], 2e-4 * slopes["e[0]"]))
-    # one draw, against a curve traced with its values
+    # the first draw against a curve traced with its parameters
     xi = np.random.default_rng(0).normal(size=(400, 2))[0]
     model = spur.problem.model.replace(**{"zeta": 0.05 + 1e-4 * xi[0], "e[0]": 0.1 + 2e-4 * xi[1]})
     again = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (2.6, 0.4), accuracy=None)
