@@ -1,4 +1,4 @@
-"""What is hardly meant is warned of, what cannot be meant is refused, and what is usual is neither."""
+"""Plausibility checks: unlikely input raises a warning, impossible input an error, and usual input neither."""
 
 import warnings
 from fractions import Fraction
@@ -72,7 +72,7 @@ def test_defaults_are_beyond_doubt(cls):
 
 
 def test_oil_film_and_gyroscopes_are_beyond_doubt():
-    """Unsymmetric where machines are: cross coupling of bearings, skew C of gyroscopic moments."""
+    """Cross-coupled stiffness of bearings and the skew-symmetric C of gyroscopic moments raise no warning."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         balance(two(EYE, [[0.1, 0.3], [-0.3, 0.1]], [[2.0, 0.4], [-0.7, 2.0]]))

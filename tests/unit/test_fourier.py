@@ -24,7 +24,7 @@ THETA = np.linspace(0, 2 * np.pi, 37)
 
 
 def by_hand(row, theta):
-    """a0 + sum a_k cos + b_k sin."""
+    """Return a_0 + sum a_k cos(k theta) + b_k sin(k theta)."""
     k = np.arange(1, len(row) // 2 + 1)[:, None]
     return row[0] + row[1::2] @ np.cos(k * theta) + row[2::2] @ np.sin(k * theta)
 
@@ -70,7 +70,7 @@ def test_extrema(rng, H):
     low, at_low, high, at_high = extrema(rows)
     dense = evaluate(rows, np.linspace(0, 2 * np.pi, 4000 * H))
     for value, at, best in ((low, at_low, dense.min(-1)), (-high, at_high, -dense.max(-1))):
-        # a dense sample misses the extremum by no more than the square of its spacing
+        # the error of a dense sample is of the order of its squared spacing
         assert np.all(value <= best + 1e-12) and np.all(value >= best - 1e-4)
         for row, x, t in zip(rows, value, at, strict=True):
             assert abs(evaluate(row, t)[0]) == pytest.approx(abs(x), abs=1e-12)
@@ -78,12 +78,12 @@ def test_extrema(rng, H):
 
 
 def test_extrema_of_two_almost_equal_peaks_and_of_constants():
-    # cos 2 theta has two equal peaks; a little cos theta decides between them
+    # cos 2 theta has two equal peaks; a small cos theta makes one of them the maximum
     for tiny in (1e-9, -1e-9):
         _, _, high, at = extrema(np.array([0.5, tiny, 0.0, 1.0, 0.0]))
         assert high == pytest.approx(1.5 + 1e-9, abs=1e-14)
         assert np.cos(at) == pytest.approx(np.sign(tiny), abs=1e-6)
-    # the highest sample (N = 64) is on the lower peak at 0, the highest peak a third of a step beside its own
+    # the highest sample (N = 64) is on the lower peak at 0; the higher peak is a third of a step from a sample
     row = np.zeros(7)
     row[[1, 2, 5]] = 1e-3 * np.cos(2 * np.pi / 3), 1e-3 * np.sin(2 * np.pi / 3), 1.0
     _, _, high, at = extrema(row)

@@ -1,4 +1,4 @@
-"""The modes of a structure in parts that do not mix: what is found in parts is what is found of the whole."""
+"""Independent parts of a structure and lumped modes give the same multipliers as the whole structure."""
 
 import numpy as np
 import pytest
@@ -14,26 +14,26 @@ from hbgear.mechanics import Parallel
 
 
 def from_the_whole(problem, X, Omega, monkeypatch):
-    """Multipliers with the modes in one part."""
+    """Return the multipliers computed with all modes in one part."""
     with monkeypatch.context() as patch:
         patch.setattr(floquet, "_move_identically", lambda compiled, parts, X: np.zeros(len(X), dtype=bool))
         return floquet_multipliers(problem.compiled({}), X, Omega)
 
 
-def carried(monkeypatch):
-    """Sizes of the parts that are carried, as they are asked for."""
+def recorded_sizes(monkeypatch):
+    """Return a list to which the size of every part is appended whose monodromy matrices are computed."""
     sizes, before = [], floquet.monodromies
 
-    def seen(compiled, part, *args):
+    def recorded(compiled, part, *args):
         sizes.append(part.size)
         return before(compiled, part, *args)
 
-    monkeypatch.setattr(floquet, "monodromies", seen)
+    monkeypatch.setattr(floquet, "monodromies", recorded)
     return sizes
 
 
 def same(found, expected):
-    """Sets of multipliers (P, r) agree, each to the digits that a non-normal matrix leaves it."""
+    """Check that sets of multipliers (P, r) agree to 1e-9 of the largest one, the accuracy of a non-normal matrix."""
     for a, b in zip(found, expected, strict=True):
         left = list(b)
         for mu in a:
@@ -43,7 +43,7 @@ def same(found, expected):
 
 
 def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
-    """The double-helical pair along its response: contact of all kinds, both sides moving alike."""
+    """A double-helical pair along its response: both sides move identically, with and without contact loss."""
     problem = HarmonicBalance(DoubleHelicalPair(), 8)
     curve = trace(problem, "Omega", (1.3, 0.7), stability=False, special=False)
     X, Omega = curve.X[::4], curve.values[::4]
@@ -52,7 +52,7 @@ def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
     assert all(part.size < parts.whole.size for part in parts.split)
     assert {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)} >= {0, 4}
     expected = from_the_whole(problem, X, Omega, monkeypatch)
-    sizes = carried(monkeypatch)
+    sizes = recorded_sizes(monkeypatch)
     found = floquet_multipliers(problem.compiled({}), X, Omega)
     assert sizes == [part.size for part in parts.split] and found.shape == (len(X), parts.size)
     assert np.all(np.diff(np.abs(found)) <= 0)
@@ -60,7 +60,7 @@ def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
 
 
 def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
-    """One side moved off the other: its multipliers are those of the whole, and no longer those of the parts."""
+    """With one side displaced, multipliers are computed for the whole structure; the parts give different ones."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.05), 8)
     curve = trace(problem, "Omega", (1.1, 0.75), stability=False, special=False)
     place = int(np.argmax(curve.amplitude("pp2")))
@@ -71,7 +71,7 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     both = np.array([X, rows.ravel()])
     compiled = problem.compiled({})
     np.testing.assert_array_equal(floquet._move_identically(compiled, compiled.parts(), both), [True, False])
-    expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), carried(monkeypatch)
+    expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), recorded_sizes(monkeypatch)
     same(floquet_multipliers(compiled, both, Omega), expected)
     assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
     with monkeypatch.context() as patch:
@@ -104,7 +104,7 @@ def test_alike_are_elements_of_the_same_law_on_a_symmetric_structure():
 
 
 def test_modes_that_no_element_feels_keep_their_poles():
-    """A mass that nothing joins to the others: exp(lambda 2 pi / Omega) of its own poles are among the multipliers."""
+    """An uncoupled mass: exp(2 pi lambda / Omega) of its poles lambda are among the multipliers."""
     M, C, K = np.diag([1.0, 2.0]), np.diag([0.1, 0.3]), np.diag([1.0, 5.0])
     problem = HarmonicBalance(System(M, C, K, [Element([1.0, 0.0], Backlash(0.3))], Load(cosine={1: [0.2, 0.0]})), 5)
     parts = problem.compiled({}).parts()
@@ -117,7 +117,7 @@ def test_modes_that_no_element_feels_keep_their_poles():
 
 
 def chain(law, n=60, damping=0.02):
-    """n masses between walls, driven at the first, an element at the last; Omega of its first resonance."""
+    """Return n masses between walls, driven at the first, with an element at the last, and the first frequency."""
     K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     element = Element(np.eye(n)[-1], law, name="ground")
     system = System(np.eye(n), damping * K, K, [element], Load(cosine={1: 0.1 * np.eye(n)[0]}))
@@ -125,13 +125,13 @@ def chain(law, n=60, damping=0.02):
 
 
 def flexibility(poles, output, input_, s):
-    """Sum of the modes at a complex frequency s, (m, m)."""
+    """Return the flexibility (m, m) at a complex frequency s as a sum over the modes."""
     return (output / (s - poles)) @ input_
 
 
 @pytest.mark.parametrize("elements", [1, 2])
 def test_one_mode_for_each_element_stands_for_many(elements):
-    """Flexibility, damping and inertia of modes above a frequency: what is left goes with the third power or more."""
+    """Lumped modes keep the flexibility, damping and inertia of modes above a frequency: the error is O(s^3)."""
     system, w = chain(Cubic(k1=0.3, k3=0.5))
     more = [Element(np.eye(60)[20], Cubic(k1=0.3, k3=0.5), name=f"other {i}") for i in range(elements - 1)]
     system = System(system.M, system.C, system.K, [*system.elements, *more], system.loads)
@@ -149,7 +149,7 @@ def test_one_mode_for_each_element_stands_for_many(elements):
 
 
 def test_modes_of_no_structure_are_not_lumped():
-    """An unsymmetric flexibility, a negative one, and a mode that would grow."""
+    """No lumped modes are returned for an unsymmetric or negative flexibility, or for an unstable mode."""
     poles = np.array([-0.1 + 5j, -0.1 - 5j, -0.2 + 9j, -0.2 - 9j])
     output = np.array([[1, 1, 1, 1], [1, 1, -1, -1]], dtype=complex)
     input_ = output.T / (2j * poles.imag)[:, None]
@@ -170,7 +170,7 @@ def test_modes_of_no_structure_are_not_lumped():
     ],
 )
 def test_few_modes_give_the_result_of_all(law, leading, others):
-    """Along the response of a chain, the largest and the eight largest multipliers; all carry far fewer modes."""
+    """Errors of the largest and of the eight largest multipliers along the response, with far fewer modes."""
     system, w = chain(law)
     curve = trace(
         HarmonicBalance(system, 7), "Omega", (0.9 * w, 1.2 * w), special=False, stability=False, accuracy=None
@@ -183,16 +183,16 @@ def test_few_modes_give_the_result_of_all(law, leading, others):
     apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
     assert apart[:, 0].max() < leading and apart.max() < others
     assert np.abs(found).max() < np.abs(expected).max() + leading
-    carried = [few.parts(reach).whole.size for reach in floquet._retained_frequency(few, motions, Omega)[0]]
-    assert max(carried) < 60 and few.parts().whole.size == 120
+    sizes = [few.parts(reach).whole.size for reach in floquet._retained_frequency(few, motions, Omega)[0]]
+    assert max(sizes) < 60 and few.parts().whole.size == 120
     if not law.breakpoints:
-        assert min(carried) < 20
+        assert min(sizes) < 20
 
 
 def test_residual_flexibility_of_modes_up_to_a_frequency():
     system, w = chain(Cubic(0.0, 0.5))
     compiled = HarmonicBalance(system, 3).compiled({})
     frequencies = np.array([0.5, 2.5, 7.3, 20.0, 1e3]) * w
-    beside = [np.diag(compiled.parts(one).rest) for one in frequencies.tolist()]
-    np.testing.assert_allclose(compiled.flexibility_above(frequencies), beside, rtol=1e-12, atol=1e-15)
+    expected = [np.diag(compiled.parts(one).rest) for one in frequencies.tolist()]
+    np.testing.assert_allclose(compiled.flexibility_above(frequencies), expected, rtol=1e-12, atol=1e-15)
     assert compiled.flexibility_above(frequencies)[-1] == 0 < compiled.flexibility_above(frequencies)[-2]

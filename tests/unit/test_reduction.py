@@ -12,7 +12,7 @@ from hbgear.mechanics.reduction import reduce, reduced_within
 
 
 def chain(n, law=None, dense=False, damping=0.02):
-    """n masses between walls, a spring to ground at the last, driven at the first."""
+    """Return n masses between walls, driven at the first, with an element to ground at the last."""
     K = sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tocsr()
     first, last = np.eye(n)[0], np.eye(n)[-1]
     M = sparse.eye_array(n).tocsr()
@@ -23,12 +23,12 @@ def chain(n, law=None, dense=False, damping=0.02):
 
 
 def first_frequency(n):
-    """Of the chain between walls, closed form."""
+    """Return the first natural frequency of the chain between walls in closed form."""
     return 2 * np.sin(np.pi / (2 * (n + 1)))
 
 
 def test_frequencies_are_those_of_the_chain():
-    """The element is as good as absent: closed form of the chain between walls."""
+    """With a negligible element the frequencies agree with the closed form of the chain to 1e-10."""
     n = 80
     found = reduce(chain(n, hb.Unilateral(k=1e-14, gap=0.0)), 10)
     closed = 2 * np.sin(np.arange(1, 11) * np.pi / (2 * (n + 1)))
@@ -37,7 +37,7 @@ def test_frequencies_are_those_of_the_chain():
 
 
 def test_all_modes_but_one_lose_nothing():
-    """With the static responses the basis is then complete."""
+    """Together with the static responses the basis is then complete."""
     full = chain(12)
     found = reduce(full, 11)
     assert found.basis.shape == (12, 12)
@@ -45,7 +45,7 @@ def test_all_modes_but_one_lose_nothing():
 
 
 def test_error_falls_with_the_fourth_power_of_the_frequencies_kept():
-    """What is left of a mode after its static response goes with (w / w_r)^2; its share of a receptance is another."""
+    """Static responses leave a fraction (w / w_r)^2 of a mode; its share of the receptance decreases likewise."""
     w, full = 0.05, chain(200)
     modes = np.array([10, 20, 40])
     errors = [reduce(full, int(r)).error(w)[0] for r in modes]
@@ -91,7 +91,7 @@ def test_flexibility_of_the_modes_left_out():
 
 
 def test_residual_flexibility_with_free_motion():
-    """Two masses on a spring between them, both free: the one mode kept is the free motion, the other is left out."""
+    """Three free masses joined by an element and a spring: the only retained mode is the free motion."""
     spring = hb.Element([1, -1, 0], hb.Unilateral(k=2.0, gap=-1.0), name="spring")
     K = np.array([[0.0, 0, 0], [0, 1, -1], [0, -1, 1]])
     found = reduce(hb.System(np.eye(3), 0.01 * K, K, [spring]), 1)
@@ -103,7 +103,7 @@ def test_residual_flexibility_with_free_motion():
 
 @pytest.mark.parametrize("zeta", [0.0, 0.02])
 def test_bound_on_the_growth_of_a_mode(zeta):
-    """A stiffness switched between 1 - mu and 1 + mu at twice the frequency grows nearly as fast as the bound says."""
+    """Switching the stiffness between 1 - mu and 1 + mu at twice the frequency causes at least 60 % of the bound."""
     mu, T = 0.05, 2 * np.pi
     slow, fast = (expm(T / 4 * np.array([[0, 1], [-(1 + k), -2 * zeta]])) for k in (-mu, mu))
     largest = np.abs(np.linalg.eigvals(fast @ slow @ fast @ slow)).max()
@@ -119,12 +119,12 @@ def test_no_more_multipliers_above_the_bound_than_the_reduced_system_has():
     w = first_frequency(n)
     problem = hb.HarmonicBalance(full, 7, reduce=False)
     mu = np.abs(problem.multipliers(problem.start(w), Omega=w))
-    # damping ratio beta w_r / 2 rises with the frequency: the mode next to those kept decays most slowly
+    # damping ratio beta w_r / 2 rises with the frequency: of the neglected modes the lowest one decays most slowly
     lowest = found.frequencies[-1]
-    assert found.modulation() < beta * lowest  # it is stable by itself
+    assert found.modulation() < beta * lowest  # this mode is stable without the others
     bound = np.exp((found.modulation() / 2 - beta * lowest / 2) * lowest * 2 * np.pi / w)
     assert np.sum(mu > bound) <= 2 * found.system.n < len(mu)
-    assert np.sum(mu > bound) >= modes  # and it is not far above the others
+    assert np.sum(mu > bound) >= modes  # the bound is not far above the other multipliers
 
 
 def test_full_motion_from_the_reduced_one():
@@ -140,7 +140,7 @@ def test_full_motion_from_the_reduced_one():
 
 
 def test_free_motion_stays_free():
-    """Two discs on a long shaft, driven against each other, with backlash at a coupling: the train turns freely."""
+    """Two discs on a free shaft, driven in opposite directions, with backlash at a coupling: peaks agree to 1e-4."""
     n = 50
     K = sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tolil()
     K[0, 0] = K[-1, -1] = 1.0
@@ -178,7 +178,7 @@ def test_mass_is_checked():
 
 
 def driveline(seed, count, unbalance=0.0):
-    """Two free shafts with scattered stiffness and inertia, one mesh, torques at the far ends that hold each other."""
+    """Return two free shafts with random stiffness and inertia, one mesh, and balanced torques at the far ends."""
     rng = np.random.default_rng(seed)
     springs, inertias = 10 ** rng.uniform(6, 8, (2, count - 1)), 10 ** rng.uniform(-4, 0, (2, count))
     shafts = [sparse.diags_array([-k, np.r_[k, 0] + np.r_[0, k], -k], offsets=[-1, 0, 1]) for k in springs]
@@ -193,7 +193,7 @@ def driveline(seed, count, unbalance=0.0):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_free_driveline_stays_balanced(seed):
-    """Its torques do no work on the free rotation but what rounding makes; reduced it moves as it does whole."""
+    """The torques do no work on the free rotation except by rounding; full and reduced models have the same motion."""
     full = driveline(seed, 150)
     small = hb.mechanics.reduce(full, modes=20)
     Omega = 0.5 * small.frequencies[1]
@@ -213,7 +213,7 @@ def test_a_driveline_out_of_balance_is_refused_also_when_reduced(seed, share):
 
 
 def test_responses_to_inertia_are_exact_where_few_modes_are():
-    """The error falls with the corrections, from below 1e-3 to below 1e-9."""
+    """The error decreases with the number of corrections, from below 1e-3 to below 1e-9."""
     full, w = chain(200), 4 * first_frequency(200)
     errors = [reduce(full, 12, corrections=s).error(w)[0] for s in (1, 2, 4)]
     assert 1e-9 < errors[1] < 0.1 * errors[0] < 1e-3 and errors[2] < 1e-9
@@ -222,7 +222,7 @@ def test_responses_to_inertia_are_exact_where_few_modes_are():
 
 
 def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
-    """A chain of 1600: the curve is that of direct solutions, with the stability of a reduction by hand."""
+    """A chain of 1600 masses: motions agree with direct solutions, multipliers with an explicitly reduced model."""
     n = 1600
     w = first_frequency(n)
     span = 0.97 * w, 1.01 * w
@@ -231,8 +231,8 @@ def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
     settings = {"special": False, "accuracy": None}
     curve = hb.trace(problem, "Omega", span, **settings)
     assert curve.status == "reached_end" and curve.multipliers.shape == (len(curve), 32)
-    told = curve.meta["structure"]
-    assert told["of"] == n and told["modes"] < 100 and 0 < told["error"] < 1e-9
+    reduction = curve.meta["structure"]
+    assert reduction["of"] == n and reduction["modes"] < 100 and 0 < reduction["error"] < 1e-9
     X, Omega = curve.X[len(curve) // 2], curve.values[len(curve) // 2]
     own = solve(directly, X, {"Omega": Omega}).X
     np.testing.assert_allclose(X, own, rtol=0, atol=1e-8 * np.abs(own).max())
@@ -249,7 +249,7 @@ def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
 
 
 def test_a_structure_whose_modes_all_matter_is_solved_directly():
-    """Far above the first 256 frequencies nothing is reduced."""
+    """Far above the first 256 natural frequencies the structure is not reduced."""
     problem = hb.HarmonicBalance(chain(1600), 2)
     with pytest.raises(ValueError, match=r"cube of their number.*stability=False"):
         hb.trace(problem, "Omega", (0.5, 0.6), progress=lambda _: pytest.fail("refused after a point"))
@@ -258,7 +258,7 @@ def test_a_structure_whose_modes_all_matter_is_solved_directly():
 
 
 def test_a_structure_known_to_its_rounding_only_is_reduced_to_it():
-    """The stiffness of a beam of 300 elements has a condition number of 1e11; its responses have no nine digits."""
+    """The stiffness of a beam of 300 elements has condition number 1e11, so its responses are less exact than 1e-9."""
     n = 300
     (M, K), tip = map(sparse.csr_array, cantilever(n)), np.eye(2 * n)[-2]
     beam = hb.System(M, 1e-4 * K, K, [hb.Element(tip, hb.Unilateral(1.0, 0.1))], hb.Load(cosine={1: 0.1 * tip}))

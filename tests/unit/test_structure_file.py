@@ -1,4 +1,4 @@
-"""Machines from matrices and from measured receptances as files, on the command line too."""
+"""Files of structures from matrices and from measured receptances, in Python and on the command line."""
 
 import numpy as np
 import pytest
@@ -101,8 +101,8 @@ def test_on_the_command_line(name, folder):
     longer = run(app, ["extend", "a.npz", "--to", "11.2", "-o", "b.npz"])
     assert longer.exit_code == 0, longer.output
     checked = run(app, ["validate", "a.npz", "--points", "1"])
-    told = str(checked.exception)
-    assert "known by receptances only" in told if name == "measured" else checked.exit_code == 0, told
+    message = str(checked.exception)
+    assert "known by receptances only" in message if name == "measured" else checked.exit_code == 0, message
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_vectors_have_a_number_for_each_coordinate_or_names(folder):
 
 @pytest.mark.filterwarnings("ignore:nothing excites")
 def test_parameters_by_the_keys_of_the_file(tmp_path):
-    """A changed gap is the file with this gap, also after saving; equal keys have the names of their elements."""
+    """Changing a parameter equals reading a file with its new value; keys of several elements have their names."""
     np.save(tmp_path / "m.npy", np.eye(2))
     np.save(tmp_path / "k.npy", np.array([[2.0, -1.0], [-1.0, 2.0]]))
     one = '[[element]]\nname = "{}"\ndirection = {{ q1 = 1.0 }}\nlaw = "unilateral"\nk = 10.0\ngap = {}\n{}'

@@ -1,4 +1,4 @@
-"""Every study can be imported and has its parts; those of contact run in their quick form and give their numbers."""
+"""Every study can be imported and is complete; the study of sampling runs in its quick form with known results."""
 
 import importlib
 import pkgutil
@@ -24,7 +24,7 @@ def names():
 def test_a_study_has_its_parts(name):
     module = importlib.import_module(name)
     if not hasattr(module, "run"):
-        return  # a helper of those beside it
+        return  # a helper module of other studies
     assert f"python -m {name} " in module.__doc__
     assert hasattr(module, "plot") or hasattr(module, "report")
 
@@ -69,7 +69,7 @@ def test_runner_skips_unchanged_studies(tmp_path):
 
 
 def test_sampling(tmp_path):
-    """What 128 samples lose of a jump frequency, and the order in which samples converge."""
+    """The error of a jump frequency with 128 samples, and the orders of convergence of force and Jacobian."""
     study = importlib.import_module("studies.contact.sampling")
     results = study.run(quick=True)
     assert results.slopes["force"] == pytest.approx(-2.0, abs=0.2)
@@ -85,7 +85,7 @@ def test_sampling(tmp_path):
 
 
 def test_studies_are_made_by_the_command(tmp_path):
-    """By `python -m studies` itself, in processes of its own."""
+    """`python -m studies` makes the figure and the report of a study in a separate process."""
     command = [sys.executable, "-m", "studies", "dong_2022.fig15", "--quick", "-o", str(tmp_path), "--jobs", "1"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""Quantiles of sweeps of many cases, against each case by itself."""
+"""Quantiles of sweeps over many cases, against separately traced curves of each case."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -17,7 +17,7 @@ def found():
 
 def test_chances_and_quantiles(found):
     Omega = np.linspace(0.82, 1.48, 34)
-    told = hb.design.sweep_statistics(found, Omega, (0.0, 0.5, 1.0))
+    statistics = hb.design.sweep_statistics(found, Omega, (0.0, 0.5, 1.0))
     rising, falling, both, by_rising, by_falling = [], [], [], [], []
     for F in (0.05, 0.1, 0.14, 0.18, 0.22):
         curve = hb.trace(hb.HarmonicBalance(hb.Duffing(F=F), 3), "Omega", (0.8, 1.5), accuracy=None)
@@ -33,13 +33,13 @@ def test_chances_and_quantiles(found):
         lower = np.interp(Omega, curve.values[last:], A[last:], left=np.nan)
         rising.append(np.where(up >= Omega, upper, lower))
         falling.append(np.where(down > Omega, upper, lower) if ends else upper)
-    assert told.jumped_rising == pytest.approx(np.mean(by_rising, axis=0))
-    assert told.jumped_falling == pytest.approx(np.mean(by_falling, axis=0))
-    assert told.coexisting == pytest.approx(np.mean(both, axis=0)) and 0 < told.coexisting.max() < 1
-    assert (told.known == 1).all()
-    for quantiles, each in ((told.rising, rising), (told.falling, falling)):
+    assert statistics.jumped_rising == pytest.approx(np.mean(by_rising, axis=0))
+    assert statistics.jumped_falling == pytest.approx(np.mean(by_falling, axis=0))
+    assert statistics.coexisting == pytest.approx(np.mean(both, axis=0)) and 0 < statistics.coexisting.max() < 1
+    assert (statistics.known == 1).all()
+    for quantiles, each in ((statistics.rising, rising), (statistics.falling, falling)):
         expected = np.sort(each, axis=0)[[0, 2, 4]]
-        np.testing.assert_allclose(quantiles, expected, rtol=1e-2)  # of curves sampled at other points
+        np.testing.assert_allclose(quantiles, expected, rtol=1e-2)  # the curves are interpolated between other points
 
 
 def test_invalid_statistics_are_refused(found):
