@@ -16,7 +16,7 @@ WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
 
 @dataclass(frozen=True)
 class TwoStage(Law):
-    """A user's own law: a spring that a stiffer, pulsating one joins beyond a gap."""
+    """A user-defined law: a spring in parallel with a stiffer spring of periodic stiffness behind a gap."""
 
     gap: float = 0.3
 
@@ -48,14 +48,14 @@ GAUSS = np.polynomial.legendre.leggauss(30)
 
 
 def balance(*laws, H=8, nu=1, **settings):
-    """A balance whose elements carry the given laws."""
+    """Return a harmonic balance whose elements have the given laws."""
     n = len(laws)
     elements = [Element(direction=np.eye(n)[j], law=law) for j, law in enumerate(laws)]
     return HarmonicBalance(System(np.eye(n), 0.1 * np.eye(n), np.eye(n), elements), H, nu=nu, **settings)
 
 
 def quadrature(law, row, H, nu=1):
-    """Force row (2H + 1,) by Gauss quadrature between the corners, found on a dense grid of their own."""
+    """Return the force row (2H + 1,) by Gauss quadrature between crossings of breakpoints found on a dense grid."""
     grid = np.linspace(0, 2 * np.pi, 20001)
     cuts = [0.0, 2 * np.pi, *np.linspace(0, 2 * np.pi, 33)[1:-1]]
     for x in law.breakpoints:
@@ -73,12 +73,12 @@ def quadrature(law, row, H, nu=1):
 
 
 def force(problem, X):
-    """Exact or sampled force rows (m, 2H + 1)."""
+    """Return the force rows (m, 2H + 1) of a problem, exact or sampled."""
     return problem.force_rows(X.ravel(), Omega=1.0)
 
 
 def crossed(row, level, N=64):
-    """Instants at which the function of a real row crosses a level, with their signs."""
+    """Return the instants at which the function of a real row crosses a level, and the signs of the crossings."""
     theta, sign = np.empty((2, len(row) + 3))
     count = crossings(to_complex(row), float(level), samples_of(to_complex(row), N), theta, sign)
     return theta[:count], sign[:count]
@@ -113,7 +113,7 @@ def test_against_samples(nu, rng):
 
 
 def test_samples_converge_to_the_exact_projection(rng):
-    """Errors of sampling: 1/N^2 in the force, 1/N in its Jacobian; averaged, for each N samples its own instants."""
+    """Sampling errors, summed over eight motions, are O(1/N^2) in the force and O(1/N) in its Jacobian."""
     laws = tuple(LAWS.values())
     exact, counts = balance(*laws), 2 ** np.arange(8, 15)
     motions = [rng.standard_normal(exact.size) * 0.5 for _ in range(8)]
@@ -139,7 +139,7 @@ def test_jacobian_against_differences(name, rng):
 
 
 def touching(over, H=6, at=1.234, corner=0.8):
-    """A row whose maximum, at an instant between samples, is the corner plus ``over``; second derivative about -1."""
+    """Return a row with maximum ``corner + over`` between two samples; its second derivative there is about -1."""
     k = np.arange(1, H + 1)
     c = 0.5**k * np.exp(-1j * k * at)
     row = to_real(np.concatenate([[0.0 + 0j], c]))
@@ -150,7 +150,7 @@ def touching(over, H=6, at=1.234, corner=0.8):
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("over", [1e-12, 1e-9, 1e-6, 1e-4])
 def test_grazing(over, sign):
-    """Just past the corner the contact lasts 2 sqrt(2 over / |d''|), however short beside the grid; else it is none."""
+    """Above the breakpoint contact lasts 2 sqrt(2 over / |d''|), even if far shorter than the grid; below, none occurs."""
     row = touching(sign * over)
     problem = balance(Unilateral(1.0, 0.8), H=6)
     found = problem.switching(row, Omega=1.0)
@@ -172,14 +172,14 @@ def test_grazing(over, sign):
 
 @pytest.mark.parametrize("over", [-1e-12, 0.0, 1e-12])
 def test_newton_is_not_upset_by_grazing_from_either_side(over):
-    """Residual and Jacobian hardly differ across a grazing contact: no root may be lost or counted once."""
+    """Residual and Jacobian are continuous across a grazing contact, to 1e-8 and 1e-4: no single root is lost."""
     here, there = (balance(Backlash(0.8, 2.0, WAVY), H=6).evaluate(touching(x), Omega=1.0) for x in (over, 3e-10))
     np.testing.assert_allclose(here[0], there[0], atol=1e-8)
     np.testing.assert_allclose(here[1], there[1], atol=1e-4)
 
 
 def test_a_parting_shorter_than_the_grid():
-    """The same from the other side: contact all the time but for an instant."""
+    """Contact lost for a time shorter than the spacing of the grid is detected."""
     row = touching(1e-8) * -1.0
     problem = balance(Unilateral(1.0, -0.8), H=6)
     assert problem.switching(row, Omega=1.0).theta.size == 2
@@ -202,7 +202,7 @@ def test_constant_motion_with_varying_stiffness():
 
 
 def test_crossings_through_samples_and_at_the_ends_of_the_period():
-    """Corners met exactly at samples and at theta = 0: cos(2 theta) at 0, sin(theta) at 0."""
+    """Crossings exactly at samples and at theta = 0: cos(2 theta) and sin(theta) at the level 0."""
     theta, sign = crossed(np.array([0, 0, 0, 1.0, 0]), 0.0)
     np.testing.assert_allclose(theta, np.pi * np.array([0.25, 0.75, 1.25, 1.75]), atol=1e-15)
     np.testing.assert_array_equal(sign, [-1, 1, -1, 1])
@@ -214,7 +214,7 @@ def test_crossings_through_samples_and_at_the_ends_of_the_period():
 
 
 def test_as_many_crossings_as_a_polynomial_has_roots(rng):
-    """All crossings, against the unit roots of the polynomial in exp(i theta)."""
+    """All crossings agree to 1e-10 with the roots of the polynomial in exp(i theta) on the unit circle."""
     H = 12
     problem = balance(Unilateral(1.0, 0.1), H=H)
     for _ in range(50):
@@ -227,7 +227,7 @@ def test_as_many_crossings_as_a_polynomial_has_roots(rng):
 
 
 def test_instants_have_all_their_digits(rng):
-    """At each the function is at its level to rounding, or as near as a change of theta by rounding brings it."""
+    """At each instant the function equals the level within rounding of the function, or of theta times its slope."""
     rows, seen = rng.standard_normal((200, 15)) * rng.choice([0.5, 2.0], (200, 1)), 0
     for row, level in zip(rows, rng.uniform(0.2, 1.0, 200), strict=True):
         for theta in crossed(row, level)[0]:
@@ -238,7 +238,7 @@ def test_instants_have_all_their_digits(rng):
 
 
 def test_elements_are_projected_as_each_alone(rng):
-    """All laws in one table: forces, Jacobian and instants of each element are those of a model of it alone."""
+    """Forces, Jacobian and instants of several elements in one table agree with models of each element alone."""
     laws, H = (*LAWS.values(), Cubic(0.3, 0.2), Parallel((Cubic(0.3, 0.2), Backlash(0.8, 2.0, WAVY)))), 7
     together, alone = balance(*laws, H=H), [balance(law, H=H) for law in laws]
     corners, regimes = np.cumsum([0, *(len(law.breakpoints) for law in laws)]), set()
@@ -261,7 +261,7 @@ CUBIC = Cubic(0.3, -0.2)
 
 
 def test_a_cubic_spring_is_projected_exactly(rng):
-    """Its force has harmonics up to 3H, so 4000 samples hold it without aliasing: row and Jacobian to rounding."""
+    """The force has harmonics up to 3H, so 4000 samples have no aliasing: row and Jacobian agree within rounding."""
     H, N, theta = 7, 4000, 2 * np.pi * np.arange(4000) / 4000
     problem, X = balance(CUBIC, H=H), rng.standard_normal(15)
     assert not problem.compiled({}).aft_laws
@@ -278,7 +278,7 @@ def test_a_cubic_spring_is_projected_exactly(rng):
 
 @pytest.mark.parametrize("nu", [1, 2])
 def test_a_cubic_spring_with_a_gap_against_samples(nu, rng):
-    """Parallel((Backlash, Cubic)) exactly and by 65536 samples; the harmonics of its force beyond H too."""
+    """Parallel((Backlash, Cubic)): exact projection and 65536 samples agree, in the truncation estimate too."""
     law = Parallel((Backlash(0.8, 2.0, WAVY), Cubic(0.3, 0.2)))
     exact, sampled = balance(law, nu=nu), balance(law, nu=nu, sampled=True, samples=65536)
     assert exact.compiled({}).is_fully_compiled and not sampled.compiled({}).is_fully_compiled
@@ -290,7 +290,7 @@ def test_a_cubic_spring_with_a_gap_against_samples(nu, rng):
 
 
 def test_three_crossings_between_two_samples():
-    """sin^3 - delta^2 sin crosses zero three times within a cell of the grid; missing two makes the Jacobian jump."""
+    """sin^3 - delta^2 sin crosses zero three times between two samples; missing two of them makes the Jacobian jump."""
     delta, H = 0.03, 3
     problem = balance(Unilateral(1.0, 0.0), H=H)
     at = 20.5 * 2 * np.pi / problem.N

@@ -1,4 +1,4 @@
-"""Events of users: located, labelled, saved, listed, drawn, usable as starts and followed in a second parameter."""
+"""User-defined events: located, labelled, saved, listed, drawn, usable as starts and followed in a second parameter."""
 
 import csv
 import pickle
@@ -60,7 +60,7 @@ def test_a_start(curve):
 
 
 def test_followed_in_a_second_parameter(curve):
-    """Where the largest deflection stays 1.3: the frequency as a function of the damping, against fresh traces."""
+    """The frequency at which the largest deflection is 1.3, at another damping, agrees with a new trace to 1e-9."""
     held = hb.follow(curve, "limit1", "zeta", (0.05, 0.052))
     assert held.status is hb.Status.REACHED_END
     np.testing.assert_allclose(held.amplitude("max"), 1.3, atol=1e-9)
@@ -161,7 +161,7 @@ def test_a_marker_in_a_file_that_cannot_be_drawn(curve, tmp_path):
 
 
 def test_one_table_of_kinds():
-    """What is reserved is what there is, and no two kinds look alike."""
+    """The reserved kinds are the kinds of the table, and each kind has its own marker."""
     assert set(RESERVED) == set(KINDS)
     markers = [event.marker for event in KINDS.values()]
     assert len({*markers, hb.Event.marker}) == len(markers) + 1
@@ -215,7 +215,7 @@ def test_on_the_command_line(curve, tmp_path, capsys):
 
 
 def test_the_equations_cannot_be_changed(curve):
-    """Nor does asking change them: any number of threads may share them."""
+    """Evaluation does not change them either: four threads that share them get identical results."""
     problem = curve.problem
     every = (
         hb.continuation.FoldProblem(problem),
@@ -289,7 +289,7 @@ def test_a_test_that_is_not_finite(curve):
 
 
 def test_a_root_is_not_the_end_where_a_growing_function_is_less():
-    """(p - .9) exp(60 p) is -.9 at 0, and 1e10 where the bracket is 1e-13 wide: the end was taken for the root."""
+    """(p - .9) exp(60 p) is -.9 at 0 and 1e10 at .9 + 1e-13: the root is not the end with the smaller value."""
 
     class Line:
         def evaluate(self, X, p):

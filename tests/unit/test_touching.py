@@ -1,4 +1,4 @@
-"""Where a test function of one sign at the points of a curve may cross zero between them, and the search there."""
+"""Candidates for zeros of a test function between points where it has equal signs, and the search for the zeros."""
 
 import math
 from dataclasses import replace
@@ -37,7 +37,7 @@ def test_a_parabola_through_three_points(sign):
 
 
 def test_lines_meet_beyond_zero_on_a_piece_longer_than_others():
-    """A bump on a long piece: each line through short ones beside it reaches zero before it meets the other."""
+    """The secants of the short outer segments reach zero on the long middle segment before they intersect."""
     x = np.array([0.0, 0.2, 3.2, 3.4])
     ((piece, s),) = found(lambda x: np.abs(x - 1.7) - 1.0, x)
     assert piece == 1 and s == pytest.approx(0.5)
@@ -56,7 +56,7 @@ def test_a_line_that_reaches_zero_at_once(mirror):
 def test_unknown_values_and_few_points():
     assert near_zeros(np.full((4, 2), np.nan), np.ones(3)) == []
     assert near_zeros(np.ones((2, 1)), np.ones(1)) == []
-    assert near_zeros(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a change of sign is no dip
+    assert near_zeros(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a sign change is no candidate
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -75,7 +75,7 @@ def test_the_minimum_of_a_parabola_between_unequal_steps_is_exact(where, sign):
     [(0.6, 0.0533, True), (0.6, 0.0534, False), (1.3, 0.0299, True), (1.3, 0.0301, False)],
 )
 def test_a_minimum_below_a_quarter_of_the_smallest_value(where, least, near, sign):
-    """Of (x - c)^2 + m at 0, 1, 2: the smallest value is that at the nearest point, d^2 + m, and m < d^2 / 3."""
+    """(x - c)^2 + m at 0, 1, 2: the smallest value is d^2 + m at distance d from c; a candidate needs m < d^2 / 3."""
     x = np.arange(3.0)
     found = dict(near_zeros(sign * ((x - where) ** 2 + least)[:, None], np.diff(x)))
     assert (int(where) in found) == near
@@ -97,7 +97,7 @@ def test_a_single_secant_reaches_zero_within_a_fifth_of_the_segment(at_end, near
 
 
 def test_secants_from_both_sides_meet_beyond_zero():
-    """They reach zero at 0.3 and at 0.6 of the middle segment, whose length is 2, and that of the others 1 and 3."""
+    """Secants reach zero at 0.3 and at 0.6 of the middle segment; the segments have the lengths 1, 2 and 3."""
     f, length = np.array([1.0 + 1 / 0.6, 1.0, 2.0, 2.0 + 6.0 / 0.8])[:, None], np.array([1.0, 2.0, 3.0])
     assert [s for i, s in near_zeros(f, length) if i == 1] == [pytest.approx(0.45, abs=1e-12)]
     f[3] = 2.0 + 6.0 / 1.41  # the second one at 0.295, before the first one
@@ -207,7 +207,7 @@ def test_the_next_larger_distance_where_a_multiplier_is_too_close_to_the_circle(
 
 
 def test_candidates_of_the_sampled_curve_and_of_the_curve():
-    """Those of the curve are new if they differ by more than a tenth of the part, or in the event."""
+    """Candidates of the curve are added if they differ by more than a tenth of the part, or in the event."""
     points = Points([at(p) for p in (0.0, 1.0, 2.0)])
     one = Given("one", near={4: [(1, 0.5)], 3: [(0, 0.7), (0, 0.71), (0, 0.77), (0, 0.1), (1, 0.3)]})
     two = Given("two", near={3: [(0, 0.7)]})
@@ -221,7 +221,7 @@ def test_candidates_of_the_sampled_curve_and_of_the_curve():
 
 
 def unmatched(event, positions, kinds, replaced):
-    """Parts by segment, on three segments."""
+    """Return the parts with unmatched sign changes by segment, for a curve of three segments."""
     points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
     path = SampledCurve(Points([at(i + s) for i, s in positions]), positions, kinds, replaced)
     found = path.unmatched_sign_changes(detector_of(event), points)
@@ -243,7 +243,7 @@ def unmatched(event, positions, kinds, replaced):
     ],
 )
 def test_sign_changes_that_known_special_points_do_not_explain(kind, sides, changes, known, expected):
-    """With a special point of another kind, of the same kind, or of one that changes the stability, at 0.4."""
+    """A special point at 0.4 has another kind, the same kind, or a kind that changes the stability."""
     positions = [(0, 0.0), (0, 0.4), (1, 0.0), (2, 0.0), (3, 0.0)]
     event = Given("wall", {5: changes, 4: known}, sides=sides)
     assert unmatched(event, positions, ["", kind, "", "", ""], {}) == expected
@@ -274,7 +274,7 @@ def test_a_curve_without_special_points_has_no_unmatched_sign_change():
 
 
 def crossings(f, kinds=("", "", "", ""), k=1, kind="wall"):
-    """Values of p at the zeros found on part k of the line through 0, 1, 2 and 3."""
+    """Return the values of p at the zeros found on part k of the line through 0, 1, 2 and 3."""
     points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
     detector = detector_of(level(f, kind))
     path = SampledCurve(points, [(i, 0.0) for i in range(4)], list(kinds), {})
@@ -311,7 +311,7 @@ def test_a_zero_next_to_the_same_special_point_is_that_point(end, first, count, 
 
 
 def test_the_number_of_points_that_are_added():
-    """Eight for each candidate, as long as the event stays near, and one where it does not."""
+    """At most eight for each candidate while the test function stays close to zero, otherwise one."""
     points = Points([at(p) for p in (0.0, 1.0)])
     path = SampledCurve.through(points, {}, None)
     asked = []
@@ -336,7 +336,7 @@ def test_the_number_of_points_that_are_added():
 
 
 def test_points_end_where_the_sign_changes():
-    """(p - 1.3)^2 - 0.01: the first point has the other sign."""
+    """(p - 1.3)^2 - 0.01 has the other sign at the first added point, so no further point is added."""
     asked = []
     points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
     event = level(lambda p: (p - 1.3) ** 2 - 0.01)
@@ -351,10 +351,10 @@ def test_points_end_where_the_sign_changes():
 
 
 def test_zeros_on_the_segments_beside_are_not_returned():
-    """Zeros at 0.5 and 2.5 change the sign already; the two between 1 and 2 are those that are searched."""
+    """Only the two zeros between 1 and 2 are returned; the zeros at 0.5 and 2.5 cause sign changes between points."""
     assert (
         crossings(lambda p: -(p - 0.5) * (p - 2.5) * ((p - 1.5) ** 2 - 1e-4)) == []
-    )  # no candidate: one sign of three
+    )  # no candidate: signs of three points differ
     points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
     event = level(lambda p: (p - 0.5) * (p - 2.5) * ((p - 1.5) ** 2 - 1e-2))
     path = SampledCurve.through(points, {}, None)
