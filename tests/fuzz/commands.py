@@ -1,9 +1,9 @@
-"""Command lines of hbgear: every command and option of the real application, with values good and bad.
+"""Random command lines of hbgear: every command and option of the application, with valid and invalid values.
 
     python -m tests.fuzz.commands --count 3000 --seed 0 --processes 2
 
-A command ends with 0, 2 or 3 (``certify``, ``redesign`` and ``validate`` with 1 too), never with a traceback. With 2 it
-says why in lines that begin with ``hbgear: error:``, one for each thing that is wrong.
+The exit code of a command is 0, 2 or 3 (also 1 for ``certify``, ``redesign`` and ``validate``), without a traceback.
+If it is 2, each error is reported in a line that begins with ``hbgear: error:``.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ FIXED = {
     "backbone": ["--harmonics", "3", "--amplitudes", "0.01:0.05"], "cycles": ["--harmonics", "3"],
     "gear": ["--harmonics", "2"],
 }  # fmt: skip
-"""What keeps a good command short; an option drawn at random may come after it and win."""
+"""Options that keep a valid command short; a random option after them may override them."""
 
 WEIGHTS = {
     "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
@@ -62,7 +62,7 @@ WEIGHTS = {
 
 
 def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, BaseException | None]:
-    """Exit code, standard output, standard error, and what was raised instead of an exit."""
+    """Return the exit code, standard output, standard error, and the exception raised instead of an exit."""
     from hbgear.cli import app
 
     out, err = io.StringIO(), io.StringIO()
@@ -83,7 +83,7 @@ def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, Ba
 
 @contextmanager
 def _nothing_served() -> Iterator[None]:
-    """The explorer answers its page and a curve once, and ends; no browser is opened."""
+    """Replace the server of the explorer: it computes its page and one curve, and ends; no browser is opened."""
     import webbrowser
     from unittest import mock
 
@@ -94,7 +94,7 @@ def _nothing_served() -> Iterator[None]:
         server._server.server_close()
         served.start()
         values = {each.name: each.value for each in served.subject.parameters()}
-        with suppress(ValueError, KeyError, NoConvergence):  # what a page is told
+        with suppress(ValueError, KeyError, NoConvergence):  # errors that the page shows
             served.curve("s", Request(values, served.span, 2))
 
     from hbgear import NoConvergence
@@ -105,7 +105,7 @@ def _nothing_served() -> Iterator[None]:
 
 
 def absurd(args: list[str]) -> str:
-    """What in a command line cannot be meant: another unit, an empty number in a list, one harmonic of a contact."""
+    """Return an implausible option with its value, as of a wrong unit or a missing number, or an empty string."""
     given = {(a, b) for a, b in itertools.pairwise(args)}
     if args[0] in ("trace", "sweep", "survey", "critical", "map"):
         frequency = {"--omega-from", "--omega-to"} | (
@@ -127,7 +127,7 @@ def _close_figures() -> None:
 
 
 def judged(args: list[str], folder: Path) -> pool.Wrong | None:
-    """Run a command; what is wrong with how it ended."""
+    """Run a command and return its invalid outcome, if any."""
     code, out, err, error = run_command(args, folder)
     name = args[0] if args else ""
     if error is not None:
@@ -138,7 +138,7 @@ def judged(args: list[str], folder: Path) -> pool.Wrong | None:
         return pool.Wrong("exit", name, f"exit code {code}: {err[-300:]}")
     if strange := [line for line in lines if not line.startswith(("hbgear: error: ", "hbgear: warning: ", "hbgear: "))]:
         return pool.Wrong("stderr", name, strange[0][:300])
-    several = any(str(arg).endswith(".toml") for arg in args)  # a file is told all that is wrong with it
+    several = any(str(arg).endswith(".toml") for arg in args)  # every error of a file is reported
     if code == 2 and not (errors if several else len(errors) == 1):
         return pool.Wrong("exit", name, f"exit code 2 with {len(errors)} errors: {err[:300]!r}")
     if code == 2 and out and name not in ("study",) and "wrote" in out:
@@ -156,7 +156,7 @@ def judged(args: list[str], folder: Path) -> pool.Wrong | None:
 
 
 def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
-    """A value of an option or argument, by its name."""
+    """Return a random value of an option or argument, by its name."""
     pick: Callable[[list[str]], str] = lambda words: words[rng.integers(len(words))]  # noqa: E731
     good = rng.random() < 0.6
     table: dict[str, list[str]] = {
@@ -246,7 +246,7 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
 
 
 def drawn(rng: Random, files: list[str]) -> list[str]:
-    """A command line."""
+    """Return a random command line."""
     import typer
 
     from hbgear.cli import app
@@ -274,14 +274,14 @@ def drawn(rng: Random, files: list[str]) -> list[str]:
         if not option.is_flag and rng.random() < 0.98:
             args.append(value_for(rng, name, option.opts[-1], files))
     args = [name, *args]
-    if rng.random() < 0.04:  # anything anywhere
+    if rng.random() < 0.04:  # any word at any position
         junk = ["--nope", "-x", "extra", "", "--", "--help", "-h", "@", "\u202e", "--set", "--from=1", "-o"]
         args.insert(int(rng.integers(len(args) + 1)), str(rng.choice(junk)))
     return args
 
 
 def make() -> pool.Attempt:
-    """The attempt of this fuzzer."""
+    """Return the attempt of this fuzzer."""
     from .files import small_files
 
     saved = small_files()

@@ -1,9 +1,9 @@
-"""Calls of every public function, model and method, with one or two arguments that are nasty.
+"""Calls of every public function, model and method with one or two invalid or extreme arguments.
 
     python -m tests.fuzz.inputs --count 10000 --seed 0 --processes 2
 
-A call gives a result that is no nonsense, or raises what its docstring promises with a sentence of hbgear's own: never
-what NumPy or Python says of a wrong type, never an IndexError from deep inside.
+A call returns a valid result or raises one of the exceptions `ALLOWED` with a message of hbgear: no message of NumPy or
+Python about a wrong type, and no IndexError of an internal function.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ NASTY: list[Callable[[], Any]] = [
 
 @cache
 def quintic() -> Any:
-    """A compiled function of a force."""
+    """Return a compiled function of a force."""
 
     def force(d: float, v: float, tau: float, k: Any) -> tuple[float, float, float]:
         return k[0] * d**5, 5 * k[0] * d**4, 0.0
@@ -200,7 +200,7 @@ GEAR: Pool = {
 
 
 def rotor() -> Any:
-    """What is read of a rotor of ROSS."""
+    """Return an object with the attributes of a ROSS rotor that hbgear reads."""
     M = np.eye(4)
     return SimpleNamespace(
         M=lambda: M, K=lambda speed: M, C=lambda speed: M, G=lambda: 0 * M, number_dof=4, bearing_elements=[]
@@ -208,26 +208,26 @@ def rotor() -> Any:
 
 
 def assembly() -> Any:
-    """What is read of a drive train of openTorsion."""
+    """Return an object with the attributes of an openTorsion assembly that hbgear reads."""
     return SimpleNamespace(M=np.eye(2), K=np.eye(2), C=np.eye(2), shaft_elements=[])
 
 
 @cache
 def planets() -> hb.Branch:
-    """A short curve of a planetary set."""
+    """Return a short curve of a planetary set."""
     return hb.trace(hb.HarmonicBalance(hb.gears.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
 
 
 @cache
 def train() -> hb.gears.Train:
-    """Two gears, the second of which holds the torque of the first."""
+    """Return a train of two gears; the second one balances the torque of the first."""
     a, b = (hb.gears.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
     return hb.gears.Train([a, b], [hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,), e=(1e-4,))], balance="b")
 
 
 @cache
 def drawing() -> hb.GearPair:
-    """A pair as drawn."""
+    """Return a gear pair from the data of a drawing."""
     return hb.GearPair(hb.gears.Gear(25, 3e-3, 0.02), hb.gears.Gear(40, 3e-3, 0.02), 8e-5)
 
 
@@ -235,7 +235,7 @@ SYSTEM: Pool = {
     "M": [lambda: np.eye(2), lambda: [[1, 0], [0, 1]], lambda: sparse.eye_array(2)],
     "C": [lambda: 0.1 * np.eye(2), lambda: None], "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
     "elements": [lambda: [hb.Element([1.0, 0.0], hb.Unilateral(gap=1.0))]],
-    # on both coordinates: one that the element does not see leaves its coordinate at rest where K does not couple them
+    # loads on both coordinates: with an uncoupled K, a load on the second one alone would leave the element at rest
     "load": [lambda: hb.Load(cosine={1: [0.1, 0.2]})], "dof_names": _is((), ("a", "b")),
 }  # fmt: skip
 
@@ -243,29 +243,29 @@ RECORDS = {
     "Branch", "Jump", "NewtonSettings", "NoConvergence", "Point", "Progress", "ProgressCallback", "SpecialPoint",
     "Status", "StepControl", "__version__", "save",
 }  # fmt: skip
-"""Public names that are not called by users: what is returned, raised or derived from."""
+"""Public names that users do not call: results, exceptions and types."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Something to call: good values by parameter, and how often it is drawn; with ``use`` the result is used."""
+    """A callable, valid values by parameter, and its weight in random draws; ``use`` is called with the result."""
 
     name: str
     call: Callable[..., Any]
     good: Pool
     weight: float = 1.0
     use: Callable[[Any], Any] | None = None
-    free: frozenset[str] = frozenset()  # parameters that may be anything, a nan too
+    free: frozenset[str] = frozenset()  # parameters that accept any value, also nan
 
 
 def _traced(model: hb.mechanics.Model) -> Any:
-    """A short curve of a model that was accepted."""
+    """Return a short curve of a model."""
     return hb.trace(hb.HarmonicBalance(model, 3), "Omega", model.default_span, steps=FEW)
 
 
 @cache
 def targets() -> tuple[Target, ...]:
-    """Everything public."""
+    """Return the targets for all public names."""
     row = np.array([0.1, 1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
     span = _is((0.8, 1.0), (1.2, 0.9))
     problem, measure = [balance, spur], _is("rms", "pp2", "max", "mean", "H1")
@@ -727,7 +727,7 @@ def targets() -> tuple[Target, ...]:
             hb.mechanics.Range,
             {"low": _is(0.0), "high": _is(1.0)},
             0.3,
-            free=frozenset({"low", "high", "above", "below"}),  # inf is no end, and the default
+            free=frozenset({"low", "high", "above", "below"}),  # the default inf means no limit
         ),
         Target(
             "peaks",
@@ -1069,11 +1069,11 @@ def targets() -> tuple[Target, ...]:
     return tuple(out)
 
 
-# ---- which values cannot be meant
+# ---- invalid values and results
 
 
 def parameters(target: Target) -> dict[str, Any]:
-    """Parameters by name with their annotation as text."""
+    """Return the annotations of the parameters as text, by name."""
     return {
         p.name: str(p.annotation) if p.annotation is not p.empty else ""
         for p in inspect.signature(target.call).parameters.values()
@@ -1086,8 +1086,8 @@ def _takes_any(call: Callable[..., Any]) -> bool:
     return any(p.kind == p.VAR_KEYWORD for p in inspect.signature(call).parameters.values())
 
 
-def cannot_be_meant(annotation: str, value: Any) -> str:
-    """Why a value is no value of the annotation at all, or nothing."""
+def invalid_reason(annotation: str, value: Any) -> str:
+    """Return the reason why a value does not agree with an annotation, or an empty string."""
     kinds = {part.strip() for part in annotation.split("|")}
     if not kinds <= {"float", "int", "str", "bool", "None"} or not kinds:
         return "a nan" if _holds_nan(value) and annotation != "" else ""
@@ -1117,7 +1117,7 @@ def _holds_nan(value: Any) -> bool:
 
 
 def nonsense(value: Any, depth: int = 0) -> str:
-    """What a result holds that is no result: rows that are not finite, or amplitudes below zero."""
+    """Return the reason why a result is invalid, such as non-finite values or a large residual, or an empty string."""
     if isinstance(value, hb.Branch):
         if not (np.isfinite(value.values).all() and np.isfinite(value.X).all()):
             return "rows that are not finite"
@@ -1145,7 +1145,7 @@ ALLOWED = (ValueError, KeyError, TypeError, IndexError, hb.NoConvergence, hb.ana
 
 
 def ours(error: BaseException) -> bool:
-    """Whether the error was raised by a statement of hbgear's own, not inside NumPy, SciPy or Python."""
+    """Return whether a statement of hbgear raised the error, not NumPy, SciPy or Python."""
     frames = traceback.extract_tb(error.__traceback__)
     last = frames[-1]
     if "hbgear" not in Path(last.filename).parts:
@@ -1154,20 +1154,20 @@ def ours(error: BaseException) -> bool:
 
 
 def _within_raise(frame: Any) -> bool:
-    """Whether the line is part of a raise statement of several lines."""
+    """Return whether the line is part of a raise statement over several lines."""
     lines = Path(frame.filename).read_text().splitlines()
     above = [line.strip() for line in lines[max(0, frame.lineno - 6) : frame.lineno]]
     return any(line.startswith("raise") for line in above)
 
 
-def told(value: Any, limit: int = 60) -> str:
-    """A value in a few words."""
+def shortened(value: Any, limit: int = 60) -> str:
+    """Return the representation of a value, shortened to ``limit`` characters."""
     text = repr(value).replace("\n", " ")
     return text if len(text) <= limit else f"{text[:limit]}... ({type(value).__name__})"
 
 
 def make() -> pool.Attempt:
-    """The attempt of this fuzzer."""
+    """Return the attempt of this fuzzer."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -1195,7 +1195,7 @@ def make() -> pool.Attempt:
 
 
 def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
-    """One call with one or two nasty arguments."""
+    """Try one call with one or two invalid or extreme arguments."""
     annotations = parameters(target)
     given = {
         name: values[int(rng.integers(len(values)))]() for name, values in target.good.items() if name in annotations
@@ -1203,7 +1203,7 @@ def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
     names = list(annotations)
     count = min(int(rng.choice([1, 2], p=[0.8, 0.2])), len(names))
     nasty = {str(n): NASTY[int(rng.integers(len(NASTY)))]() for n in rng.choice(names, count, replace=False)}
-    note(f"{target.name}({', '.join(f'{n}={told(v)}' for n, v in nasty.items())}), the rest as usual")
+    note(f"{target.name}({', '.join(f'{n}={shortened(v)}' for n, v in nasty.items())}), the rest as usual")
     given |= nasty
     positional = [p.name for p in inspect.signature(target.call).parameters.values() if p.kind == p.POSITIONAL_ONLY]
     args = [given.pop(name) for name in positional if name in given]
@@ -1212,9 +1212,9 @@ def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
         try:
             result = target.call(*args, **given)
             used = result
-            reasons = [f"{n} = {cannot_be_meant(annotations[n], v)}" for n, v in nasty.items() if n not in target.free]
+            reasons = [f"{n} = {invalid_reason(annotations[n], v)}" for n, v in nasty.items() if n not in target.free]
             if (reasons := [text for text in reasons if not text.endswith(" = ")]) and not caught:
-                return pool.Wrong("accepted", f"{target.name}: {reasons[0]}", f"gave {told(result, 200)}")
+                return pool.Wrong("accepted", f"{target.name}: {reasons[0]}", f"gave {shortened(result, 200)}")
             if target.use is not None:
                 used = target.use(result)
         except (*ALLOWED, ArithmeticError) as error:
@@ -1224,17 +1224,17 @@ def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
     if loud := [str(w.message) for w in caught if "encountered in" in str(w.message)]:
         return pool.Wrong("numpy warns", f"{target.name}: {loud[0][:60]}", f"{loud}"[:300])
     if (text := nonsense(used)) and not caught:
-        return pool.Wrong("nonsense", f"{target.name}: {text}", f"{told(used, 200)}")
+        return pool.Wrong("nonsense", f"{target.name}: {text}", f"{shortened(used, 200)}")
     return None
 
 
 def refused(target: Target, nasty: dict[str, Any], error: BaseException) -> pool.Wrong | None:
-    """What is wrong with how a call was refused."""
+    """Return the invalid outcome of a call that raised an error, if any."""
     text = str(error.args[0]) if error.args else ""
     if not ours(error):
         return pool.Wrong("raw", pool.place(error), f"{type(error).__name__}: {text}"[:300])
     words = pool.raw_words(text)
-    if words and not any(words in repr(value) for value in nasty.values()):  # what was given may be quoted
+    if words and not any(words in repr(value) for value in nasty.values()):  # a message may quote the given value
         return pool.Wrong("raw", f"{pool.place(error)}: {words}", text[:300])
     if isinstance(error, IndexError) and target.name not in ("Branch.__getitem__", "Branch.parameters_at"):
         return pool.Wrong("raw", pool.place(error), text[:300])
@@ -1245,7 +1245,7 @@ def refused(target: Target, nasty: dict[str, Any], error: BaseException) -> pool
 
 
 def uncovered() -> set[str]:
-    """Public names that are neither called here nor records."""
+    """Return the public names that have no target and are not in `RECORDS`."""
     called = {name for t in targets() for name in itertools.chain([t.name.split(".")[0]], t.name.split())}
     own = {name for name in hb.__all__ if not isinstance(getattr(hb, name), ModuleType)}  # packages are not called
     return own - called - RECORDS

@@ -1,8 +1,8 @@
-"""Many inputs, each tried in a worker that may hang, take too much memory or die without ending the run.
+"""Fuzzing with many inputs, each tried in a worker that may hang, exhaust its memory or die without ending the run.
 
-An input is a seed. A fuzzer is a function ``attempt(seed, folder, note)`` that makes the input of that seed, tells
-``note`` what it is, tries it, and returns what is wrong with the outcome: a `Wrong`, or None. Seed 17 is the same input
-in every run, so ``--seed 17 --count 1`` tries a failure once more.
+Each input is given by a seed. A fuzzer is a function ``attempt(seed, folder, note)`` that makes the input of the seed,
+describes it by a call of ``note``, tries it, and returns a `Wrong` if the outcome is invalid, otherwise None. A seed
+gives the same input in every run, so ``--seed 17 --count 1`` repeats a failure.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from pathlib import Path
 from typing import Any
 
 SECONDS = 20.0
-"""An input that takes longer hangs: of processor time, or three times as long by the clock, whatever else runs."""
+"""Processor time [s] above which an input counts as hanging; the limit of elapsed time is three times as long."""
 
 MEMORY = 1 << 30
-"""Bytes above what the worker had that an input may take."""
+"""Largest increase of the memory of a worker by one input, in bytes."""
 
-_CEILING = 3 << 30  # bytes at which the system refuses: above MEMORY, so that an input that takes too much is seen
-_LIFE = 400  # inputs after which a worker is replaced, so that what one leaves behind does not add up
+_CEILING = 3 << 30  # limit of additional address space in bytes; above MEMORY, so that an excess is measured
+_LIFE = 400  # inputs after which a worker is replaced, so that leaked resources do not accumulate
 
 
 @dataclass(frozen=True)
 class Wrong:
-    """What is wrong: a kind of failure (traceback, raw, nonsense, exit, hang, memory, died), where, and the text."""
+    """An invalid outcome: its kind (traceback, raw, nonsense, exit, hang, memory, died), its place and its text."""
 
     kind: str
     where: str
@@ -57,7 +57,7 @@ class Failure:
 
 @dataclass
 class Most:
-    """The input that took the longest, of processor time, and the one that took the most memory, so far."""
+    """The inputs with the longest processor time and with the most memory so far."""
 
     seconds: float = 0.0
     slowest: str = ""
@@ -65,7 +65,7 @@ class Most:
     largest: str = ""
 
     def see(self, seed: int, what: str, seconds: float, memory: int) -> None:
-        """An input is done."""
+        """Record a finished input."""
         if seconds > self.seconds:
             self.seconds, self.slowest = seconds, f"seed {seed}: {what}"
         if memory > self.memory:
@@ -83,7 +83,7 @@ Attempt = Callable[[int, Path, Note], Wrong | None]
 
 
 def place(error: BaseException) -> str:
-    """Where an error comes from: the last two functions of hbgear on the way, and what it was raised in."""
+    """Return the place of an error: the last two functions of hbgear in the traceback, and the last file."""
     frames = traceback.extract_tb(error.__traceback__)
     ours = [
         f"{Path(f.filename).name}:{f.name}"
@@ -102,15 +102,15 @@ RAW = re.compile(
     r"|index out of|out of bounds|truth value|mismatch in its core|not iterable|can't multiply|must be str"
     r"|argument must be|bad operand|embedded null|cannot unpack|too many values to|int too large|Errno \d"
 )
-"""Words of Python and NumPy that are no sentence for a user."""
+"""Parts of internal messages of Python and NumPy, which a user should not see."""
 
 
 LINE = re.compile(r", line \d+: |\(at line \d+|line \d+\)|, line \d+ has the byte")
-"""What a message about a file of text says of the line it is about."""
+"""Forms in which a message about a text file names the line."""
 
 
 def raw_words(text: str) -> str:
-    """The words of a message that no user should have to read, or nothing."""
+    """Return the first part of a message that matches `RAW`, or an empty string."""
     found = RAW.search(text)
     return found[0] if found else ""
 
@@ -123,7 +123,7 @@ def run(
     memory: int = MEMORY,
     most: Most | None = None,
 ) -> Iterator[Failure]:
-    """Try every seed, and give those that failed; ``most`` is told of the longest and the largest."""
+    """Try every seed and yield the failures; ``most`` records the longest time and the largest memory."""
     most = Most() if most is None else most
     waiting = iter(seeds)
     with tempfile.TemporaryDirectory(prefix="fuzz") as folder:
@@ -143,7 +143,7 @@ def run(
 
 
 class _Worker:
-    """A process that tries one seed after the other, and is replaced when it hangs or dies."""
+    """A process that tries one seed after another and is replaced when it hangs or dies."""
 
     def __init__(self, attempt: Attempt, folder: Path, seconds: float, memory: int, most: Most) -> None:
         self.attempt, self.folder, self.seconds, self.memory, self.most = attempt, folder, seconds, memory, most
@@ -161,7 +161,7 @@ class _Worker:
         theirs.close()
 
     def give(self, seed: int | None) -> bool:
-        """Hand out a seed; False if there is none left."""
+        """Send a seed to the process; return False if no seed is left."""
         if seed is None:
             return False
         if self.left == 0:
@@ -174,7 +174,7 @@ class _Worker:
         return True
 
     def look(self, ready: bool) -> Failure | None:
-        """What has come back, if anything has; ``seed`` is None once the seed is done with."""
+        """Process a message or a timeout and return the failure, if any; ``seed`` is None once it is finished."""
         wrong: Wrong | None
         taken = 0
         if ready:
@@ -196,11 +196,11 @@ class _Worker:
         assert seed is not None
         self.most.see(seed, self.what, self.spent() - self.cpu, taken)
         if wrong is not None and wrong.kind == "memory":
-            self.left = 0  # what was taken may still be held
+            self.left = 0  # the memory may not have been released
         return None if wrong is None else Failure(seed, self.what, wrong)
 
     def spent(self) -> float:
-        """Seconds of processor time the worker has taken."""
+        """Return the processor time of the worker in seconds."""
         try:
             fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
@@ -208,7 +208,7 @@ class _Worker:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def stuck(self) -> str:
-        """The functions of hbgear that a worker that hangs is in."""
+        """Return the functions of hbgear in which the worker hangs."""
         with suppress(ProcessLookupError):
             os.kill(self.process.pid or 0, signal.SIGUSR1)
         time.sleep(0.5)
@@ -220,7 +220,7 @@ class _Worker:
         )
 
     def end(self) -> None:
-        """Kill the worker and what it started."""
+        """Kill the worker and its child processes."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid or 0, signal.SIGKILL)
         self.process.kill()
@@ -246,7 +246,7 @@ def _work(attempt: Attempt, pipe: Connection, parents: Connection, folder: Path,
 
 
 def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -> tuple[Wrong | None, int]:
-    """What is wrong, and the bytes that were taken."""
+    """Return the invalid outcome, if any, and the increase of the memory in bytes."""
     before = _peak_memory()
     try:
         with warnings.catch_warnings():
@@ -262,7 +262,7 @@ def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -
 
 
 def _peak_memory(reset: bool = True) -> int:
-    """Most memory the process ever held; if reset, what it holds now."""
+    """Return the peak memory of the process in bytes; ``reset`` first sets the peak to the current memory."""
     if reset:
         Path("/proc/self/clear_refs").write_text("5")
     found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
@@ -271,7 +271,7 @@ def _peak_memory(reset: bool = True) -> int:
 
 
 def main(name: str, make: Callable[[], Any]) -> None:
-    """The command line of a fuzzer; ``make()`` gives its attempt."""
+    """Run a fuzzer from the command line; ``make()`` returns its attempt."""
     parser = argparse.ArgumentParser(prog=f"python -m tests.fuzz.{name}")
     parser.add_argument("--count", type=int, default=1000, help="how many inputs")
     parser.add_argument("--seed", type=int, default=0, help="the first; the others are the numbers after it")
@@ -292,7 +292,7 @@ def main(name: str, make: Callable[[], Any]) -> None:
 
 
 def report(failures: list[Failure]) -> str:
-    """Distinct causes, the most frequent first, each with one input."""
+    """Return the distinct causes as text, the most frequent first, each with one input."""
     causes: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         causes.setdefault((failure.wrong.kind, failure.wrong.where), []).append(failure)

@@ -1,4 +1,4 @@
-"""Many cases: samples, what is kept, going on after a kill, full disks, stores of others."""
+"""Studies of many cases: samples, stored results, resuming after a kill, full disks, invalid stores."""
 
 import csv
 import dataclasses
@@ -49,7 +49,7 @@ span = [0.5, 2.0]
 
 @pytest.fixture
 def run(tmp_path):
-    """`cases` on one thread, the folder ``s`` as store."""
+    """Return `cases` with one thread and the folder ``s`` as the store."""
     with ThreadPoolExecutor(1) as pool:
         yield lambda vary, **options: cases(
             DUFFING, vary, **{"harmonics": 3, "span": SPAN, "store": tmp_path / "s", "executor": pool} | options
@@ -97,7 +97,7 @@ def test_numbers_that_do_not_fit(given):
 
 @pytest.mark.parametrize("given", [("lognormal", 0.1, 1e9), ("normal", 1e308, 1e308), ("uniform", -1e308, 1e308)])
 def test_distributions_that_reach_beyond_all_numbers_are_refused(given):
-    """Each gave a case with an infinite parameter now and then."""
+    """Samples of these distributions can contain infinite parameters."""
     with np.errstate(all="raise"), pytest.raises(ValueError, match="its values overflow; need"):
         monte_carlo(3, 0, zeta=given)
 
@@ -116,9 +116,9 @@ def test_numbers_of_a_case_are_those_of_its_curve(run):
 
 
 def test_a_failing_case_is_a_line_and_is_retried_on_request_only(run, monkeypatch):
-    told = []
-    found = run(grid(zeta=[0.05, -0.05]), progress=lambda now: told.append(tuple(now.numbers.values())))
-    assert told[0] == (0, 2, 0) and told[-1] == (2, 2, 1)
+    reports = []
+    found = run(grid(zeta=[0.05, -0.05]), progress=lambda now: reports.append(tuple(now.numbers.values())))
+    assert reports[0] == (0, 2, 0) and reports[-1] == (2, 2, 1)
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
     monkeypatch.setattr(
@@ -135,7 +135,7 @@ def found_result():
 
 
 def test_quick_cases_are_handed_over_in_groups(monkeypatch):
-    """As soon as it is known how quick they are; each is told and keeps its own row, whether it fails or not."""
+    """Groups are formed once the time per case is known; every case is reported and has its own row, failed or not."""
 
     class Counting(ThreadPoolExecutor):
         handed = 0
@@ -148,11 +148,11 @@ def test_quick_cases_are_handed_over_in_groups(monkeypatch):
         return Result({"peak": fields["zeta"]}, seconds=0.01, reason="odd" if fields["zeta"] == 899 else "")
 
     monkeypatch.setattr("hbgear.design.studies.case_work.run_case", quick)
-    told = []
+    reports = []
     with Counting(1) as here:
         found = cases(DUFFING, grid(zeta=range(900)), ("peak",), executor=here,
-                      progress=lambda now: told.append(now.numbers["finished"]))  # fmt: skip
-    assert told == list(range(901)) and 256 < here.handed < 300
+                      progress=lambda now: reports.append(now.numbers["finished"]))  # fmt: skip
+    assert reports == list(range(901)) and 256 < here.handed < 300
     assert found.table["peak"].tolist() == list(range(900)) and found.failed == {899: "odd"}
 
 
@@ -187,7 +187,7 @@ def test_full_disk_when_the_tables_are_written(tmp_path, monkeypatch, capsys):
 
 
 class Losing(Executor):
-    """An executor that loses the third case, and the fourth, which was done before."""
+    """An executor whose third task ends with an error; an OSError is also raised when a fifth one is submitted."""
 
     def __init__(self, error):
         self.error, self.count = error, 0
@@ -205,7 +205,7 @@ class Losing(Executor):
 
 
 class KilledWorker(Exception):
-    """Named as the one of Dask."""
+    """Has the name of the exception of Dask."""
 
 
 @pytest.mark.parametrize(
@@ -281,14 +281,14 @@ def test_bad_plans(run):
 
 
 def started(command, folder):
-    """A process as from a terminal, which hears Ctrl-C even if the tests run in the background, where nobody does."""
+    """Start a process as from a terminal: it receives SIGINT even if the tests run in the background and ignore it."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     hear = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     return subprocess.Popen(command, cwd=folder, start_new_session=True, preexec_fn=hear, **pipes)
 
 
 def stopped(folder, signal_to_send):
-    """A study of 10 cases on one process that gets a signal once three are stored; its end, output and files."""
+    """Signal a study of 10 cases once three are stored; return its exit code, output and stored files."""
     (folder / "a.toml").write_text(STUDY.format(count=10))
     (folder / "study.py").write_text(STOPPED.format(signal_to_send))
     study = started([sys.executable, "study.py"], folder)
@@ -317,7 +317,7 @@ def stored(folder):
 
 
 def goes_on(folder, before):
-    """The study is computed to its end, and what was stored is left as it is."""
+    """Resume a study to its end and return the results; stored files must not change."""
     asked = read_study(folder / "a.toml")
     with ThreadPoolExecutor(1) as pool:
         found = cases(asked.model, asked.vary, ("peak",), harmonics=3, span=SPAN, store=folder / "a", executor=pool)
@@ -336,7 +336,7 @@ def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
 
 @pytest.mark.slow
 def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
-    """The signal goes to all processes, as from a terminal."""
+    """All processes receive SIGINT, as from a terminal."""
     code, out, files = stopped(tmp_path, "os.killpg(0, signal.SIGINT)")
     assert code == 3 and 3 <= len(files) < 10
     assert f"{len(files)} of 10 cases, 0 of them failed; interrupted; the finished cases are stored" in out
@@ -347,7 +347,7 @@ def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
 
 
 def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
-    """Whatever the cases before took: Ctrl-C waits for one case, and no process is left without work."""
+    """A group whose first case is slow is divided again: Ctrl-C waits for one case, and every case runs once."""
     calls, groups, clock = [], [], iter(range(0, 10_000, 2))
     monkeypatch.setattr(case_work, "run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result())
     monkeypatch.setattr(case_work, "time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
@@ -365,7 +365,7 @@ def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
 
 @pytest.mark.slow
 def test_ctrl_c_twice_waits_for_nothing(tmp_path):
-    """No case in work would end by itself."""
+    """The running cases take 600 s; the second signal ends the study without waiting for them."""
     (tmp_path / "study.py").write_text(ENDLESS)
     out, err = started([sys.executable, "study.py"], tmp_path).communicate(timeout=120)
     assert out.split() == ["interrupted", "0"] and "Traceback" not in err
@@ -394,13 +394,13 @@ if __name__ == "__main__":
 
 @pytest.mark.slow
 def test_ctrl_c_while_the_processes_start(tmp_path):
-    """Nobody prints a traceback, not the processes either."""
+    """The command and its processes print no traceback, and the exit code is 3."""
     (tmp_path / "a.toml").write_text(STUDY.format(count=300))
     command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "2"]
     study = started(command, tmp_path)
     end = time.time() + 60
     while not (tmp_path / "a" / "study.json").exists():
-        assert time.time() < end, "waited in vain"
+        assert time.time() < end, "the study did not start within 60 s"
         time.sleep(0.01)
     time.sleep(0.1)
     os.killpg(study.pid, signal.SIGINT)
@@ -411,7 +411,7 @@ def test_ctrl_c_while_the_processes_start(tmp_path):
 
 @pytest.fixture
 def million(tmp_path, monkeypatch):
-    """Call the command for a study of a million cases and one: (exit code, what it was asked)."""
+    """Return a function that calls the command for 1,000,001 cases and returns exit code, questions and limits."""
     asked, computed = [], []
     file = tmp_path / "a.toml"
     file.write_text(STUDY.format(count=1_000_001))
@@ -479,7 +479,7 @@ def edit_case(path, change):
 
 
 def flag_members(path, at, value):
-    """Set bits in the entries of the directory of a .zip."""
+    """Set bits in the directory entries of a zip file."""
     data = bytearray(path.read_bytes())
     entry = data.index(b"PK\x01\x02")
     while data[entry : entry + 4] == b"PK\x01\x02":
@@ -500,10 +500,10 @@ DAMAGE = {
     "no number": lambda path: edit_case(path, lambda head: head | {"numbers": {}}),
     "no arrays": lambda path: edit_case(path, lambda head: head | {"arrays": []}),
     "arrays a number": lambda path: edit_case(path, lambda head: head | {"arrays": 3}),
-    "a time that is none": lambda path: edit_case(path, lambda head: head | {"seconds": None}),
+    "a time that is null": lambda path: edit_case(path, lambda head: head | {"seconds": None}),
     "a time that is nan": lambda path: edit_case(path, lambda head: head | {"seconds": float("nan")}),
     "a time before it began": lambda path: edit_case(path, lambda head: head | {"seconds": -1.0}),
-    "a reason that is none": lambda path: edit_case(path, lambda head: head | {"reason": 1}),
+    "a reason that is a number": lambda path: edit_case(path, lambda head: head | {"reason": 1}),
     "another case": lambda path: edit_case(path, lambda head: head | {"inputs": {**head["inputs"], "fields": {}}}),
 }
 
@@ -516,7 +516,7 @@ def test_a_damaged_case_is_computed_again_with_a_message(run, tmp_path, damage):
     damage(path)
     with pytest.warns(UserWarning, match=f"1 stored case cannot be read and will be computed again.*{path.name}"):
         again = run(vary, compute=compute)
-    if path.is_dir():  # nothing can take the place of a folder
+    if path.is_dir():  # a file cannot replace a folder
         assert again.outcome == "cannot_store"
         return
     assert again.outcome == "finished" and not again.failed
@@ -537,12 +537,12 @@ def test_a_damaged_study_file_is_written_again_with_a_message(run, tmp_path, tex
     whole = file.read_text()
     edit_case(sorted((tmp_path / "s").glob("cases/*/*.npz"))[0], lambda head: head | {"hbgear": "0.0"})
     file.write_text(text)
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning) as caught:
         again = run(grid(zeta=[0.5, 0.6]))
-    assert [str(each.message).split(" ")[1:3] for each in told] == [["could", "not"], ["stored", "case"]]
+    assert [str(each.message).split(" ")[1:3] for each in caught] == [["could", "not"], ["stored", "case"]]
     assert file.read_text() == whole and len(again) == 2
     assert np.array_equal(again.table["peak"], before.table["peak"])
-    assert (again.table["seconds"] == before.table["seconds"]).sum() == 1  # the other one was taken as it is
+    assert (again.table["seconds"] == before.table["seconds"]).sum() == 1  # the other case was loaded
     (tmp_path / "t").mkdir()
     (tmp_path / "t" / "study.json").write_text(text)
     with pytest.raises(ValueError, match="cannot be read as a study; give another folder"):
@@ -576,7 +576,7 @@ def test_a_branch_that_was_damaged_after_it_was_looked_at(run, tmp_path):
         found.branch(0)
 
 
-# ---- scripts without the line that processes need
+# ---- scripts without the __main__ guard that processes need
 
 GRID = "hb.design.grid(zeta=[0.5])"
 CALL = f"found = hb.design.cases(hb.Duffing(), {GRID}, ('peak',), harmonics=3, span=(0.5, 2.0), processes=1)"
@@ -606,7 +606,7 @@ def test_interactive_code_needs_no_guard(tmp_path):
 
 
 def test_cases_of_a_pair_from_its_drawing_keep_its_teeth():
-    """Contacts of teeth are rebuilt in every case: the curve is that of the model with this damping."""
+    """Tooth contacts are rebuilt in every case: the peak agrees to 1e-3 with a trace of the model with this damping."""
     gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
     model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.08)
     with ThreadPoolExecutor(1) as executor:
@@ -620,7 +620,7 @@ def test_cases_of_a_pair_from_its_drawing_keep_its_teeth():
 
 
 def test_all_curves_of_the_span_are_results_of_a_case(tmp_path):
-    """The curve from 1.5 grows without bound, another one covers the rest: jumps and stable motions of both count."""
+    """The curve from 1.5 is unbounded, a second one covers the rest: jumps and stable motions of both are included."""
     model, span = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,)), (1.5, 0.3)
     with ThreadPoolExecutor(1) as executor:
         what = ("peak", "jumps", "curve")

@@ -304,7 +304,7 @@ def test_kernels_know_two_types_of_models(model, sizes):
 
 
 def test_products_and_sums_are_not_fused(tmp_path):
-    """A fused a b + c rounds only once, and the compiler would fuse it depending on the surrounding code."""
+    """A fused a b + c rounds only once, and whether the compiler fuses it would depend on the surrounding code."""
     pytest.importorskip("numba")
     (tmp_path / "fused.py").write_text(
         "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a, b, c):\n    return a * b + c\n"

@@ -150,7 +150,7 @@ def touching(over, H=6, at=1.234, corner=0.8):
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("over", [1e-12, 1e-9, 1e-6, 1e-4])
 def test_grazing(over, sign):
-    """Above the breakpoint contact lasts 2 sqrt(2 over / |d''|), even if far shorter than the grid; below, none occurs."""
+    """Above the breakpoint contact lasts 2 sqrt(2 over / |d''|), even far below the grid spacing; else no contact."""
     row = touching(sign * over)
     problem = balance(Unilateral(1.0, 0.8), H=6)
     found = problem.switching(row, Omega=1.0)

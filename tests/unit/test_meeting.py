@@ -65,9 +65,7 @@ def test_a_pair_about_to_leave_is_seen_behind_a_steady_one():
     assert piece == 1 and s == pytest.approx(0.1)
     ((piece, s),) = extrapolated_crossings(mu[::-1], np.array([10.0, 1.0]))
     assert piece == 0 and s == pytest.approx(0.9)
-    assert (
-        extrapolated_crossings(np.delete(mu, [1, 4], axis=1), np.array([1.0, 10.0])) == []
-    )  # no pair is outside
+    assert extrapolated_crossings(np.delete(mu, [1, 4], axis=1), np.array([1.0, 10.0])) == []  # no pair is outside
 
 
 def near_minus_one(sigma, detuning, width=0.0):
@@ -174,7 +172,7 @@ def test_multipliers_that_leap_cannot_be_followed():
 
 
 def test_a_collision_on_the_first_segment():
-    """Exponents sigma + i (phi -+ q^1/2) with a cubic q that is negative between points 0 and 1, where the moduli differ.
+    """Exponents sigma + i (phi -+ q^1/2) with a cubic q, negative between points 0 and 1, where the moduli differ.
     Multipliers change by less than their distance between neighbouring points."""
     sigma, unit = -0.005, 0.05
     cubic = np.polyfit([0.0, 1.0, 2.0, 3.0], [1.0, 1.0, 6.0, 8.0], 3)

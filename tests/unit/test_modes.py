@@ -21,7 +21,7 @@ def from_the_whole(problem, X, Omega, monkeypatch):
 
 
 def recorded_sizes(monkeypatch):
-    """Return a list to which the size of every part is appended whose monodromy matrices are computed."""
+    """Return a list that collects the sizes of the parts whose monodromy matrices are computed."""
     sizes, before = [], floquet.monodromies
 
     def recorded(compiled, part, *args):

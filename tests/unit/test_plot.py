@@ -1,4 +1,4 @@
-"""Figures: what is drawn is what the branch holds. The curves are closed-form one-harmonic resonance curves."""
+"""Figures show the data of the branch. The curves are closed-form one-harmonic resonance curves."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ FIXED = {"zeta": 0.04, "F": 0.12}
 
 
 def frequency(A, side, k3, zeta, F):
-    """Omega at which x'' + 2 zeta x' + x + k3 x^3 = F cos(Omega t) has the amplitude A, with one harmonic.
+    """Return Omega at which x'' + 2 zeta x' + x + k3 x^3 = F cos(Omega t) has amplitude A, with one harmonic.
 
     (p - s)^2 + 4 zeta^2 s = F^2 / A^2,   s = Omega^2,   p = 1 + 3/4 k3 A^2
     """
@@ -38,7 +38,7 @@ def frequency(A, side, k3, zeta, F):
 
 
 def resonance(k3=-0.12, mean=1.9, corners=((-1.0, 1.0),), multipliers=True, harmonics=5):
-    """Softening resonance curve in Omega, from high to low frequency, with its folds, grazings and jumps."""
+    """Return a softening resonance curve from high to low Omega, with its folds, grazing contacts and jumps."""
     zeta, F = FIXED["zeta"], FIXED["F"]
     # at the peak the two sides of the curve meet: the root in `frequency` vanishes
     peak = brentq(lambda A: 4 * zeta**4 - 4 * zeta**2 * (1 + 0.75 * k3 * A**2) + (F / A) ** 2, 0.5, 2)
@@ -97,7 +97,7 @@ def as_special(branch, i, kind, label):
 
 
 def jump(branch, point):
-    """To the stable row of the nearest parameter value, other than those beside the fold."""
+    """Return the jump to the stable point of the nearest parameter value, more than 30 points away from the fold."""
     i = point.index
     direction = 1 if branch.values[i] > branch.values[i + 1] else -1
     target = np.abs(np.arange(len(branch)) - i) > 30
@@ -160,7 +160,7 @@ def test_curve_is_continuous_and_complete():
 
 
 def test_points_are_joined_by_a_smooth_line():
-    """Thirteen points of half a circle, with a fold: the polygon is off by 9e-3, the line by 1e-3."""
+    """Thirteen points of half a circle, with a fold: the smooth line is accurate to 1.5e-3, the polygon to 9e-3."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 13)
     x, y = np.cos(angle), np.sin(angle)
     smooth = SmoothCurve(x, y).between(0, 12)
@@ -223,7 +223,7 @@ def test_jump_arrows_are_vertical_from_before_to_after():
     b = resonance()
     b = rebuilt(b, jump_records=(*b.jumps(), Jump("LP1", "Omega", 0.8, -1, b["LP1"], None)))
     arrows = [text for text in plot.response(b).texts if text.arrow_patch is not None]
-    assert len(arrows) == 2  # none for the jump that lands nowhere
+    assert len(arrows) == 2  # no arrow for the jump without a landing
     for arrow, jump in zip(arrows, b.jumps(), strict=False):
         assert arrow.xy == (jump.value, jump.after.amplitude("pp2"))
         assert arrow.xyann == (jump.value, jump.before.amplitude("pp2"))
@@ -277,7 +277,7 @@ def test_corners_are_drawn_and_shown_only_within_reach():
     assert low < -1 and high > 2
     small = Point(point.X * np.r_[1, np.full(16, 0.05)], point.parameters, 0, 1, None, point.regime, 0.0, point.layout)
     low, high = plot.time_history(small).get_ylim()
-    assert low > 1  # neither corner is near: the motion fills the figure
+    assert low > 1  # both breakpoints are far: the limits fit the motion
 
 
 @pytest.mark.parametrize("log", [False, True])
@@ -364,7 +364,7 @@ def test_importing_plot_does_not_import_matplotlib():
 
 
 def drawn(ax):
-    """The figure with every label in its place, and the renderer."""
+    """Draw the figure, which places the labels, and return the renderer."""
     ax.figure.canvas.draw()
     return ax.figure.canvas.get_renderer()
 
@@ -422,7 +422,7 @@ def arrows_out(ax):
 
 
 def test_a_curve_that_runs_off_to_infinity_ends_in_an_arrow():
-    """Where it leaves axes of some times the height of the fold before; its asymptote is dotted."""
+    """The axes end at twice the amplitude up to the fold; an arrow marks the exit, a dotted line the asymptote."""
     b = resonance()
     growth = 1 + 300 * np.linspace(0, 1, len(b)) ** 8
     far = rebuilt(b, X=b.X * growth[:, None], meta={"asymptotes": {"last": 1.5}}, special=b.special[:1],
@@ -469,7 +469,7 @@ def test_landings_look_at_all_branches_of_the_same_machine():
     assert alone.branch is None and alone.jump.after is None
     elsewhere = rebuilt(other, fixed={**FIXED, "F": 0.2})
     assert landings((lost, elsewhere))[0][0].branch is None
-    assert [found.branch for found in landings((other, b))[1]] == [1, 0]  # each on the nearest of all
+    assert [found.branch for found in landings((other, b))[1]] == [1, 0]  # each lands on the nearest branch
 
 
 def test_labels_do_not_overlap_each_other_or_leave_the_axes():
@@ -488,7 +488,7 @@ def test_labels_do_not_overlap_each_other_or_leave_the_axes():
 
 
 def test_curves_with_and_without_a_unit_of_length_are_drawn_without_units():
-    """Amplitudes in um and in x / b do not share an axis; two lengths do, each in um."""
+    """Amplitudes in um and in x / b do not share an axis; amplitudes of two scales in um do."""
     scales, longer = ({"reference": (38000.0, length, 15000.0, 25)} for length in (37.6e-6, 2 * 37.6e-6))
     one, two, other = (
         hb.trace(hb.HarmonicBalance(hb.SpurPair(**given), 4), "Omega", (1.5, 1.2)) for given in (scales, longer, {})
@@ -525,7 +525,7 @@ def test_machines_of_different_scales_are_drawn_over_the_speed():
 
 
 def test_jumps_do_not_land_on_another_structure():
-    """The stiffness of a structure is no parameter: two of them have equal fixed parameters."""
+    """The stiffness matrix is no parameter: two structures have equal fixed parameters but different landings."""
     stop, load = hb.Element([1.0], hb.Unilateral(k=3.0, gap=0.5)), hb.Load(cosine={1: [0.2]})
     soft, hard = (
         hb.trace(hb.HarmonicBalance(hb.System([[1.0]], [[0.06]], [[K]], [stop], load), 8), "Omega", (0.8, 1.8))
@@ -587,7 +587,7 @@ def test_an_unstable_piece_between_two_symbols_is_drawn_enlarged():
     size = inset.bbox.width
     drawn(ax)
     x = inset.transData.transform(np.transpose(dashed.get_data()))[:, 0]
-    assert np.ptp(x) > 0.3 * size  # it fills a good part of the enlarged axes
+    assert np.ptp(x) > 0.3 * size  # it fills more than 30 % of the enlarged axes
     box = inset.get_tightbbox(drawn(ax))
     assert not ax.get_legend().get_window_extent().overlaps(box)
     on_curve = ax.transData.transform(np.stack([hidden.values, hidden.amplitude("pp2")], axis=1))
@@ -664,7 +664,7 @@ def test_spectrum_and_portrait_in_hertz_with_the_model():
     (hertz,) = (child for child in ax.child_axes if child.get_xlabel() == "frequency [Hz]")
     drawn(ax)
     np.testing.assert_allclose(hertz.get_xlim()[1], ax.get_xlim()[1] * model.mesh_frequency(0.85), rtol=1e-12)
-    with_units = model.replace(zeta=0.05)  # the parameters of the point count
+    with_units = model.replace(zeta=0.05)  # the parameters of the point are used
     assert f"{with_units.pinion_speed(0.85):.5g} r/min" in plot.portrait(point, 0, model).get_suptitle()
 
 
@@ -694,7 +694,7 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
 
 @pytest.mark.parametrize("share", [0.27, 0.75])
 def test_a_legend_keeps_clear_of_enlarged_axes(monkeypatch, share):
-    """It stands on the axes where there is room, beside them where there is none."""
+    """The legend is on the axes if there is room for it, otherwise to the right of them."""
     monkeypatch.setattr("hbgear.plot.curves._INSET_SIZE", (share, share))
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.117), 16), "Omega", (1.5, 0.3))
     ax = hb.plot.response(curve)
@@ -732,7 +732,7 @@ def test_sweeps_are_in_physical_units():
 
 
 def test_styles_for_print_and_for_slides(tmp_path):
-    """Sans-serif text, and axes that are smaller in relation to it; the default returns after the block."""
+    """The screen style has sans-serif text, larger relative to the figure; the default is restored after the block."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.2), accuracy=None)
     with hb.plot.in_style("screen"):
         slide = hb.plot.response(curve)

@@ -1,4 +1,4 @@
-"""The linear part seen from the element coordinates, against dense solves of the whole structure."""
+"""Receptances of the linear structure at the elements, against dense solves of the whole structure."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ H = 4
 
 
 def structure(rng, n=6, m=2, sparse_matrices=False, **load):
-    """A random damped structure, neither symmetric nor proportionally damped, with two elements."""
+    """Return a random structure with unsymmetric stiffness, non-proportional damping and m elements."""
     A, B, C = rng.standard_normal((3, n, n)) / 3
     M, K, C = np.eye(n) + A @ A.T, np.eye(n) + B @ B.T + 0.1 * A, 0.1 * (np.eye(n) + C)
     form = sparse.csr_array if sparse_matrices else np.asarray
@@ -29,7 +29,7 @@ def structure(rng, n=6, m=2, sparse_matrices=False, **load):
 
 
 def by_hand(system, Omega, nu):
-    """Z_k (H+1, m, m) and g_k (H+1, m) of the balance Z d + g + f = 0 from dense solves without reference springs."""
+    """Return Z_k (H+1, m, m) and g_k (H+1, m) of Z d + g + f = 0 from dense solves without reference springs."""
     W, c = system.W, np.diag([e.damping for e in system.elements])
     dense = [A.toarray() if sparse.issparse(A) else A for A in (system.M, system.C, system.K)]
     M, C, K = dense
@@ -101,7 +101,7 @@ def test_derivative_in_frequency(rng, slope, power, n, m):
 
 
 def test_large_sparse_structure_is_solved_directly(slope):
-    """A chain of 2000 masses: the same receptance with and without modes, and both solve the equations."""
+    """A chain of 2000 masses: Z and g agree with sparse solves, and a start point satisfies the equations."""
     n = 2000
     K = sparse.diags_array([np.full(n - 1, -1.0), np.full(n, 2.1), np.full(n - 1, -1.0)], offsets=[-1, 0, 1])
     direction = np.zeros(n)
@@ -124,13 +124,13 @@ def test_large_sparse_structure_is_solved_directly(slope):
 
 
 def two_masses(load=None, C=None, damping=0.1):
-    """Two masses held by nothing but the gap between them."""
+    """Return two free masses connected by an element with backlash only."""
     gap = Element([1.0, -2.0], Backlash(1.0), damping=damping)
     return System(np.diag([1.0, 3.0]), C, np.zeros((2, 2)), [gap], load or (), dof_names=["gear", "wheel"])
 
 
 def test_free_motion_is_removed():
-    """q1 = 2, q2 = 1 is free; a load that does no work on it leaves d'' (1/m1 + 4/m2)^-1 + p = load share."""
+    """The motion q1 = 2, q2 = 1 is free; a load without work on it leaves d'' / (1/m1 + 4/m2) + p = load share."""
     system = two_masses(Load([0.5, -1.0], {1: [0.2, 0.0]}))
     part = Receptance(LinearStructure(system), system, H, 1).at(0.9)
     w, mass = 0.9 * np.arange(H + 1), 1 / (1 + 4 / 3)
@@ -144,13 +144,13 @@ def test_unbalanced_load_names_the_motion():
 
 
 def test_a_damped_drift_cannot_carry_a_constant_load():
-    """A damper on a free motion would let a constant load drive it away at constant speed: still no periodic motion."""
+    """A constant load drives a damped free motion at constant speed, so no periodic motion exists."""
     with pytest.raises(UnbalancedLoadError, match="gear"):
         HarmonicBalance(two_masses(Load([0.5, 0.0]), C=np.diag([0.1, 0.1])), 3)
 
 
 def test_a_free_motion_with_an_unloaded_coordinate():
-    """A coordinate that no element and no spring touches does no harm."""
+    """A coordinate without elements and springs does not change Z and g."""
     base = two_masses(Load([0.5, -1.0], {1: [0.2, 0.0]}))
     gap = Element([1.0, -2.0, 0.0], Backlash(1.0), damping=0.1)
     wider = System(block_diag(base.M, 2.0), None, np.zeros((3, 3)), [gap], Load([0.5, -1, 0], {1: [0.2, 0, 0]}))
@@ -201,7 +201,7 @@ def test_two_elements_along_one_direction_are_one_of_both_laws():
 
 
 def between_three():
-    """Two masses meet a stop each, and each other: three directions of two coordinates, displaced and damped."""
+    """Return two masses with a stop each and a gap between them: three directions on two coordinates."""
     elements = [
         Element([1, 0], Unilateral(k=2.0, gap=0.6), name="1"),
         Element([0, 1], Backlash(b=0.4, k=1.0), displacement=Series(cosine=[0.03]), damping=0.02, name="2"),
@@ -250,49 +250,49 @@ def test_a_reduced_structure_with_dependent_directions():
     reduced = reduce(full, modes=9)
     X = [HarmonicBalance(system, 5).start(0.15) for system in (full, reduced.system)]
     np.testing.assert_allclose(X[1], X[0], rtol=0, atol=1e-3 * np.abs(X[0]).max())
-    assert np.abs(X[0][:11]).max() > 0.3  # it meets a stop
+    assert np.abs(X[0][:11]).max() > 0.3  # one mass touches its stop
 
 
 @pytest.mark.parametrize("zeta", [np.sqrt(1.1), np.sqrt(1.1) + 1e-9, np.sqrt(1.1) + 1e-5])
 def test_critically_damped_structure(zeta):
-    """Two poles meet and their modes with them: Z is still 1 - w^2 + 2 zeta i w, and the multipliers stay small."""
+    """Two poles and their modes coincide: Z is 1 - w^2 + 2 zeta i w to 1e-9, and multipliers have the exact product."""
     problem = HarmonicBalance(Duffing(zeta=zeta), H)
     part = problem.compiled({}).receptance.at(0.8)
     w = 0.8 * np.arange(H + 1)
     np.testing.assert_allclose(part.Z[:, 0, 0], 1 - w**2 + 2j * zeta * w, rtol=1e-9)
     X = problem.start(0.8)
     product = np.prod(problem.multipliers(X, Omega=0.8, width=0.1))
-    # two modes of a condition up to 1e8 cancel
+    # absolute error from the cancellation of two modes with condition numbers up to 1e8
     assert product == pytest.approx(np.exp(-2 * zeta * 2 * np.pi / 0.8), rel=1e-6, abs=2e-10)
 
 
 @pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_numbers_too_far_apart_are_reported():
-    """A damper that holds all: the receptance of an element is zero to the last digit, and has no inverse."""
+    """A damper of extreme size: the receptance of an element is zero within rounding and has no inverse."""
     with pytest.raises(ValueError, match="the receptance of the structure is zero or infinite"):
         HarmonicBalance(GearRotorBearing(zeta_2=1e30), 5).start(Omega=0.5)
 
 
-BESIDE = ("k_gz", "k_pz", "zeta", "m_p", "module", "beta_deg", "torque", "k_mean", "b_c", "e[1]")
+PERTURBED_NAMES = ("k_gz", "k_pz", "zeta", "m_p", "module", "beta_deg", "torque", "k_mean", "b_c", "e[1]")
 
 
 def of_balance(problem, name, value, Omega, s):
-    """Z, g, their derivatives in Omega, and Hill's receptances at exponents s, as one row of numbers."""
+    """Return Z and g with derivatives in Omega, and receptances at exponents s with derivatives, as two vectors."""
     compiled = problem.compiled({name: value})
     matrices, constants = compiled.receptance.at(Omega)
     G, dG = compiled.structure.transfer(s)
     return [np.concatenate([part.ravel() for part in parts]) for parts in ((matrices, constants), (G, dG))]
 
 
-@pytest.mark.parametrize("name", BESIDE)
+@pytest.mark.parametrize("name", PERTURBED_NAMES)
 def test_structures_next_to_one_are_exact_in_differences(name):
-    """A free rotation, modes that repeat, loads and directions that change: against differences of fourth order."""
+    """Free rotation, repeated modes: differences of perturbed structures agree with differences of higher order."""
     model = DoubleHelicalPair(zeta=0.05)
     problem, Omega, s = HarmonicBalance(model, 5), 0.83, 0.01 + 1j * np.array([-0.4, 0.3, 1.1])
-    beside, value = problem.perturbed({}, 4), (model.parameters | model.entries)[name]
+    perturbed, value = problem.perturbed({}, 4), (model.parameters | model.entries)[name]
     h = 1e-5 * problem.unit_of(name, value)
-    one = not value  # at the end of its range
-    near = [of_balance(beside, name, value + side * h, Omega, s) for side in ((0, 1, 2) if one else (-1, 1))]
+    one = not value  # one-sided at the end of the range
+    near = [of_balance(perturbed, name, value + side * h, Omega, s) for side in ((0, 1, 2) if one else (-1, 1))]
     far = [
         of_balance(problem, name, value + side * 20 * h, Omega, s) for side in ((0, 1, 2, 3) if one else (-2, -1, 1, 2))
     ]
@@ -318,16 +318,16 @@ def test_stability_next_to_a_structure_is_that_of_itself():
 
 
 def test_a_load_with_a_balanced_one_is_refused():
-    """Two masses that nothing holds: their loads balance, and with another value of one they do not."""
+    """Two free masses with balanced loads: changing one of the loads makes them unbalanced."""
 
     @model()
     def pair(drive: float = 0.3, k: float = 1.0) -> System:
         element = Element([1, -1], Backlash(1.0, k), name="mesh", damping=0.1)
         return System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [element], Load([drive, -0.3], {1: [0.1, -0.1]}))
 
-    beside = HarmonicBalance(pair(), 3).perturbed({}, 4)
-    assert beside.compiled({"k": 1.00001}).structure is beside.compiled({}).structure  # its matrices do not change
-    for problem in (beside, HarmonicBalance(pair(), 3)):
+    perturbed = HarmonicBalance(pair(), 3).perturbed({}, 4)
+    assert perturbed.compiled({"k": 1.00001}).structure is perturbed.compiled({}).structure  # same matrices
+    for problem in (perturbed, HarmonicBalance(pair(), 3)):
         with pytest.raises(UnbalancedLoadError, match="nothing holds"):
             problem.compiled({"drive": 0.300003})
 
@@ -339,7 +339,7 @@ def test_structures_do_not_depend_on_loads():
 
 
 def test_differences_for_an_oscillating_load_on_a_free_motion():
-    """Modes leave the free motion out, which a varying load sets going and a changed mass or damper then feels."""
+    """Modes omit the free motion, which an oscillating load excites and a changed mass or damper affects."""
 
     @model()
     def swung(mass: float = 1.0, damper: float = 0.05) -> System:
@@ -359,7 +359,7 @@ def test_differences_for_an_oscillating_load_on_a_free_motion():
 
 
 def test_far_poles_are_the_same_as_a_series():
-    """A row of 60 masses: a band of far poles as power series, and all poles one by one."""
+    """A chain of 60 masses: the power series of far poles agrees with the sum over all poles to 1e-9."""
     n = 60
     K = 1e4 * (np.diag(np.full(n, 2.0)) - np.eye(n, k=1) - np.eye(n, k=-1)) + 0.1 * np.eye(n)
     elements = [Element(row, Backlash()) for row in np.eye(n)[[0, 30]]]
@@ -376,7 +376,7 @@ def test_far_poles_are_the_same_as_a_series():
 
 
 def test_stacked_direct_solutions_are_those_of_one_harmonic_at_a_time(rng, monkeypatch):
-    """More elements than coordinates, one motion free: all harmonics in one call, and one by one."""
+    """More elements than coordinates, one free motion: all harmonics in one call agree with separate calls to 1e-13."""
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
     elements = [Element(row, Backlash()) for row in ([1.0, 0.0], [0.0, 1.0], [1.0, -1.0])]
     system = System(np.eye(2), 0.1 * K, K, elements, Load(cosine={1: [0.2, 0.1]}))

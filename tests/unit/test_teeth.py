@@ -1,4 +1,4 @@
-"""Single lines that could be wrong unnoticed: each test names the changes of the program that it must not survive."""
+"""Mutation tests: each docstring names the mutants, which are changes of the program that the test must detect."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -61,7 +61,7 @@ def test_a_jump_lands_on_thenearest_stable_motion(sense):
 
 
 def test_a_jump_never_lands_on_an_unstable_motion():
-    """However near it is. Mutant: `nearest_solution` does not ask for stability."""
+    """The nearest stable motion is returned, or None. Mutant: `nearest_solution` ignores the stability."""
     found = [replace(point_at(x), multipliers=np.array([mu + 0j])) for x, mu in ((0.1, 1.5), (3.0, 0.5), (-2.0, 0.9))]
     assert nearest(point_at(0.0), found) is found[2]
     assert nearest(point_at(0.0), found[:1]) is None
@@ -82,9 +82,8 @@ class Turning(ContinuationProblem):
 
 
 def test_a_curve_that_goes_far_renews_its_borders():
-    """Borders that stay what they were are orthogonal to the null vector after a quarter of a turn: g has a pole there,
-    and changes its sign as at a branch point. Mutants: `based(..., renew=True)` returns itself; `Fold.renewed` the old
-    base."""
+    """Constant borders become orthogonal to the null vector after a quarter of a turn: g has a pole there and changes
+    sign as at a branch point. Mutants: `based(..., renew=True)` returns itself; `Fold.renewed` returns the old base."""
     fold = FoldProblem(Turning(), "p")
     curve = trace(fold, "s", (0.0, 2 * np.pi), np.array([1.0, 2.0, 0.0]))
     assert curve.status is Status.REACHED_END and curve.special == ()
@@ -96,8 +95,8 @@ def test_a_curve_that_goes_far_renews_its_borders():
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_the_corrector_obeys_its_step_tolerance(tolerance):
-    """At a triple root the residual is small long before the error is: the last step tells. Newton takes a third of
-    the error off, so the last step is half of the error that is left. Mutant: the residual alone decides."""
+    """At a triple root the residual is small long before the error, so the last step is also tested. Each iteration
+    reduces the error by a third: the last step is half of the remaining error. Mutant: only the residual is tested."""
 
     class Flat:
         def evaluate(self, X, p):
@@ -110,7 +109,7 @@ def test_the_corrector_obeys_its_step_tolerance(tolerance):
 
 
 def test_a_curve_closes_in_its_own_direction_only():
-    """The same piece of the curve, run through the other way, passes the first row as well and does not close it.
+    """The same segment in the opposite direction also passes the first point, but does not close the curve.
     Mutant: `CurveEnds.closes` ignores the direction."""
 
     class Circle:
@@ -143,8 +142,8 @@ class Cusp:
 
 @pytest.mark.parametrize("unit", [1e-4, 1e4])
 def test_the_unit_of_an_unknown_parameter_does_not_matter(unit):
-    """A curve of folds in b, which is an unknown there, takes the same steps whatever b is measured in. Mutant: an
-    unknown parameter is scaled like the unknowns beside it."""
+    """A curve of folds with b as an unknown has the same points in every unit of b. Mutant: an unknown parameter is
+    scaled like the other unknowns."""
     curves = []
     for size in (1.0, unit):
         x, a = 3**-0.5, 1.0
@@ -177,7 +176,7 @@ class Multipliers(ContinuationProblem):
     def multipliers(self, X, points=None, width=None, *, p):
         return np.concatenate([np.atleast_1d(f(p)) for f in self.of]).astype(complex)
 
-    smooth = False  # by bracket
+    smooth = False  # events are bracketed
 
 
 def pair(p0, angle=1.0):
@@ -205,20 +204,20 @@ def inside(p):
         ([pair(0.41), inside], {"NS": [0.41]}),
         ([pair(0.31), pair(0.63, 2.0)], {"NS": [0.31, 0.63]}),
         ([doubling(0.41), inside], {"PD": [0.41]}),
-        ([doubling(0.401), pair(0.404)], {"PD": [0.401], "NS": [0.404]}),  # in one step: three leave, one is explained
-        ([lambda p: np.exp(p - 0.41), inside], {}),  # one by +1: a fold nearby, and none of a pair
-        ([lambda p: np.exp(p - 0.402), doubling(0.405)], {"PD": [0.405]}),  # two leave, one is explained
-        ([lambda p: pair(0.41)(0.82 - p), inside], {"NS": [0.41]}),  # one that comes back in
-        ([pair(-0.7, 2.0), pair(0.41)], {"NS": [0.41]}),  # a second pair beside one that is outside already
-        ([pair(-0.7, 2.0), twice(0.41)], {"BP": [0.41]}),  # two at +1 by symmetry, beside a pair
+        ([doubling(0.401), pair(0.404)], {"PD": [0.401], "NS": [0.404]}),  # one step: three leave, one at PD
+        ([lambda p: np.exp(p - 0.41), inside], {}),  # one passes +1 (a fold nearby), no pair
+        ([lambda p: np.exp(p - 0.402), doubling(0.405)], {"PD": [0.405]}),  # two real ones leave, one at PD
+        ([lambda p: pair(0.41)(0.82 - p), inside], {"NS": [0.41]}),  # a pair that returns
+        ([pair(-0.7, 2.0), pair(0.41)], {"NS": [0.41]}),  # a second pair, while one is already outside
+        ([pair(-0.7, 2.0), twice(0.41)], {"BP": [0.41]}),  # two at +1 by symmetry, and a pair outside
         ([lambda p: -twice(0.41)(p), pair(-0.7, 2.0)], {"PD": [0.41]}),  # two at -1
         ([doubling(0.401), lambda p: pair(0.404)(0.808 - p), pair(-0.7, 2.0)], {"PD": [0.401], "NS": [0.404]}),
     ],
 )
 @pytest.mark.parametrize("span", [(0.0, 1.0), (1.0, 0.0)])
 def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
-    """Mutants: three multipliers must pass; those of a period doubling are counted off twice; those that
-    are outside at both ends are taken for those that pass."""
+    """Mutants: three multipliers must pass; multipliers of a period doubling are subtracted twice; multipliers outside
+    at both ends are counted as passing ones."""
     curve = trace(
         Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSackerEvent(), PeriodDoublingEvent()]
     )
@@ -232,7 +231,7 @@ def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expecte
 
 
 def meeting(p0, stiffness, modulus=0.985):
-    """Two complex pairs whose angles pass each other at p0 and that repel: a bubble of moduli, half as wide as tall."""
+    """Return two complex pairs whose angles coincide at p0, where the coupling makes a bubble of their moduli."""
 
     def of(p):
         turn = 6.0 * (p - p0)
@@ -247,7 +246,7 @@ def meeting(p0, stiffness, modulus=0.985):
 @pytest.mark.parametrize("stiffness", [0.02, 0.04, 0.08])
 @pytest.mark.parametrize("span", [(0.0, 0.8), (0.8, 0.0)])
 def test_two_pairs_that_meet_between_two_points(stiffness, span):
-    """Their moduli leave the circle and come back within a step, and are alike at all rows."""
+    """Moduli leave the circle and return within one step, and are equal at all points of the curve."""
     of = meeting(0.41, stiffness)
     curve = trace(
         Multipliers(of, inside), "p", span, np.array([span[0]]), events=[NeimarkSackerEvent(), PeriodDoublingEvent()]
@@ -266,8 +265,8 @@ def test_two_pairs_that_meet_between_two_points(stiffness, span):
 
 @pytest.mark.parametrize("nu", [2, 3])
 def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
-    """Seen over nu periods, the period is cut into nu times as many of the same steps: the multipliers are powers to
-    rounding, though each is only as good as the steps. Mutants: the share of the basis period; over nu^2."""
+    """Over nu periods the integration takes nu times as many equal steps: multipliers are powers within rounding, with
+    the same error of the steps. Mutants: the step is a share of the basis period; the share is divided by nu^2."""
     base = HarmonicBalance(SpurPair(zeta=0.1, eps=(0.0,) * 5 + (0.4,), e=(0.02,)), 10)
     X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "width": 100.0}
     wide = base.with_order(nu)
@@ -275,14 +274,14 @@ def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
         wide.multipliers(wide.from_layout(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
     fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, width=0.05) ** nu)
     np.testing.assert_allclose(mu, powers, rtol=0, atol=1e-12)
-    assert np.abs(powers - fine).max() > 1e-9  # the error of the steps shows, so that other steps would
+    assert np.abs(powers - fine).max() > 1e-9  # the steps cause a larger error, so other steps would be detected
 
 
 # ---- harmonic: balanced loads and the truncation
 
 
 def chain(stiff, load):
-    """Three free masses, a stiff spring and a soft one between them; the gap is beside the soft one."""
+    """Return three free masses joined by a stiff and a soft spring; the element is parallel to the soft one."""
     K = np.array([[stiff, -stiff, 0.0], [-stiff, stiff + 1.0, -1.0], [0.0, -1.0, 1.0]])
     gap = Element([0.0, 1.0, -1.0], Cubic(1.0))
     return System(np.eye(3), None, K, [gap], Load(load))
@@ -290,23 +289,23 @@ def chain(stiff, load):
 
 @pytest.mark.parametrize("stiff", [1.0, 1e4, 1e9])
 def test_balanced_and_unbalanced_loads(stiff):
-    """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: `_BALANCED`
-    is 1e-2, or 0; the rounding of the free motion is 0, or a million times as much."""
+    """The tolerance of the balance is the rounding error, about eps times the ratio of the stiffnesses. Mutants:
+    `_BALANCED` is 1e-2, or 0; the rounding of the free motion is 0, or a million times larger."""
     LinearStructure(chain(stiff, [1.0, 1.0, -2.0]))
     LinearStructure(chain(stiff, [1 / 3, 1 / 3, -2 / 3]))
     LinearStructure(chain(stiff, [0.1, 0.2, -0.3]))
     LinearStructure(chain(stiff, [1 / 3, 1 / 3, -0.666666667]))  # given to nine digits
-    open_ = max(1e-7, 1e4 * np.finfo(float).eps * stiff)
-    assert open_ < 5e-3
+    tolerance = max(1e-7, 1e4 * np.finfo(float).eps * stiff)
+    assert tolerance < 5e-3
     for sign in (1, -1):
         with pytest.raises(UnbalancedLoadError, match="the constant load does work"):
-            LinearStructure(chain(stiff, [1.0, 1.0, -2.0 + sign * open_]))
+            LinearStructure(chain(stiff, [1.0, 1.0, -2.0 + sign * tolerance]))
 
 
 @pytest.mark.parametrize("law", [Cubic(1e-3), PiecewiseLinear((0.3,), (0.0, 1e-3))], ids=["sampled", "exact"])
 def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
-    """A weak law does not act back: what the harmonics H+1..2H of its force do is the error, up to the share of the
-    law in the stiffness. Mutant: the estimate times sqrt 2 or over it (mean square of a cosine forgotten)."""
+    """The feedback of a weak law is negligible: the response to harmonics H+1..2H of its force is the error, up to the
+    share of the law in the stiffness. Mutant: the estimate times or over sqrt 2 (mean square of a cosine omitted)."""
     system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load([0.2], {1: [1.0]}))
     H, Omega = 2, 0.7
     coarse, fine = HarmonicBalance(system, H), HarmonicBalance(system, 2 * H)
@@ -324,8 +323,8 @@ def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
 @pytest.mark.parametrize("k", [1, 2, 3, 5])
 @pytest.mark.parametrize("rho", [0.9, 0.99])
 def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
-    """x_p of period k plus a part that dies like rho^p: D_k / (1 - rho^k) is what that part was k periods ago, and the
-    largest D_k is the one at the other end of the window. Mutant: 1 - rho instead of 1 - rho^k."""
+    """x_p of period k plus a part that decays like rho^p: D_k / (1 - rho^k) is the size of this part k periods earlier,
+    and the largest D_k is at the start of the window. Mutant: 1 - rho instead of 1 - rho^k."""
     periods, window, last = 6, 8, 400
     p = np.arange(last - 2 * window - periods, last + 1)
     x = np.exp(2j * np.pi * (p % k) / k) + 1e-3 * rho ** (p - float(last))
@@ -338,6 +337,6 @@ def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
 
 
 def test_a_root_on_a_segment_of_zero_length_is_not_refined():
-    """Two points of a curve may coincide; the admissible shift over the length was a division by zero."""
+    """Two points of a curve may coincide; the admissible shift must not be divided by the length zero."""
     rough = SimpleNamespace(located=True)
     assert _refine_root(SimpleNamespace(length=0.0), rough, None) is rough

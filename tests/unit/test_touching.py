@@ -167,7 +167,7 @@ def test_a_sampled_curve_holds_points_and_special_points_in_order():
 
 
 def test_a_point_on_either_side_replaces_a_special_point():
-    """At a twentieth of the distance to the next point of the path: an end of the segment, or a special point."""
+    """Each is added at 1/20 of the distance to the next point, an end of the segment or another special point."""
     points, event = Points([at(p) for p in (0.0, 1.0, 2.0)]), Given("PD", sides=True)
     asked = []
 
@@ -258,7 +258,7 @@ def test_sign_changes_that_known_special_points_do_not_explain(kind, sides, chan
     ],
 )  # fmt: skip
 def test_the_sign_change_of_a_replaced_special_point(changes, expected):
-    """It lies between the two points at 0.38 and 0.42, or on the nearest part of the segment that has one."""
+    """It is expected between the points at 0.38 and 0.42, or on the nearest part of the segment with a sign change."""
     positions = [(0, 0.0), (0, 0.38), (0, 0.42), (0, 0.6), (1, 0.0), (2, 0.0), (3, 0.0)]
     event = Given("PD", {7: changes, 4: [1, 0, 0]}, sides=True)
     assert unmatched(event, positions, [""] * 7, {1: "PD"}) == expected
@@ -301,7 +301,7 @@ def test_two_zeros_between_two_points(k, s):
     [("wall", 0.04, 1), ("wall", 0.06, 2), ("", 0.04, 2), ("other", 0.04, 2), ("", 0.5e-6, 1), ("", 2e-6, 2)],
 )
 def test_a_zero_next_to_the_same_special_point_is_that_point(end, first, count, mirror):
-    """Within a twentieth of the segment at either end; within 1e-6 the end itself is the point."""
+    """A zero within 1/20 of the segment from such an end is not returned; within 1e-6 no end needs to be special."""
     roots = 1 + np.array([first, 0.3])
     roots = np.sort(3 - roots) if mirror else roots
     kinds = ["", "", end, ""] if mirror else ["", end, "", ""]
@@ -311,7 +311,7 @@ def test_a_zero_next_to_the_same_special_point_is_that_point(end, first, count, 
 
 
 def test_the_number_of_points_that_are_added():
-    """At most eight for each candidate while the test function stays close to zero, otherwise one."""
+    """At most eight points are added for each candidate while the test function stays close to zero, otherwise one."""
     points = Points([at(p) for p in (0.0, 1.0)])
     path = SampledCurve.through(points, {}, None)
     asked = []
