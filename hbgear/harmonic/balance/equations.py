@@ -246,12 +246,12 @@ class HarmonicEquations(ContinuationProblem):
 
     @property
     def smooth(self) -> bool:  # type: ignore[override]
-        """Whether dR/dX is continuous: no law evaluated by AFT has a breakpoint, no friction, no clipped contact."""
+        """Whether dR/dX is continuous: samples do not pass breakpoints, no friction, no clipped contact."""
         compiled = self.compiled({})
         clipped = any(contact.clipped for _, law in compiled.damped for contact in law.damped)
         if compiled.sliders or clipped or any(law.has_edges for _, law in compiled.vectors):
             return False
-        return not any(law.breakpoints for _, law in compiled.aft_laws)
+        return not any(law.breakpoints for j, law in compiled.aft_laws if j not in compiled.divided)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

@@ -87,6 +87,8 @@ class Evaluator:
         Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)
         Laws whose force jumps (`Law.damped`), each with the number of its element.
+    divided : frozenset of int
+        Elements whose laws are evaluated by AFT, and integrated between crossings of their breakpoints.
     sliders, user_laws : int
         Number of friction sliders, and of compiled laws of the user.
     normal_pairs : tuple of (int, int)
@@ -131,8 +133,10 @@ class Evaluator:
         normal = zip(sliders.element.tolist(), sliders.normal.tolist(), strict=True)
         self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
+        self.divided: frozenset[int] = frozenset()
         if left.size:
-            self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid),)
+            sampled_laws = SampledLaws(self.laws, left, transform, nu, piecewise.grid)
+            self.python_forces, self.divided = (sampled_laws,), sampled_laws.divided
         if self.vectors:
             self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:

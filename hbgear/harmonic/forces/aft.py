@@ -36,6 +36,9 @@ EDGE_GAUSS_POINTS, EDGE_DENSITY, EDGE_POINTS = 8, 40, 1024
 The error for products of two harmonics H and a function of the motion up to 2H is 1e-12. A motion that passes close to
 a small clearance has a force that varies fast with any H."""
 
+SAMPLES_PER_POINT = 4
+"""Samples per Gauss point between the crossings of breakpoints of a law of one displacement, whose samples are dense."""
+
 ZOOM_POINTS, ZOOMS = 17, 4
 """Points of a subdivision that brackets a crossing of an edge, and number of subdivisions: a crossing is interpolated
 in 1e-5 of a sample interval."""
@@ -61,6 +64,11 @@ class SampledLaws:
     grid : ndarray, shape (2, m, N)
         Samples of the part of the displacements that is not in the unknowns (prescribed displacements with
         breakpoints), and of its derivative in theta. N = 0 without such displacements.
+
+    Attributes
+    ----------
+    divided : frozenset of int
+        Numbers of the elements whose laws are integrated between crossings of their breakpoints.
     """
 
     def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array) -> None:
@@ -70,6 +78,7 @@ class SampledLaws:
         self.rated = any(law.rated for law in self.laws)
         self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
         self._divided = [i for i, law in enumerate(self.laws) if law.breakpoints and not self._grid[:, i].any()]
+        self.divided = frozenset(elements[self._divided].tolist())
 
     def forces(self, coefficients: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Return force harmonics (s, 2H + 1) of the s laws and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
@@ -116,9 +125,10 @@ class SampledLaws:
         ends = list(pairwise([*cuts.tolist(), cuts[0] + turn]))
         probe = _Panels([np.array(one) for one in ends], self.nu, EDGE_GAUSS_POINTS)
         acts = np.any(probe.forces(law, c, omega), axis=0).reshape(len(ends), -1).any(axis=1)
-        number = max(self._transform.N, EDGE_DENSITY * (len(c) - 1))
+        number = max(self._transform.N // SAMPLES_PER_POINT, EDGE_DENSITY * (len(c) - 1))
         kept = [one for one, some in zip(ends, acts, strict=True) if some]
-        return _Panels([_divided(*one, number, EDGE_GAUSS_POINTS) for one in kept], self.nu, EDGE_GAUSS_POINTS)
+        panels = [_divided(*one, number, EDGE_GAUSS_POINTS) for one in kept]
+        return _Panels(panels, self.nu, EDGE_GAUSS_POINTS, clustered=True)
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
@@ -350,15 +360,23 @@ class _Panels:
         Subharmonic order.
     points : int
         Gauss points of a panel.
+    clustered : bool, optional
+        If True, the points of each interval are moved towards its ends by theta = a + (b - a) s^2 (3 - 2 s), s from 0
+        to 1. A force that grows there as a root of the distance, such as a Hertzian contact, is smooth in s.
     """
 
-    def __init__(self, panels: Sequence[Array], nu: int, points: int) -> None:
+    def __init__(self, panels: Sequence[Array], nu: int, points: int, clustered: bool = False) -> None:
         x, w = _gauss_rule(points)
         theta, weights = [np.zeros(0)], [np.zeros(0)]
         for ends in panels:
             half = 0.5 * np.diff(ends)[:, None]
-            theta.append((ends[:-1, None] + half * (1 + x)).ravel())
-            weights.append((half * w / np.pi).ravel())
+            at, weight = (ends[:-1, None] + half * (1 + x)).ravel(), (half * w / np.pi).ravel()
+            if clustered:
+                length = ends[-1] - ends[0]
+                s = (at - ends[0]) / length
+                at, weight = ends[0] + length * s * s * (3 - 2 * s), weight * 6 * s * (1 - s)
+            theta.append(at)
+            weights.append(weight)
         self.theta, self.weights = np.concatenate(theta), np.concatenate(weights)
         self.tau, self._waves = nu * self.theta, np.zeros((0, 0), dtype=complex)
 
@@ -370,12 +388,13 @@ class _Panels:
 
     def spectra(self, law: Law, c: ComplexArray, omega: float) -> ComplexArray:
         """Return two-sided coefficients 0..2H of p, dp/dd and dp/dv of a law (3, 2H + 1) of a motion c (H + 1,)."""
-        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, omega)) @ self.waves(2 * (len(c) - 1))).conj()
+        w = self.waves(2 * (len(c) - 1))
+        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, omega)) @ w).conj()
         return out
 
     def forces(self, law: Law, c: ComplexArray, omega: float) -> Array:
         """Return p, dp/dd and dp/dv of a law (3, Q) at the points of a motion c (H + 1,)."""
-        w = self.waves(2 * (len(c) - 1))[:, : len(c)]
+        w = self._waves[:, : len(c)] if self._waves.size else waves(self.theta, len(c) - 1)
         d, v = ((w @ z).real for z in (c, omega * derive(c)))
         return np.array([np.broadcast_to(one, len(d)) for one in law.force(d, v, self.tau)])
 
