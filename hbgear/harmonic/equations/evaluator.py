@@ -87,6 +87,8 @@ class Evaluator:
         Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)
         Laws whose force jumps (`Law.damped`), each with the number of its element.
+    sampled_laws : SampledLaws or None
+        Laws of one displacement in Python.
     divided : frozenset of int
         Elements whose laws are evaluated by AFT, and integrated between crossings of their breakpoints.
     sliders, user_laws : int
@@ -134,9 +136,10 @@ class Evaluator:
         self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
         self.divided: frozenset[int] = frozenset()
+        self.sampled_laws: SampledLaws | None = None
         if left.size:
-            sampled_laws = SampledLaws(self.laws, left, transform, nu, piecewise.grid)
-            self.python_forces, self.divided = (sampled_laws,), sampled_laws.divided
+            self.sampled_laws = SampledLaws(self.laws, left, transform, nu, piecewise.grid)
+            self.python_forces, self.divided = (self.sampled_laws,), self.sampled_laws.divided
         if self.vectors:
             self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:

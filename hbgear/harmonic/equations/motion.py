@@ -297,9 +297,9 @@ MAX_CHOSEN_SAMPLES = 32_768
 """Samples per period up to which their number is raised automatically."""
 
 CORNER_SAMPLES = 2048
-"""Least number of samples per period of laws with breakpoints. A curve has a corner where a sample passes a breakpoint,
-and multipliers depend on the samples of slopes that jump there: period doublings of a rubbing rotor are known to 1e-8,
-and to 1e-5 with 128 samples."""
+"""Least number of samples per period of laws with breakpoints that lie between samples. A curve has a corner where a
+sample passes a breakpoint, and multipliers depend on the samples of slopes that jump there: period doublings of a
+rubbing rotor are known to 1e-8, and to 1e-5 with 128 samples."""
 
 MAX_ALIASING = 1e-5
 """Change of a motion by twice the samples, relative to its size, for which a number of samples is accepted."""
@@ -327,8 +327,8 @@ def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float])
 
 
 def _samples_have_corners(evaluator: Evaluator) -> bool:
-    """Return whether the slope of a law that is evaluated by AFT jumps at breakpoints."""
-    scalar = (law for _, law in evaluator.aft_laws if not isinstance(law, Component))
+    """Return whether the slope of a law that is evaluated by AFT jumps between samples."""
+    scalar = (law for j, law in evaluator.aft_laws if not isinstance(law, Component) and j not in evaluator.divided)
     return any(law.breakpoints for law in scalar) or bool(edged_laws(evaluator))
 
 

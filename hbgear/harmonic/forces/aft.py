@@ -36,9 +36,6 @@ EDGE_GAUSS_POINTS, EDGE_DENSITY, EDGE_POINTS = 8, 40, 1024
 The error for products of two harmonics H and a function of the motion up to 2H is 1e-12. A motion that passes close to
 a small clearance has a force that varies fast with any H."""
 
-SAMPLES_PER_POINT = 4
-"""Samples per Gauss point between the crossings of breakpoints of a law of one displacement, whose samples are dense."""
-
 ZOOM_POINTS, ZOOMS = 17, 4
 """Points of a subdivision that brackets a crossing of an edge, and number of subdivisions: a crossing is interpolated
 in 1e-5 of a sample interval."""
@@ -67,8 +64,10 @@ class SampledLaws:
 
     Attributes
     ----------
+    indices : list of int
+        Indices of the laws that are integrated between crossings of their breakpoints.
     divided : frozenset of int
-        Numbers of the elements whose laws are integrated between crossings of their breakpoints.
+        Numbers of the elements of these laws.
     """
 
     def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array) -> None:
@@ -77,8 +76,8 @@ class SampledLaws:
         self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
         self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
-        self._divided = [i for i, law in enumerate(self.laws) if law.breakpoints and not self._grid[:, i].any()]
-        self.divided = frozenset(elements[self._divided].tolist())
+        self.indices = [i for i, law in enumerate(self.laws) if law.breakpoints and not self._grid[:, i].any()]
+        self.divided = frozenset(elements[self.indices].tolist())
 
     def forces(self, coefficients: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Return force harmonics (s, 2H + 1) of the s laws and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
@@ -100,10 +99,11 @@ class SampledLaws:
         damped = self.rated and bool(damping.any())
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
         force, *slopes = spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
-        for i in self._divided:
-            between = self._between_breakpoints(i, c[i], Omega / self.nu)
+        for i in self.indices:
+            motion = c[i], Omega / self.nu * derive(c[i])
+            between = self.between_breakpoints(i, *motion)
             if between is not None:
-                spectra[:, i] = between.spectra(self.laws[i], c[i], Omega / self.nu)[: len(spectra)]
+                spectra[:, i] = between.spectra(self.laws[i], *motion, 2 * (len(c[i]) - 1))[: len(spectra)]
         T = [product_matrices(one) for one in slopes]
         H = coefficients.shape[1] // 2
         imposed: Array | float = 0.0
@@ -111,10 +111,22 @@ class SampledLaws:
             imposed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
         return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, imposed
 
-    def _between_breakpoints(self, i: int, c: ComplexArray, omega: float) -> _Panels | None:
+    def between_breakpoints(self, i: int, c: ComplexArray, rate: ComplexArray) -> Panels | None:
         """Return panels between the crossings of breakpoints and the phases of a law; None without crossings.
 
         Intervals in which there is no force are left out.
+
+        Parameters
+        ----------
+        i : int
+            Index of the law.
+        c, rate : ndarray, shape (H + 1,)
+            One-sided coefficients of the displacement and of the velocity.
+
+        Returns
+        -------
+        Panels or None
+            The panels.
         """
         law, turn = self.laws[i], 2 * np.pi
         crossings = np.concatenate([roots_of(c, level) for level in law.breakpoints])
@@ -123,12 +135,12 @@ class SampledLaws:
         phases = [(phase % turn + turn * k) / self.nu for phase in law.phases for k in range(self.nu)]
         cuts = np.unique(np.concatenate([phases, crossings % turn]))
         ends = list(pairwise([*cuts.tolist(), cuts[0] + turn]))
-        probe = _Panels([np.array(one) for one in ends], self.nu, EDGE_GAUSS_POINTS)
-        acts = np.any(probe.forces(law, c, omega), axis=0).reshape(len(ends), -1).any(axis=1)
-        number = max(self._transform.N // SAMPLES_PER_POINT, EDGE_DENSITY * (len(c) - 1))
+        probe = Panels([np.array(one) for one in ends], self.nu, EDGE_GAUSS_POINTS)
+        acts = np.any(probe.forces(law, c, rate), axis=0).reshape(len(ends), -1).any(axis=1)
+        number = max(self._transform.N, EDGE_DENSITY * (len(c) - 1))
         kept = [one for one, some in zip(ends, acts, strict=True) if some]
         panels = [_divided(*one, number, EDGE_GAUSS_POINTS) for one in kept]
-        return _Panels(panels, self.nu, EDGE_GAUSS_POINTS, clustered=True)
+        return Panels(panels, self.nu, EDGE_GAUSS_POINTS, clustered=True)
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
@@ -156,6 +168,11 @@ class SampledLaws:
         for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
             f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
+            for n, motion in enumerate(c[:, i] if i in self.indices else ()):
+                rate = Omega[n] / self.nu * derive(motion)
+                between = self.between_breakpoints(i, motion, rate)
+                if between is not None:
+                    f[n, j] = 2 * between.spectra(self.laws[i], motion, rate, int(left.max()))[0, left]
 
 
 class SampledVectorLaws:
@@ -318,15 +335,15 @@ def _roots(edge: Callable[[Array], Array], low: Array, high: Array) -> Array:
     return found
 
 
-def _between_phases(phases: Sequence[float], nu: int, N: int) -> _Panels:
+def _between_phases(phases: Sequence[float], nu: int, N: int) -> Panels:
     """Return panels between known phases, with N points per basis period or more."""
     turn = 2 * np.pi
     cuts = np.unique([0.0, turn, *((phase % turn + turn * i) / nu for phase in phases for i in range(nu))])
     cuts = cuts[np.diff(cuts, prepend=-1.0) > 1e-12]
-    return _Panels([_divided(a, b, N, GAUSS_POINTS) for a, b in pairwise(cuts.tolist())], nu, GAUSS_POINTS)
+    return Panels([_divided(a, b, N, GAUSS_POINTS) for a, b in pairwise(cuts.tolist())], nu, GAUSS_POINTS)
 
 
-def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> _Panels:
+def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> Panels:
     """Return panels between crossings of edges, without the intervals in which there is no force."""
     low, high = cuts, np.append(cuts[1:], cuts[0] + 2 * np.pi)
     theta = low[:, None] + (high - low)[:, None] * np.array([0.25, 0.5, 0.75])
@@ -335,7 +352,7 @@ def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> _Panels
     acts = (force.any(axis=0) | kd.any(axis=(0, 1))).reshape(theta.shape).any(axis=1)
     number = max(EDGE_POINTS, EDGE_DENSITY * (rows.shape[1] // 2))
     intervals = list(zip(low[acts].tolist(), high[acts].tolist(), strict=True))
-    return _Panels([_divided(a, b, number, EDGE_GAUSS_POINTS) for a, b in intervals], nu, EDGE_GAUSS_POINTS)
+    return Panels([_divided(a, b, number, EDGE_GAUSS_POINTS) for a, b in intervals], nu, EDGE_GAUSS_POINTS)
 
 
 def _divided(a: float, b: float, number: int, points: int) -> Array:
@@ -349,7 +366,7 @@ def _gauss_rule(points: int) -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(points)
 
 
-class _Panels:
+class Panels:
     """Integration over intervals of the basis period by panels of Gauss points.
 
     Parameters
@@ -386,16 +403,19 @@ class _Panels:
             self._waves = waves(self.theta, H)
         return self._waves
 
-    def spectra(self, law: Law, c: ComplexArray, omega: float) -> ComplexArray:
-        """Return two-sided coefficients 0..2H of p, dp/dd and dp/dv of a law (3, 2H + 1) of a motion c (H + 1,)."""
-        w = self.waves(2 * (len(c) - 1))
-        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, omega)) @ w).conj()
+    def spectra(self, law: Law, c: ComplexArray, rate: ComplexArray, order: int) -> ComplexArray:
+        """Return two-sided coefficients 0..order of p, dp/dd and dp/dv of a law (3, order + 1).
+
+        c, rate (H + 1,) are one-sided coefficients of the displacement and of the velocity.
+        """
+        w = self.waves(max(order, len(c) - 1))[:, : order + 1]
+        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, rate)) @ w).conj()
         return out
 
-    def forces(self, law: Law, c: ComplexArray, omega: float) -> Array:
-        """Return p, dp/dd and dp/dv of a law (3, Q) at the points of a motion c (H + 1,)."""
-        w = self._waves[:, : len(c)] if self._waves.size else waves(self.theta, len(c) - 1)
-        d, v = ((w @ z).real for z in (c, omega * derive(c)))
+    def forces(self, law: Law, c: ComplexArray, rate: ComplexArray) -> Array:
+        """Return p, dp/dd and dp/dv of a law (3, Q) at the points; see `spectra`."""
+        w = self._waves[:, : len(c)] if self._waves.shape[1] >= len(c) else waves(self.theta, len(c) - 1)
+        d, v = ((w @ z).real for z in (c, rate))
         return np.array([np.broadcast_to(one, len(d)) for one in law.force(d, v, self.tau)])
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:

@@ -11,7 +11,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import evaluate
-from hbgear.mechanics.series.real_basis import derivative
+from hbgear.mechanics.series.real_basis import derivative, one_sided
 
 
 def has_sampled_slopes(compiled: Evaluator) -> bool:
@@ -51,6 +51,7 @@ class SampledSlopes:
         if grid.shape[2]:
             self._d += grid[0][self.elements]
             self._v += self._omega * grid[1][self.elements]
+        self._divided = compiled.sampled_laws if compiled.divided else None
         N = self._d.shape[1]
         self._tau = 2 * np.pi * compiled.nu * np.arange(N) / N
 
@@ -66,7 +67,21 @@ class SampledSlopes:
         out = np.zeros((2, len(self.elements), count), dtype=complex)
         for slopes, c in zip(self.at(self._d, self._v), out, strict=True):
             c[:, :kept] = np.fft.rfft(slopes)[:, :kept] / len(self._tau)
+        for i in self._divided.indices if self._divided else ():
+            exact = self._between_breakpoints(i, self._d[i], self._v[i], count - 1)
+            if exact is not None:
+                out[:, i] = exact
         return out[0], out[1]
+
+    def _between_breakpoints(self, i: int, d: Array, v: Array, order: int) -> ComplexArray | None:
+        """Return coefficients 0..order of the slopes (2, order + 1) of a law from samples of its displacement and rate.
+
+        The slopes jump at breakpoints, and are integrated between their crossings; None without crossings.
+        """
+        assert self._divided is not None
+        c, rate = (one_sided(np.fft.rfft(samples)[: len(self._tau) // 2] / len(self._tau)) for samples in (d, v))
+        between = self._divided.between_breakpoints(i, c, rate)
+        return None if between is None else between.spectra(self._laws[i], c, rate, order)[1:]
 
     def gradient(self, phi: Array, chi: Array) -> Array:
         """Return the gradient (L, 2H + 1), in the rows of the motion, of mean(K phi + C chi).
@@ -83,6 +98,13 @@ class SampledSlopes:
         up, down = (self.at(self._d + side * h * phi, self._v + side * h * chi) for side in (1, -1))
         dp, dq = ((a - b) / (2 * h) for a, b in zip(up, down, strict=True))
         out: Array = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
+        H = len(self._basis) // 2
+        for i in self._divided.indices if self._divided else ():
+            shifted = ((self._d[i] + side * h * phi[i], self._v[i] + side * h * chi[i]) for side in (1, -1))
+            ends = [self._between_breakpoints(i, *one, H) for one in shifted]
+            if ends[0] is not None and ends[1] is not None:
+                dK, dC = (ends[0] - ends[1]) / (2 * h)
+                out[i] = _means(dK) + self._omega * _means(-1j * np.arange(H + 1) * dC)
         return out
 
     def samples(self, c: ComplexArray) -> ComplexArray:
@@ -94,6 +116,13 @@ class SampledSlopes:
 
 _STEP = 1e-5
 """Step of the central differences of slopes, relative to the largest displacement."""
+
+
+def _means(x: ComplexArray) -> Array:
+    """Return the means (2H + 1,) of a function with two-sided coefficients 0..H times 1, cos theta, sin theta, ..."""
+    out = np.empty(2 * len(x) - 1)
+    out[0], out[1::2], out[2::2] = x[0].real, x[1:].real, -x[1:].imag
+    return out
 
 
 def slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> Array:
