@@ -1,7 +1,10 @@
 """Contact damping against event-exact motions of x'' + 2 zeta x' + f = F cos(Omega t), computed apart."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+import scipy
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -137,3 +140,96 @@ def test_restitution():
     mass = hb.System([[1.0]], [[0.0]], [[0.0]], [hb.Element([1.0], law)], hb.Load())
     motion = hb.time.integrate(mass, [-0.05, 1.0], 1, 2 * np.pi / 0.4)
     assert -motion.end[1] == pytest.approx(1 - 2 / 3 * 0.01, abs=2e-4)
+
+
+def one_mass(k: float = 8.0, gap: float = 0.5, F: float = 0.3) -> hb.System:
+    """A mass and a Hertzian stop with damping; its curve has folds and period doublings."""
+    law = hb.mechanics.HuntCrossley(k=k, contact_damping=0.3, gap=gap, exponent=1.5)
+    return hb.System([[1.0]], [[0.06]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [F]}))
+
+
+def two_masses(k: float = 3.0, gap: float = 0.38, F: float = 0.35) -> hb.System:
+    """Two masses and a Hertzian stop with damping; its curve has folds and Neimark-Sacker points."""
+    law = hb.mechanics.HuntCrossley(k=k, contact_damping=0.3, gap=gap, exponent=1.5)
+    M, C, K = np.diag([1.0, 0.8]), np.array([[0.05, -0.02], [-0.02, 0.04]]), np.array([[1.6, -0.7], [-0.7, 1.2]])
+    return hb.System(M, C, K, [hb.Element([0.0, 1.0], law)], hb.Load(cosine={1: [F, 0.0]}))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.2])
+def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
+    """f_k = (1/pi) int p(d, d') exp(-i k theta) dtheta between the crossings of the gap, by adaptive quadrature; the
+    Jacobian matrix by differences, which exist to the second order in the step."""
+    law = hb.mechanics.HuntCrossley(k=2.0, contact_damping=0.3, gap=0.4, exponent=exponent, sides=2)
+    H, Omega = 5, 1.3
+    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)]), H)
+    X = 0.03 * rng.standard_normal(2 * H + 1)
+    X[1] += 0.9
+    row = X.tolist()
+
+    def motion(t, rate=False):
+        terms = ((k * row[2 * k] * Omega, -k * row[2 * k - 1] * Omega) if rate else row[2 * k - 1 : 2 * k + 1]
+                 for k in range(1, H + 1))  # fmt: skip
+        mean = 0.0 if rate else row[0]
+        return mean + sum(a * np.cos(k * t) + b * np.sin(k * t) for k, (a, b) in enumerate(terms, 1))
+
+    grid = np.linspace(0, 2 * np.pi, 401)
+    cuts = [0.0, 2 * np.pi]
+    for level in (-0.4, 0.4):
+        x = motion(grid) - level
+        cuts += [scipy.optimize.brentq(lambda t, level=level: motion(t) - level, grid[i], grid[i + 1], xtol=1e-15)
+                 for i in np.flatnonzero(x[1:] * x[:-1] < 0)]  # fmt: skip
+    cuts.sort()
+
+    def integral(wave):
+        def integrand(t):
+            return float(law.force(np.array(motion(t)), np.array(motion(t, True)), 0.0)[0]) * wave(t) / np.pi
+
+        return sum(scipy.integrate.quad(integrand, a, b, epsabs=1e-13, epsrel=1e-12)[0] for a, b in pairwise(cuts))
+
+    expected = [0.5 * integral(lambda t: 1.0)]
+    for k in range(1, H + 1):
+        expected += [integral(lambda t, k=k: np.cos(k * t)), integral(lambda t, k=k: np.sin(k * t))]
+    found = problem.force_rows(X, Omega=Omega)[0]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    v = rng.standard_normal(len(X))
+    J = problem.evaluate(X, Omega=Omega)[1]
+    errors = []
+    for h in (1e-4, 1e-5):
+        up, down = (problem.evaluate(X + side * h * v, Omega=Omega)[0] for side in (1, -1))
+        errors.append(np.abs((up - down) / (2 * h) - J @ v).max())
+    assert errors[0] < 1e-5 and errors[1] < 0.02 * errors[0] + 1e-9
+
+
+@pytest.mark.parametrize(("build", "expected"), [(one_mass, {"LP", "PD"}), (two_masses, {"LP", "NS"})])
+def test_special_points_of_hunt_crossley_by_two_methods(build, expected):
+    """Equations of folds, doublings and Neimark-Sacker points against multipliers of the exact flow at the same motion,
+    which have a multiplier +1, -1 or a pair on the unit circle there; samples of the slopes gave 1e-4."""
+    curve = hb.trace(hb.HarmonicBalance(build(), 48), "Omega", (1.7, 0.4), accuracy=None)
+    kinds = set()
+    for point in curve.special:
+        if point.kind in ("LP", "PD", "NS"):
+            mu = curve.problem.multipliers(point.X, **point.parameters)
+            target = {"LP": mu - 1, "PD": mu + 1, "NS": (np.abs(mu) - 1)[np.abs(mu.imag) > 1e-6]}[point.kind]
+            assert np.abs(target).min() < 2e-7
+            kinds.add(point.kind)
+    assert kinds == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("build", "kind"), [(one_mass, "PD"), (two_masses, "NS")])
+def test_sensitivities_of_hunt_crossley(build, kind):
+    """They depend on the change of the Jacobian matrix along the curve: against points of curves traced again."""
+    make = hb.mechanics.model(build)
+
+    def points(**changed):
+        curve = hb.trace(hb.HarmonicBalance(make(**changed), 12), "Omega", (1.7, 0.4), accuracy=None)
+        return [point for point in curve.special if point.kind == kind]
+
+    base, h = points(), 1e-4
+    assert len(base) >= 2
+    for name, value in make().parameters.items():
+        up, down = (points(**{name: value * (1 + side * h)}) for side in (1, -1))
+        for a, b, one in zip(up, down, base, strict=True):
+            expected = (a.parameters["Omega"] - b.parameters["Omega"]) / (2 * h * value)
+            found = hb.analysis.sensitivity(one).of("Omega")[name]
+            assert found == pytest.approx(expected, rel=1e-5, abs=1e-6), (one.label, name)
