@@ -123,7 +123,10 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
         base, np.array(shifts, dtype=np.int64), series,
         at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
     )  # fmt: skip
-    unknown = [parts is None and type(law) is not CompiledLaw for parts, law in zip(known, laws, strict=True)]
+    unknown = [
+        parts is None and not (isinstance(law, CompiledLaw) and not law.breakpoints)
+        for parts, law in zip(known, laws, strict=True)
+    ]
     return Packing(table, springs, levels, np.flatnonzero(unknown), public)
 
 

@@ -23,6 +23,7 @@ class CompiledLaw(Law):  # numpydoc ignore=PR02
     """A law of the user with a compiled force, as fast as the laws of hbgear.
 
     The force is sampled at N instants per period like a `Law` written in Python, but compiled loops call it directly.
+    A law with breakpoints is integrated between their crossings like a `Law` written in Python, and called from there.
 
     Parameters
     ----------
