@@ -25,7 +25,7 @@ from hbgear.continuation.problem.evaluation import FOLD, Evaluation, Locating, P
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.harmonic.bifurcations.no_contact import Pins
 from hbgear.harmonic.equations.discretization import Discretization
-from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
 from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection
 from hbgear.harmonic.equations.model_cache import ModelCache
 from hbgear.harmonic.forces.packed_model import PackedModel
@@ -251,7 +251,8 @@ class HarmonicEquations(ContinuationProblem):
         clipped = any(contact.clipped for _, law in compiled.damped for contact in law.damped)
         if compiled.sliders or clipped or any(law.has_edges for _, law in compiled.vectors):
             return False
-        return not any(law.breakpoints for j, law in compiled.aft_laws if j not in compiled.divided)
+        divided = elements_between_breakpoints(compiled)
+        return not any(law.breakpoints for j, law in compiled.aft_laws if j not in divided)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

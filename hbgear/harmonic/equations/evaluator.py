@@ -87,10 +87,6 @@ class Evaluator:
         Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)
         Laws whose force jumps (`Law.damped`), each with the number of its element.
-    sampled_laws : SampledLaws or None
-        Laws of one displacement in Python.
-    divided : frozenset of int
-        Elements whose laws are evaluated by AFT, and integrated between crossings of their breakpoints.
     sliders, user_laws : int
         Number of friction sliders, and of compiled laws of the user.
     normal_pairs : tuple of (int, int)
@@ -135,11 +131,8 @@ class Evaluator:
         normal = zip(sliders.element.tolist(), sliders.normal.tolist(), strict=True)
         self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
-        self.divided: frozenset[int] = frozenset()
-        self.sampled_laws: SampledLaws | None = None
         if left.size:
-            self.sampled_laws = SampledLaws(self.laws, left, transform, nu, piecewise.grid)
-            self.python_forces, self.divided = (self.sampled_laws,), self.sampled_laws.divided
+            self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid, sampled),)
         if self.vectors:
             self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:
@@ -365,3 +358,14 @@ def writable(X: Array) -> Array:
         return X
     out: Array = np.require(X, float, ("C", "W"))
     return out
+
+
+def sampled_laws(evaluator: Evaluator) -> SampledLaws | None:
+    """Return the laws of one displacement that are evaluated in Python by AFT, or None."""
+    return next((forces for forces in evaluator.python_forces if isinstance(forces, SampledLaws)), None)
+
+
+def elements_between_breakpoints(evaluator: Evaluator) -> frozenset[int]:
+    """Return the elements whose laws are integrated by AFT between the crossings of their breakpoints."""
+    laws = sampled_laws(evaluator)
+    return laws.divided if laws else frozenset()

@@ -32,7 +32,7 @@ from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
-from hbgear.harmonic.equations.evaluator import Evaluator, writable
+from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
 from hbgear.harmonic.equations.thresholds import edge_extremes, edged_laws, slip_margins
 from hbgear.mechanics.laws.slider import friction_limits, limit_at
@@ -328,7 +328,8 @@ def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float])
 
 def _samples_have_corners(evaluator: Evaluator) -> bool:
     """Return whether the slope of a law that is evaluated by AFT jumps between samples."""
-    scalar = (law for j, law in evaluator.aft_laws if not isinstance(law, Component) and j not in evaluator.divided)
+    divided = elements_between_breakpoints(evaluator)
+    scalar = (law for j, law in evaluator.aft_laws if not isinstance(law, Component) and j not in divided)
     return any(law.breakpoints for law in scalar) or bool(edged_laws(evaluator))
 
 

@@ -61,6 +61,8 @@ class SampledLaws:
     grid : ndarray, shape (2, m, N)
         Samples of the part of the displacements that is not in the unknowns (prescribed displacements with
         breakpoints), and of its derivative in theta. N = 0 without such displacements.
+    plain : bool
+        True for equal samples without regard to breakpoints, the usual AFT.
 
     Attributes
     ----------
@@ -70,13 +72,18 @@ class SampledLaws:
         Numbers of the elements of these laws.
     """
 
-    def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array) -> None:
+    def __init__(
+        self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array, plain: bool
+    ) -> None:
         self.elements, self.nu, self._transform = elements, nu, transform
         self.laws = [laws[j] for j in elements]
         self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
         self._bind = [_bind(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
-        self.indices = [i for i, law in enumerate(self.laws) if law.breakpoints and not self._grid[:, i].any()]
+        divided = [
+            bool(law.breakpoints) and not plain and not self._grid[:, i].any() for i, law in enumerate(self.laws)
+        ]
+        self.indices = np.flatnonzero(divided).tolist()
         self.divided = frozenset(elements[self.indices].tolist())
 
     def forces(self, coefficients: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.evaluator import Evaluator, sampled_laws
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.real_basis import derivative, one_sided
@@ -51,7 +51,7 @@ class SampledSlopes:
         if grid.shape[2]:
             self._d += grid[0][self.elements]
             self._v += self._omega * grid[1][self.elements]
-        self._divided = compiled.sampled_laws if compiled.divided else None
+        self._sampled = sampled_laws(compiled)
         N = self._d.shape[1]
         self._tau = 2 * np.pi * compiled.nu * np.arange(N) / N
 
@@ -67,7 +67,7 @@ class SampledSlopes:
         out = np.zeros((2, len(self.elements), count), dtype=complex)
         for slopes, c in zip(self.at(self._d, self._v), out, strict=True):
             c[:, :kept] = np.fft.rfft(slopes)[:, :kept] / len(self._tau)
-        for i in self._divided.indices if self._divided else ():
+        for i in self._sampled.indices if self._sampled else ():
             exact = self._between_breakpoints(i, self._d[i], self._v[i], count - 1)
             if exact is not None:
                 out[:, i] = exact
@@ -78,9 +78,9 @@ class SampledSlopes:
 
         The slopes jump at breakpoints, and are integrated between their crossings; None without crossings.
         """
-        assert self._divided is not None
+        assert self._sampled is not None
         c, rate = (one_sided(np.fft.rfft(samples)[: len(self._tau) // 2] / len(self._tau)) for samples in (d, v))
-        between = self._divided.between_breakpoints(i, c, rate)
+        between = self._sampled.between_breakpoints(i, c, rate)
         return None if between is None else between.spectra(self._laws[i], c, rate, order)[1:]
 
     def gradient(self, phi: Array, chi: Array) -> Array:
@@ -99,7 +99,7 @@ class SampledSlopes:
         dp, dq = ((a - b) / (2 * h) for a, b in zip(up, down, strict=True))
         out: Array = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
         H = len(self._basis) // 2
-        for i in self._divided.indices if self._divided else ():
+        for i in self._sampled.indices if self._sampled else ():
             shifted = ((self._d[i] + side * h * phi[i], self._v[i] + side * h * chi[i]) for side in (1, -1))
             ends = [self._between_breakpoints(i, *one, H) for one in shifted]
             if ends[0] is not None and ends[1] is not None:

@@ -55,8 +55,8 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
 
     Notes
     -----
-    The law is evaluated by AFT (alternating frequency/time); the estimated sampling error is part of the error of a
-    curve. It never pulls: where 1 + contact_damping delta' < 0, the force is zero.
+    The force is integrated by Gauss points between the instants at which contact begins and ends, to rounding unless
+    the contact ends before that. It never pulls: where 1 + contact_damping delta' < 0, the force is zero.
 
     References
     ----------
