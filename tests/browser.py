@@ -1,4 +1,4 @@
-"""A real browser without a window, for tests of pages; they are skipped, and say so, where there is none."""
+"""A real browser without a window, for tests of pages, which are skipped with a reason without one."""
 
 import shutil
 from collections.abc import Iterator

@@ -586,7 +586,7 @@ def attempt_store(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
         if mine is None or mine.dtype.kind != values.dtype.kind or mine.shape != values.shape:
             return pool.Wrong("nonsense", f"store: column {column} is another", f"{mine!r}"[:300])
     if not all(np.isfinite(found.table[c]).all() for c in ("peak", "peak_Omega", "seconds", "jumps")):
-        return pool.Wrong("nonsense", "store: a number that is none", f"{found.table}"[:300])
+        return pool.Wrong("nonsense", "store: text instead of a number", f"{found.table}"[:300])
     found.export(folder / "t.csv")
     found.export(folder / "t.npz")
     return None

@@ -82,7 +82,7 @@ def test_monte_carlo_of_whole_curves(curve):
 
 
 def test_held_frequency_and_held_amplitude(curve):
-    """Away from folds the scatter of the amplitude is that of `sensitivity`; at the fold there is none."""
+    """Away from folds the scatter of the amplitude is that of `sensitivity`; at the fold it is unknown."""
     band = hb.design.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4}, unit="Omega", length="")
     for i in (5, 20, len(curve) - 4):
         row = hb.analysis.sensitivity(curve[i], ["zeta", "e[0]"], measure="pp2")
