@@ -200,6 +200,22 @@ def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
     assert errors[0] < 1e-5 and errors[1] < 0.02 * errors[0] + 1e-9
 
 
+def test_a_contact_shorter_than_a_sample_step():
+    """A contact of .045 rad between two of 64 samples, .098 rad apart, has its force, stiffness and damping."""
+    law = hb.mechanics.HuntCrossley(k=2.0, contact_damping=0.3, gap=0.4)
+    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)]), 4)
+    X, depth, phase = np.zeros(9), 1e-4, 0.049
+    X[1:3] = (0.4 + depth) * np.array([np.cos(phase), np.sin(phase)])
+    half = np.arccos(0.4 / (0.4 + depth))
+    assert problem.N == 64 and 2 * half < 0.046
+    mean = 2.0 * (0.4 + depth) * (np.sin(half) - half * np.cos(half)) / np.pi  # the damping force is odd in time
+    assert problem.force_rows(X, Omega=1.0)[0][0] == pytest.approx(mean, rel=1e-9)
+    J, h = problem.evaluate(X, Omega=1.0)[1], 1e-8
+    for v in np.eye(9):
+        up, down = (problem.evaluate(X + side * h * v, Omega=1.0)[0] for side in (1, -1))
+        np.testing.assert_allclose(J @ v, (up - down) / (2 * h), rtol=0, atol=1e-7)
+
+
 @pytest.mark.parametrize(("build", "expected"), [(one_mass, {"LP", "PD"}), (two_masses, {"LP", "NS"})])
 def test_special_points_of_hunt_crossley_by_two_methods(build, expected):
     """Equations of folds, doublings and Neimark-Sacker points against multipliers of the exact flow at the same motion,

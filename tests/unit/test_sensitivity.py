@@ -170,6 +170,7 @@ def test_grazing_at_two_breakpoints_at_once():
     assert found["zeta"] == pytest.approx(-gap * 4 * zeta * w**2 / size / slope, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_neimark_sacker_points_between_grazing_and_a_fold():
     """Two points within 2e-4 of a grazing contact and 4e-6 of a fold, where dX/dOmega is large, of a contact with a
     damper; against points of curves traced with other parameters."""

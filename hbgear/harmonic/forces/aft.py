@@ -103,14 +103,15 @@ class SampledLaws:
         found = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
             zip(self._bind, samples[0], strict=True))]  # fmt: skip
         p, stiffness, damping = (np.array(parts) for parts in zip(*found, strict=True))
-        damped = self.rated and bool(damping.any())
-        spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
-        force, *slopes = spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
+        spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if self.rated else [p, stiffness]))
+        spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
         for i in self.indices:
             motion = c[i], Omega / self.nu * derive(c[i])
             between = self.between_breakpoints(i, *motion)
             if between is not None:
                 spectra[:, i] = between.spectra(self.laws[i], *motion, 2 * (len(c[i]) - 1))[: len(spectra)]
+        damped = self.rated and bool(spectra[2].any())  # contacts may be shorter than a sample step
+        force, *slopes = spectra[: 3 if damped else 2]
         T = [product_matrices(one) for one in slopes]
         H = coefficients.shape[1] // 2
         imposed: Array | float = 0.0
@@ -415,6 +416,8 @@ class Panels:
 
         c, rate (H + 1,) are one-sided coefficients of the displacement and of the velocity.
         """
+        if not self.theta.size:  # the force is zero everywhere
+            return np.zeros((3, order + 1), dtype=complex)
         w = self.waves(max(order, len(c) - 1))[:, : order + 1]
         out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, rate)) @ w).conj()
         return out
