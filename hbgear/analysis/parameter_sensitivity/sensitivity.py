@@ -79,8 +79,10 @@ def sensitivity(
     Notes
     -----
     Derivatives in parameters are central differences of the equations, one-sided at the end of a range, with a relative
-    error of about 1e-8. Special points of curves in contact instants are located again with changed parameters. If a
-    change of a parameter separates two branches that intersect, the derivatives of their branch point are nan.
+    error of about 1e-8, and of about 1e-6 for Neimark-Sacker points of contacts with dampers or friction, whose
+    multipliers are differentiated. Special points of curves in contact instants are located again with changed
+    parameters. If a change of a parameter separates two branches that intersect, the derivatives of their branch point
+    are nan.
 
     References
     ----------
