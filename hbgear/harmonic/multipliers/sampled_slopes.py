@@ -68,18 +68,19 @@ class SampledSlopes:
         for slopes, c in zip(self.at(self._d, self._v), out, strict=True):
             c[:, :kept] = np.fft.rfft(slopes)[:, :kept] / len(self._tau)
         for i in self._sampled.indices if self._sampled else ():
-            exact = self._between_breakpoints(i, self._d[i], self._v[i], count - 1)
+            exact = self._between_breakpoints(i, self._d[i], self._v[i], len(self._basis) // 2, count - 1)
             if exact is not None:
                 out[:, i] = exact
         return out[0], out[1]
 
-    def _between_breakpoints(self, i: int, d: Array, v: Array, order: int) -> ComplexArray | None:
+    def _between_breakpoints(self, i: int, d: Array, v: Array, highest: int, order: int) -> ComplexArray | None:
         """Return coefficients 0..order of the slopes (2, order + 1) of a law from samples of its displacement and rate.
 
-        The slopes jump at breakpoints, and are integrated between their crossings; None without crossings.
+        The slopes jump at breakpoints, and are integrated between their crossings; None without crossings. ``highest``
+        is the largest order of the displacement.
         """
         assert self._sampled is not None
-        c, rate = (one_sided(np.fft.rfft(samples)[: len(self._tau) // 2] / len(self._tau)) for samples in (d, v))
+        c, rate = (one_sided(np.fft.rfft(samples)[: highest + 1] / len(self._tau)) for samples in (d, v))
         between = self._sampled.between_breakpoints(i, c, rate)
         return None if between is None else between.spectra(self._laws[i], c, rate, order)[1:]
 
@@ -101,7 +102,7 @@ class SampledSlopes:
         H = len(self._basis) // 2
         for i in self._sampled.indices if self._sampled else ():
             shifted = ((self._d[i] + side * h * phi[i], self._v[i] + side * h * chi[i]) for side in (1, -1))
-            ends = [self._between_breakpoints(i, *one, H) for one in shifted]
+            ends = [self._between_breakpoints(i, *one, 2 * H, H) for one in shifted]
             if ends[0] is not None and ends[1] is not None:
                 dK, dC = (ends[0] - ends[1]) / (2 * h)
                 out[i] = _means(dK) + self._omega * _means(-1j * np.arange(H + 1) * dC)
