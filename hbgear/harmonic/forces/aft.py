@@ -98,8 +98,9 @@ class SampledLaws:
         breakpoints, 0 without any.
         """
         c = to_complex(coefficients[self.elements])
-        waves = [c, Omega / self.nu * derive(c)] if self.rated else [c]
-        samples = self._transform.samples(np.concatenate(waves)).reshape(len(waves), len(c), -1)
+        rate = Omega / self.nu * derive(c)
+        series = [c, rate] if self.rated else [c]
+        samples = self._transform.samples(np.concatenate(series)).reshape(len(series), len(c), -1)
         samples[0] += self._grid[0]
         if self.rated:
             samples[1] += Omega / self.nu * self._grid[1]
@@ -110,10 +111,9 @@ class SampledLaws:
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if self.rated else [p, stiffness]))
         spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
         for i in self.indices:
-            motion = c[i], Omega / self.nu * derive(c[i])
-            between = self.between_breakpoints(i, *motion)
+            between = self.between_breakpoints(i, c[i], rate[i])
             if between is not None:
-                spectra[:, i] = between.spectra(self.laws[i], *motion, 2 * (len(c[i]) - 1))[: len(spectra)]
+                spectra[:, i] = between.spectra(self.laws[i], c[i], rate[i], spectra.shape[-1] - 1)[: len(spectra)]
         damped = self.rated and bool(spectra[2].any())  # contacts may be shorter than a sample step
         force, *slopes = spectra[: 3 if damped else 2]
         T = [product_matrices(one) for one in slopes]
@@ -248,7 +248,7 @@ class SampledVectorLaws:
             f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
 
 
-def roots_of(c: ComplexArray, level: float = 0.0, samples: Array | None = None) -> Array:
+def roots_of(c: ComplexArray, level: float = 0.0) -> Array:
     """Return the phases in [0, 2 pi], ascending, at which a motion crosses a level.
 
     Parameters
@@ -257,8 +257,6 @@ def roots_of(c: ComplexArray, level: float = 0.0, samples: Array | None = None) 
         One-sided coefficients of the motion.
     level : float, optional
         The level. The default is 0.
-    samples : ndarray, shape (N,), optional
-        Samples of the motion, N >= 4H. By default they are computed.
 
     Returns
     -------
@@ -268,8 +266,7 @@ def roots_of(c: ComplexArray, level: float = 0.0, samples: Array | None = None) 
     from hbgear.harmonic.forces.switching_times import crossings
 
     H = len(c) - 1
-    if samples is None:
-        samples = samples_of(c[None], SAMPLES_PER_HARMONIC * max(H, 4))[0]
+    samples = samples_of(c[None], SAMPLES_PER_HARMONIC * max(H, 4))[0]
     theta, sign = np.empty(2 * H + 4), np.empty(2 * H + 4)
     count = crossings(np.ascontiguousarray(c), float(level), np.ascontiguousarray(samples), theta, sign)
     return theta[:count]

@@ -124,7 +124,7 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
         at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
     )  # fmt: skip
     unknown = [
-        parts is None and not (isinstance(law, CompiledLaw) and not law.breakpoints)
+        parts is None and not (isinstance(law, CompiledLaw) and law.is_called_by_kernels)
         for parts, law in zip(known, laws, strict=True)
     ]
     return Packing(table, springs, levels, np.flatnonzero(unknown), public)

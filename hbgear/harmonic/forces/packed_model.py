@@ -122,8 +122,8 @@ def sliders_of(elements: Sequence[Element], nu: int, H: int) -> Sliders:
 
 
 def own_of(laws: Sequence[Law]) -> Own:
-    """Return the compiled laws of a model that kernels call: those without breakpoints, see `SampledLaws`."""
-    own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw) and not law.breakpoints]
+    """Return the compiled laws of a model that kernels call."""
+    own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw) and law.is_called_by_kernels]
     given = np.zeros((len(own), 1 + max([0, *(len(law.parameters) for _, law in own)])))
     for row, (_, law) in zip(given, own, strict=True):
         row[: len(law.parameters)] = law.parameters

@@ -98,6 +98,11 @@ class CompiledLaw(Law):  # numpydoc ignore=PR02
         raise TypeError(f"CompiledLaw(function) needs a compiled function: decorate it by @numba.njit; got {given}")
 
     @property
+    def is_called_by_kernels(self) -> bool:
+        """Whether compiled loops call the function: they sample it, and a law with breakpoints is integrated."""
+        return not self.breakpoints
+
+    @property
     def address(self) -> int:
         """Address of the C function."""
         code = self.code
