@@ -82,6 +82,7 @@ def test_published_periods(gamma, period):
     assert found.sweeps[0].period[0] == period and found.verdicts[0][0] is expected
 
 
+@pytest.mark.slow
 def test_between_neimark_sacker_points_the_motion_is_quasi_periodic():
     found = hb.time.bifurcation_diagram(two_masses(), "Omega", (1.10, 1.16), values=3)
     for kinds, sweep in zip(found.verdicts, found.sweeps, strict=True):

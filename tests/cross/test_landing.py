@@ -187,6 +187,7 @@ def test_validate_looks_at_the_jumps(fixed):
 # ---- a period doubling in front of a fold
 
 
+@pytest.mark.slow
 def test_a_sweep_continues_on_the_doubled_motion_in_front_of_a_fold():
     """The sweep leaves at a supercritical period doubling; the nearest motion of the mesh period is not reached."""
     gears = [hb.gears.Gear(z, "2 mm", "20 mm") for z in (20, 35, 50)]

@@ -279,6 +279,7 @@ def test_all_curves_of_the_span_are_validated_in_the_units_of_the_drawing():
     assert float(found.table(dimensionless=True)[1][2][1]) == pytest.approx(found.rows[2].value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_points_near_a_fold_lie_beyond_its_error():
     """Within the error of LP2, which is next to a grazing point, the exact motion does not exist."""
     M, K = np.diag([1.0, 0.5]), [[3.0, -1.0], [-1.0, 1.0]]

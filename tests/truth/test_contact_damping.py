@@ -216,6 +216,7 @@ def test_a_contact_shorter_than_a_sample_step():
         np.testing.assert_allclose(J @ v, (up - down) / (2 * h), rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("build", "expected"), [(one_mass, {"LP", "PD"}), (two_masses, {"LP", "NS"})])
 def test_special_points_of_hunt_crossley_by_two_methods(build, expected):
     """Equations of folds, doublings and Neimark-Sacker points against multipliers of the exact flow at the same motion,

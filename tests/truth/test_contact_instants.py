@@ -121,6 +121,7 @@ def test_a_curve_without_a_first_motion_is_followed_from_the_other_end() -> None
     assert found == SPECIAL_POINTS_WITHOUT_GAP
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Omega", [0.6, 0.8, 1.0, 1.5])
 def test_motions_of_hard_contacts_are_found_from_softer_ones(Omega: float) -> None:
     """The balance with 16 harmonics has no motion with the right number of contacts at these frequencies."""
@@ -340,6 +341,7 @@ BIFURCATIONS = {
 """Special points of the branch on which the masses differ, by harmonic balance with H = 96."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", BIFURCATIONS)
 def test_a_branch_leaves_and_joins_a_symmetric_motion(k: float) -> None:
     """Contacts of both masses are simultaneous on the symmetric motion, and have an order on the branch."""
@@ -503,6 +505,7 @@ def test_a_doubled_branch_joins_where_its_parameter_turns() -> None:
     assert abs(doubled["EP1"].parameters["Omega"] - curve["PD2"].parameters["Omega"]) < 1e-8
 
 
+@pytest.mark.slow
 def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
     """Sixteen harmonics of a motion next to a fold are enough to find it, but not for its multipliers."""
     from tests.cross.test_neimark_sacker import between_stops
@@ -555,6 +558,7 @@ def folds_at(F: float) -> int:
     return sum(point.kind == "LP" for one in curve.curves for point in one.special)
 
 
+@pytest.mark.slow
 def test_cusps_and_isola_centres_are_where_folds_meet(hard: hb.Branch) -> None:
     """By similarity, Omega depends on F / gap only. Two folds appear at the cusp."""
     over_load = hb.follow(hard, "LP1", "F", (0.3, 0.28))
@@ -572,6 +576,7 @@ def test_cusps_and_isola_centres_are_where_folds_meet(hard: hb.Branch) -> None:
     assert len(near) == 2 and min(near) < centre["Omega"] < max(near)
 
 
+@pytest.mark.slow
 def test_curves_in_two_parameters_agree_with_a_balance() -> None:
     exact, balance = hb.ContactInstants(hb.SpurPair(), 32), hb.HarmonicBalance(hb.SpurPair(), 48)
     curves = [hb.trace(problem, "Omega", (0.4, 1.2)) for problem in (exact, balance)]
@@ -592,6 +597,7 @@ def two_stops(left: float = 0.8) -> hb.System:
     return hb.System([[1.0]], [[0.1]], [[1.0]], stops, hb.Load(cosine={1: [0.3]}))
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_fold_passes_the_begin_and_the_end_of_a_contact() -> None:
     """Without the left contact the fold is that of one stop; with it the curve has a cusp. Both directions agree."""
     near, far = (hb.trace(hb.ContactInstants(two_stops(left), 16), "Omega", (0.8, 3.5)) for left in (0.8, 3.0))
@@ -620,6 +626,7 @@ def masses_with_a_stop(f: float = 1.0) -> hb.System:
     return hb.System(M, C, [[1.0544, -0.6202], [-0.6202, 1.2904]], [stop], hb.Load(cosine={1: [0.0, 0.30036 * f]}))
 
 
+@pytest.mark.slow
 def test_a_curve_of_neimark_sacker_points_ends_on_a_curve_of_folds() -> None:
     """At a 1:1 resonance the multiplier +1 is double: the fold has the same Omega, to 1e-9."""
     curve = hb.trace(hb.ContactInstants(masses_with_a_stop(), 16), "Omega", (0.53, 0.58))
@@ -689,6 +696,7 @@ def test_a_curve_reaches_the_end_of_the_range_of_its_parameter() -> None:
     assert found.tracked["Omega"][-1] == pytest.approx(other.tracked["Omega"][-1], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_fold_is_a_problem_of_its_own(hard: hb.Branch, tmp_path: Path) -> None:
     """A point of the curve is a start, also at other fixed parameters; a file stores a curve of folds."""
     folds = hb.follow(hard, "LP2", "gap", (0.49, 0.51))
@@ -742,6 +750,7 @@ def test_sensitivities_of_jumps_at_folds_next_to_a_grazing() -> None:
         assert found.of(name)["k"] == pytest.approx((value(up) - value(down)) / 0.2, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_jump_maps_and_critical_values_are_those_of_the_balance() -> None:
     exact, balance = hb.ContactInstants(stop_of(), 32), hb.HarmonicBalance(stop_of(), 32)
     maps = [hb.jump_map(one, "F", (0.25, 0.35), frequencies=(0.8, 2.0), seeds=2) for one in (exact, balance)]
@@ -753,6 +762,7 @@ def test_jump_maps_and_critical_values_are_those_of_the_balance() -> None:
     assert values[0] == pytest.approx(values[1], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_map_of_a_hard_stop_has_the_folds_next_to_grazing_points(hard: hb.Branch) -> None:
     found = hb.jump_map(hb.ContactInstants(stop_of(k=1e3), 16), "gap", (0.49, 0.51), frequencies=(0.5, 2.0), seeds=2)
     assert len(found.folds) == 6 and not found.message

@@ -132,6 +132,7 @@ def test_derivative_of_the_margin(make, offset):
                 assert rows.ravel()[i] == pytest.approx((up - down) / 2e-6, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "H"), [(contact, 15), (two_sliders, 9)])
 def test_sensitivity_against_curves_traced_again(make, H):
     def slips(**changed):
@@ -163,6 +164,7 @@ def chain(limit: float = 1.0, load: float = 1.0) -> hb.System:
     return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, load, 0.0]}))
 
 
+@pytest.mark.slow
 def test_a_fold_at_a_first_slip_moves_with_it():
     """dR/dX is regular on both sides of the corner, so the equations of a smooth fold do not hold there."""
 
@@ -186,6 +188,7 @@ def test_a_fold_at_a_first_slip_moves_with_it():
     assert followed.status.complete and isinstance(followed.problem, SlipProblem)
 
 
+@pytest.mark.slow
 def test_a_jump_map_has_the_folds_at_first_slips():
     jumps = hb.jump_map(hb.HarmonicBalance(chain(), 16), "limit", (0.99, 1.01), frequencies=(1.45, 2.0), seeds=2)
     (corner,) = (one for one in jumps.folds if isinstance(one.problem, SlipProblem))

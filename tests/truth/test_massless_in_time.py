@@ -156,6 +156,7 @@ def test_motions_are_the_limit_of_small_masses(direction):
     assert errors[0] < 2e-2 and errors[1] == pytest.approx(0.5 * errors[0], rel=0.05)  # first order in the mass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (1.0, -1.0)])
 @pytest.mark.parametrize("law", [hb.Cubic(3.0), CubicDamper()], ids=["spring", "damper"])
 def test_the_monodromy_matrix_is_the_derivative_of_the_end(direction, law):

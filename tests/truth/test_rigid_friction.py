@@ -82,6 +82,7 @@ def chain(laws):
     )
 
 
+@pytest.mark.slow
 def test_two_elements_are_the_limit_of_stiff_sliders():
     """Sliders vibrate while they stick; the difference of the motions decreases like the root of 1 / k."""
     limits, Omega, start = (0.3, 0.2), 0.6, np.zeros(4)

@@ -166,6 +166,7 @@ def test_a_point_of_a_saved_backbone_is_followed(tmp_path):
     assert (tmp_path / "f.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_follow_in_a_parameter_of_a_drawing_with_its_unit(folder):
     pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     drawn = hb.gears.DrawnPair(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)

@@ -53,6 +53,7 @@ def run(capsys, *args):
 # ---- the library
 
 
+@pytest.mark.slow
 @posix
 def test_save_that_fails_leaves_the_old_file_whole(folder, curve):
     curve.save("a.npz")

@@ -208,6 +208,7 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
 
 
+@pytest.mark.slow
 def test_gear_with_pairs_of_teeth(run, tmp_path):
     """The jumps of teeth with their own gaps; the mean mesh of the same drawing has none."""
     code, out, err = run("gear", *DRAWING, "--damping", 0.04, "--relief", "12um")

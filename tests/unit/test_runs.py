@@ -37,6 +37,7 @@ def test_a_run_equals_a_slow_sweep(curve):
             np.testing.assert_allclose(swept.rms[here, 0], expected, rtol=1e-2)  # linear interpolation between points
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_along_doubled_motions():
     curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 8), "Omega", (1.0, 0.2))
     alone = hb.analysis.run_up(curve, "down")
