@@ -43,9 +43,10 @@ def follow(
         R(X, p) = 0,   g(X, p) = 0           unknowns X and p, the parameter of the branch; see `Event.equations`
 
     The equations depend on the kind of the point: `FoldProblem` for LP, `PeriodDoublingProblem` for PD,
-    `NeimarkSackerProblem` for NS, `BranchPointProblem` for BP, `GrazingProblem` for GR, the margin of a slider for SL,
-    `AmplitudeExtremum` for PK, and the test function for an event of the user. They have the number of unknowns with
-    which the point was located. Points of a backbone are followed like points of a response curve.
+    `NeimarkSackerProblem` for NS (with friction, contacts with dampers, laws of several displacements or compiled laws
+    of the user the modulus of a multiplier), `BranchPointProblem` for BP, `GrazingProblem` for GR, the margin of a
+    slider for SL, `AmplitudeExtremum` for PK, and the test function for an event of the user. They have the number of
+    unknowns with which the point was located. Points of a backbone are followed like points of a response curve.
 
     Points of codimension two are located along the curve:
 
@@ -60,8 +61,8 @@ def follow(
     GPD   PD                  generalised period doubling: the doubled branch turns over
     ====  ==================  ======================================================================================
 
-    All but CP and IC need a harmonic balance whose laws have slopes, without friction and contacts with dampers. Points
-    of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
+    Other points than CP, IC, RIII and RIV need a harmonic balance whose laws have slopes, without friction and contacts
+    with dampers. Points of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
 
     Parameters
     ----------

@@ -1,9 +1,11 @@
-"""Neimark-Sacker points by Hill's determinant: against shooting, against differences, and along a second parameter."""
+"""Neimark-Sacker points: against shooting, differences, curves traced again, and one method against the other."""
 
 import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.continuation.augmented.sensitivity import of_special
+from hbgear.harmonic.bifurcations.neimark_sacker import PairModulusProblem
 from hbgear.time.integration import state_of
 
 
@@ -180,3 +182,45 @@ def test_a_pair_that_is_real_for_a_while_is_located_next_to_a_doubling(span):
     for one, other in zip(balance, exact, strict=True):
         assert one.parameters["Omega"] == pytest.approx(other.parameters["Omega"], abs=5e-6)
         assert abs(one.parameters["Omega"] - other.parameters["Omega"]) < 3 * one.error
+
+
+def test_equations_of_multipliers_and_hills_determinant_have_the_same_point(curve):
+    point, problem = curve["NS1"], hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 32)
+    U = np.append(problem.resized(curve.problem.from_point(point)), point.parameters["Omega"])
+    places, slopes = [], []
+    for kind in (hb.harmonic.NeimarkSackerProblem, PairModulusProblem):
+        equations = kind(problem, "Omega")
+        found = equations.located(U, {"zeta": 0.05}).X
+        here = {"zeta": 0.05, "Omega": found[-1]}
+        places.append(found[-1])
+        slopes.append(of_special(equations, found, here, ("zeta",)).p[0])
+    assert places[0] == pytest.approx(places[1], rel=5e-8)
+    assert slopes[0] == pytest.approx(slopes[1], rel=2e-5)
+
+
+@hb.mechanics.model
+def chain(limit: float = 0.03, damper: float = 0.0, c: float = 0.03) -> hb.System:
+    """Two masses, a slider on the first one, a stop without or with damper on the second one."""
+    K, stop = np.array([[2.0, -1.0], [-1.0, 2.0]]), hb.Unilateral(k=10.0, gap=0.2)
+    if damper:
+        stop = hb.mechanics.KelvinVoigt(10.0, damper, 0.2)
+    elements = [hb.Element([0.0, 1.0], stop), hb.Element([1.0, 0.0], hb.mechanics.Jenkins(0.5, limit))]
+    return hb.System(np.eye(2), c * K, K, elements, hb.Load(cosine={1: [0.5, 0.0]}))
+
+
+@pytest.mark.parametrize("damper", [0.0, 0.02])
+def test_with_sliders_the_followed_point_is_that_of_a_curve_traced_again(damper):
+    """The second parameter changes; the sensitivity is the slope of the curve in two parameters."""
+    span = (1.66, 1.58)
+
+    def traced(limit):
+        return hb.trace(hb.HarmonicBalance(chain(limit=limit, damper=damper), 12), "Omega", span, accuracy=None)
+
+    first, last = traced(0.03), traced(0.033)
+    along = hb.follow(first, "NS1", "limit", (0.03, 0.033), accuracy=None)
+    assert along.status is hb.Status.REACHED_END
+    Omega = along.tracked["Omega"]
+    assert Omega[-1] == pytest.approx(last["NS1"].parameters["Omega"], rel=1e-9)
+    assert abs(Omega[-1] - Omega[0]) > 1e-5
+    slope = hb.analysis.sensitivity(first["NS1"]).of("Omega")["limit"]
+    assert (Omega[1] - Omega[0]) / (along.values[1] - along.values[0]) == pytest.approx(slope, rel=1e-2)

@@ -286,3 +286,32 @@ def test_a_rub_is_followed_through_its_first_contact():
     )
     assert few.status is many.status is hb.Status.LEFT_SPAN and [p.kind for p in few.special] == ["GR", "LP"]
     np.testing.assert_allclose(*([p.parameters["Omega"] for p in c.special] for c in (few, many)), rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_neimark_sacker_points_of_circular_whirl_in_two_parameters():
+    """In the rotating frame disturbances have constant coefficients: a root of their polynomial is imaginary.
+
+    u'' + (c + 2 i W) u' + (1 - W^2 + i c W) u + k (1 + i mu) ((1 - g / r) u + g / r Re u) = 0
+    |1 + k (1 - g / r)(1 + i mu) - W^2 + i c W| r = e W^2
+    """
+    k, gap, c, e, J = 2.0, 0.3, 0.1, 0.2, np.array([[0.0, -1.0], [1.0, 0.0]])
+
+    @hb.mechanics.model
+    def rubbing(friction: float = 0.1) -> hb.System:
+        seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(k, gap, friction))
+        unbalance = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
+        return hb.System(np.eye(2), c * np.eye(2), np.eye(2), list(seal), unbalance)
+
+    curve = hb.trace(hb.HarmonicBalance(rubbing(), 1), "Omega", (1.8, 1.6), accuracy=None)
+    whirl = hb.follow(curve, "NS1", "friction", (0.0925, 0.105), accuracy=None)
+    assert whirl.status is hb.Status.REACHED_END and len(whirl) > 20
+    for i in range(len(whirl)):
+        mu, W, r = whirl.values[i], whirl.tracked["Omega"][i], np.hypot(*whirl.X[i][1:3])
+        force = 1 + k * (1 - gap / r) * (1 + 1j * mu) - W**2 + 1j * c * W
+        assert abs(force) * r == pytest.approx(e * W**2, rel=1e-9)
+        stiffness = (1 - W**2) * np.eye(2) + c * W * J
+        stiffness += k * np.array([[1.0, -mu], [mu, 1.0]]) @ np.diag([1.0, 1 - gap / r])
+        rates = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -c * np.eye(2) - 2 * W * J]]))
+        assert abs(rates.real.max()) < 1e-10
+        assert abs(rates[rates.real.argmax()].imag) > 0.1

@@ -21,7 +21,6 @@ from hbgear.continuation.augmented.sensitivity import (
     Slopes,
     along,
     of_branch_point,
-    of_crossing,
     of_solution,
     of_special,
     tangent,
@@ -163,8 +162,6 @@ class PointSensitivity:
             return of_solution(self.problem, self.X, self.here, self.names)
         if self.point.kind == "BP":
             return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
-        if self.point.kind == "NS" and self.known_equations() is None:
-            return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
         return of_special(*self.refined, self.here, self.names)
 
     @cached_property
@@ -209,16 +206,6 @@ class PointSensitivity:
         """Parameters of the model."""
         model = getattr(base_problem(self.problem), "model", None)
         return model.parameters | model.entries if isinstance(model, Model) else {}
-
-    def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
-        """Return the logarithm of the modulus, as a function, of the multiplier on the unit circle at the point."""
-        problem = self.problem
-        assert isinstance(problem, HarmonicBalance)
-        every = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))
-        complex_pairs = every[np.abs(every.imag) > 1e-8 * np.abs(every)]
-        candidates = complex_pairs if complex_pairs.size else every
-        mu = candidates[np.argmin(np.abs(np.abs(candidates) - 1.0))]
-        return self._modulus_nearest_to(mu)
 
     def _modulus_nearest_to(self, mu: complex) -> Callable[[Array, dict[str, float]], float]:
         """Return the logarithm of the modulus, as a function, of the multiplier nearest to `mu`."""

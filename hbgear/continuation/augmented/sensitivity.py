@@ -2,7 +2,6 @@
 
     R(X, p, a) = 0,  p held:             dX/da = -J^-1 R_a
     {R, g}(X, p, a) = 0:                 d(X, p)/da = -B^-1 (R_a, g_a),   B the matrix of the special point
-    R = 0 and g = 0 along the curve:     dp/da = -(g along dX/da, a) / (g along dX/dp, p),   J regular there
     R(X, p, a) = 0,  a curve:            [J R_p; b^T] d(X, p)/da = -(R_a, 0),   b towards its next point
 
 One factorisation serves all parameters a. For example, the sensitivity of a fold is dp/da = -(w . R_a) / (w . R_p)
@@ -22,6 +21,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -107,45 +107,40 @@ def of_special(
     return Slopes(slopes[:, :-1], slopes[:, -1])
 
 
-def of_crossing(
-    problem: ContinuationProblem,
-    X: Array,
-    here: Mapping[str, float],
-    parameter: str,
-    names: Sequence[str],
-    value: Value,
-) -> Slopes:
-    """Return the derivatives of a zero of a function along a curve, at a point that is not a fold."""
-    t = tangent(problem, X, here, parameter)
-    X_a = of_solution(problem, X, here, names).X
-    rate = along(problem, X, here, value, t, parameter)
-    p_a = np.array([-along(problem, X, here, value, dX, name) / rate for name, dX in zip(names, X_a, strict=True)])
-    return Slopes(X_a + p_a[:, None] * t, p_a)
-
-
 def along(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], value: Value, dX: Array, name: str
 ) -> float:
     """Return the derivative of a function of the point along dX (n,) per unit change of a parameter.
 
     The largest step changes the unknowns as little as the parameter: near a fold dX/dp is large. A point may lie still
-    closer to a grazing contact, beyond which the function is another one, and rounding limits small steps. Of the
-    differences with ever smaller steps that one is returned which differs least from the one before.
+    closer to a grazing contact, beyond which the function is another one, and rounding limits small steps. Steps are
+    reduced until two successive differences agree; else the one is returned that differs least from the one before.
     """
     at = here[name]
     change = norm(dX) * problem.unit_of(name, at)
-    largest = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
+    step = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
 
     def changed(there: dict[str, float]) -> tuple[float]:
         return (value(X + (there[name] - at) * dX, there),)
 
-    steps = largest / STEP_RATIO ** np.arange(STEP_SIZES)
-    found = np.array([parameter_derivatives(problem, name, here, changed, step)[0] for step in steps.tolist()])
-    return float(found[1 + np.argmin(np.abs(np.diff(found)))])
+    best, least, last = math.nan, math.inf, math.nan
+    for _ in range(STEP_SIZES):
+        (found,) = parameter_derivatives(problem, name, here, changed, step)
+        difference = abs(found - last)
+        if difference < least:
+            best, least = found, difference
+        if least <= AGREEMENT * abs(found):
+            break
+        last, step = found, step / STEP_RATIO
+    return float(best)
 
 
 STEP_RATIO, STEP_SIZES = 8.0, 6
 """Ratio of the step sizes of differences along a curve, and their number: 1e-5 to 3e-10 of the size of a point."""
+
+
+AGREEMENT = 1e-6
+"""Relative difference of two derivatives with successive step sizes that agree."""
 
 
 def of_branch_point(

@@ -48,7 +48,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
-from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairModulusProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix
 from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
@@ -386,7 +386,7 @@ def exponent_at(
 
     Parameters
     ----------
-    problem : NeimarkSackerProblem
+    problem : NeimarkSackerProblem or PairModulusProblem
         Equations of the curve.
     name : str
         Parameter of the curve.
@@ -398,9 +398,10 @@ def exponent_at(
         Exponent of a neighbouring point. By default that of the equations.
     """
     X, own = problem.split(point.X)
-    equations = problem if near is None else NeimarkSackerProblem(problem.problem, problem.parameter, near)
+    equations = problem if near is None else type(problem)(problem.problem, problem.parameter, near)
     try:
-        return equations.exponent(X, **{**fixed, **own, name: point.value})
+        s: complex = equations.exponent(X, **{**fixed, **own, name: point.value})
+        return s
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
 
@@ -517,6 +518,8 @@ def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, 
     """
     balance: Any = curve.problem
     evaluator = balance.compiled({})
+    if isinstance(curve, PairModulusProblem):
+        return ThirdResonanceEvent(), FourthResonanceEvent()
     known = balance.smooth and has_sampled_slopes(evaluator) and evaluator.structure.modes is not None
     if not known or evaluator.structure.constrained:
         return ()

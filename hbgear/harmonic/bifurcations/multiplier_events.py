@@ -57,7 +57,7 @@ from hbgear.harmonic.bifurcations.monitored import (
     unstable_complex_counts,
     without_negative_real,
 )
-from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, exponent_of_pair
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairModulusProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_collisions import (
     MIN_MULTIPLIERS,
@@ -396,12 +396,10 @@ class NeimarkSackerEvent(Event):
         return located
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        """Return the equations; None where slopes of laws are unknown, and for structures too large for their modes."""
-        if not problem.smooth:
-            return None
+        """Return the equations: with Hill's determinant where the slopes of all laws are known."""
         compiled = problem.compiled({})
-        known = has_sampled_slopes(compiled) and not compiled.structure.large
-        return NeimarkSackerProblem(problem, parameter, self.near) if known else None
+        known = problem.smooth and has_sampled_slopes(compiled) and not compiled.structure.large
+        return (NeimarkSackerProblem if known else PairModulusProblem)(problem, parameter, self.near)
 
 
 def _left_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -> bool:

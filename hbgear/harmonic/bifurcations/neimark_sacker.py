@@ -1,10 +1,14 @@
-"""Neimark-Sacker equations: a pair of multipliers on the unit circle."""
+"""Neimark-Sacker equations: a pair of multipliers on the unit circle.
+
+`NeimarkSackerProblem` uses Hill's determinant, which needs the slopes of the laws, `PairModulusProblem` the monodromy
+matrix, which exists for all laws.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +17,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
+from hbgear.continuation.augmented.sensitivity import along
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
@@ -124,13 +129,7 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
 
     def _guess(self, X: Array, here: dict[str, float]) -> complex:
         """Return the exponent of the complex pair of multipliers nearest to the unit circle."""
-        s = exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"])
-        if s is None:
-            raise ValueError(
-                "the motion has no complex pair of multipliers, so it is not near a Neimark-Sacker point: start from "
-                "an NS point of a curve"
-            )
-        return s
+        return _require_pair(exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"]))
 
     def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
@@ -207,6 +206,128 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         return float(derivative)
 
 
+@dataclass(frozen=True)
+class PairMultiplier(Borders):
+    """Weight of the modulus of a Neimark-Sacker point, and the multiplier that is nearest to that of the pair."""
+
+    multiplier: complex = 1j
+
+
+class PairModulusProblem(MinimallyAugmentedProblem):
+    """Neimark-Sacker points (NS) from multipliers, for laws whose slopes Hill's determinant does not know.
+
+        R(X, p) = 0,   g = log |mu(X, p)| = 0
+
+    mu is the multiplier nearest to that of the point before. These laws are friction, contacts with dampers, laws of
+    several displacements and compiled laws of the user. The gradient of g is computed in the directions that Newton's
+    method and tangents need: along the motions X(p, a) that R = 0 defines, dX/dp = -J^-1 R_p, and along J^-1 R.
+    Multipliers of truncated motions converge more slowly with the number of harmonics than zeros of Hill's determinant.
+
+    Parameters
+    ----------
+    problem : HarmonicBalance
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    near : complex, optional
+        The exponent s of the multiplier exp(2 pi nu s / Omega). By default it is that of the complex pair nearest to
+        the unit circle, which may be the wrong one where two pairs pass close to each other.
+
+    Raises
+    ------
+    ValueError
+        If there is no complex pair of multipliers near the point, or the structure is too large for its modes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import hbgear as hb
+    >>> @hb.mechanics.model
+    ... def rubbing(friction: float = 0.2) -> hb.System:
+    ...     seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(2.0, 0.3, friction))
+    ...     unbalance = hb.Load(cosine={1: [0.2, 0.0]}, sine={1: [0.0, 0.2]}, power=2)
+    ...     return hb.System(np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 1.1]), list(seal), unbalance)
+    >>> curve = hb.trace(hb.HarmonicBalance(rubbing(), 5), "Omega", (1.9, 1.7), accuracy=None)
+    >>> whirl = hb.follow(curve, "NS1", "friction", (0.2, 0.3), accuracy=None)
+    >>> whirl.status.name, bool(np.all(np.diff(whirl.tracked["Omega"]) > 0))
+    ('REACHED_END', True)
+    """
+
+    problem: Any  # a HarmonicBalance
+    near: complex | None
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(near=near)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.near,)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        mu = self._multipliers(X, here)
+        s = self.near
+        if s is None:
+            s = _require_pair(exponent_of_pair(mu, self.problem.nu, here["Omega"]))
+        multiplier = complex(np.exp(2 * np.pi * self.problem.nu * s / here["Omega"]))
+        return PairMultiplier(linearise(self.problem, X, "", here).size, multiplier=_nearest(mu, multiplier))
+
+    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Return the borders with the multiplier at X."""
+        assert isinstance(base, PairMultiplier)
+        return replace(base, multiplier=_nearest(self._multipliers(X, here), base.multiplier))
+
+    def exponent(self, X: Array, **here: float) -> complex:
+        """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
+        base = self.base or self.base_at(X, here)
+        assert isinstance(base, PairMultiplier)
+        mu = _nearest(self._multipliers(X, here), base.multiplier)
+        return complex(np.log(mu) * here["Omega"] / (2 * np.pi * self.problem.nu))
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
+        assert isinstance(base, PairMultiplier)
+
+        def value(X: Array, at: dict[str, float]) -> float:
+            return math.log(abs(_nearest(self._multipliers(X, at), base.multiplier)))
+
+        mu = _nearest(self._multipliers(X, here), base.multiplier)
+        if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
+            raise NoConvergence("the pair of multipliers became real", X, here, [])
+        now, k = linearise(self.problem, X, self.parameter, here), base.weight
+        J = Factors(now.dR_dX)
+        towards = J.solve(now.R)
+        g_X = np.zeros(len(X))
+        if norm(towards) > MIN_CORRECTION * norm(X):
+            h = directional_step(X, towards)
+            change = (value(X + h * towards, here) - value(X - h * towards, here)) / (2 * h)
+            g_X = change / norm(towards) ** 2 * towards
+
+        def derivative(dR: Array, name: str) -> float:
+            dX = -J.solve(dR)
+            return k * (along(self.problem, X, here, value, dX, name) - float(g_X @ dX))
+
+        changes = [(linearise(self.problem, X, name, here).dR_dp, name) for name in names]
+        return AugmentedResidual(
+            now, k * math.log(abs(mu)), k * g_X, derivative(now.dR_dp, self.parameter),
+            tuple((dR, derivative(dR, name)) for dR, name in changes),
+        )  # fmt: skip
+
+    def _multipliers(self, X: Array, here: dict[str, float]) -> ComplexArray:
+        mu: ComplexArray = self.problem.multipliers(X, points=8, width=1.0, **here)
+        return mu
+
+
+MIN_CORRECTION = 1e-13
+"""Step of Newton's method, relative to the motion, that is rounding: multipliers are not differentiated along it."""
+
+
+def _nearest(mu: ComplexArray, multiplier: complex) -> complex:
+    """Return the multiplier nearest to a given one."""
+    return complex(mu[np.argmin(np.abs(mu - multiplier))])
+
+
 def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
     """Return the exponent s of the pair exp(2 pi nu s / Omega) nearest to the unit circle; None without pairs."""
     pairs = mu[mu.imag > 1e-8 * np.abs(mu)]
@@ -214,6 +335,16 @@ def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
         return None
     nearest = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
     return complex(np.log(nearest)) * Omega / (2 * np.pi * nu)
+
+
+def _require_pair(s: complex | None) -> complex:
+    """Return the exponent of a pair; raise ValueError without one."""
+    if s is None:
+        raise ValueError(
+            "the motion has no complex pair of multipliers, so it is not near a Neimark-Sacker point: start from an NS "
+            "point of a curve"
+        )
+    return s
 
 
 BORDER_ITERATIONS = 4
