@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import Backlash, Cubic, Element, HarmonicBalance, System, Unilateral
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, System, Unilateral
 from hbgear.harmonic.forces.switching_times import crossings
-from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
+from hbgear.mechanics import KelvinVoigt, Law, Parallel, PiecewiseLinear, Series
 from hbgear.mechanics.series.fourier import evaluate, samples_of, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
@@ -299,3 +299,18 @@ def test_three_crossings_between_two_samples():
     found = problem.switching(to_real(c), Omega=1.0)
     near = found.theta[np.abs(found.theta - at) < 0.1]
     np.testing.assert_allclose(near, at + np.arcsin([-delta, 0.0, delta]), atol=1e-9)
+
+
+@pytest.mark.parametrize("law", [Unilateral(k=5.0, gap=0.999), KelvinVoigt(5.0, 0.1, 0.999)])
+@pytest.mark.parametrize("depth", [1e-3, 1e-5, 1e-6])
+def test_second_derivatives_of_short_contacts(law, depth):
+    """x = a cos t is in contact for |t| < arccos(g / a). With J = dR/dX, J_00 = k t / pi.
+
+    dJ_00 / da = k g / (pi a^2 sin t): steps larger than the penetration would end the contact.
+    """
+    system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load(cosine={1: [1.0]}))
+    problem, a = HarmonicBalance(system, 2), 0.999 + depth
+    X, v = np.array([0.0, a, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+    along, _ = problem.curvature(X, v, "Omega", Omega=0.8)
+    expected = 5.0 * 0.999 / (np.pi * a**2 * np.sqrt(1 - (0.999 / a) ** 2))
+    assert along[0, 0] == pytest.approx(expected, rel=2e-3)

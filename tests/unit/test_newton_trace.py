@@ -665,3 +665,17 @@ def test_a_start_on_a_fold_works_or_is_refused():
 def test_bad_steps(settings, message):
     with pytest.raises(ValueError, match=message):
         StepControl(**settings)
+
+
+class Wiggles(ContinuationProblem):
+    """x = 1e-5 sin(1e6 p): no step larger than about 1e-7 turns by less than the limit."""
+
+    def evaluate(self, X, *, p):
+        return X - 1e-5 * np.sin(1e6 * p), np.eye(1)
+
+
+def test_a_trace_that_makes_no_progress_ends():
+    """Forty steps whose sum is below a hundredth of the largest step; it took 5000 of them before."""
+    curve = trace(Wiggles(), "p", (0.0, 1.0), np.zeros(1))
+    assert curve.status is Status.STEP_TOO_SMALL and "40 steps in succession" in curve.message
+    assert 40 <= len(curve) < 80

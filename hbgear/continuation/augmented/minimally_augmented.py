@@ -80,7 +80,7 @@ def parameter_derivative_and_jacobian(
 ) -> tuple[Array, Matrix]:
     """Return the derivatives of R and dR/dX in a parameter, by finite differences."""
     near = problem.perturbed(here, 2)
-    dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at))
+    dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at), problem.difference_step)
     return dR, dJ
 
 

@@ -16,6 +16,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``check_stability`` | whether stability can be computed | it can |
 | ``solution_norm`` | the size of X, which scales arclength | the norm of X |
 | ``smooth`` | whether dR/dX is continuous | True |
+| ``difference_step`` | relative step of differences of dR/dX | 1e-5 |
 | ``layout`` | names and amplitude measures of X | X is an array of numbers |
 | ``observe``, ``observe_many`` | multipliers, error estimate, monitored quantities | none |
 | ``events`` | further special points | folds and branch points only |
@@ -47,7 +48,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.numerics.linear import Matrix, norm
 from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
-from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.layout import LayoutProtocol
@@ -75,6 +76,7 @@ class ContinuationProblem:
     unknown_parameters: Sequence[str] = ()
     """Parameters that are unknowns: the last entries of X in reverse order."""
     smooth: bool = True
+    difference_step: float = STEP
     """True if dR/dX is continuous, so that Newton's method locates special points."""
     changes: bool = False
     """True if `adapted` may return another problem."""
@@ -142,9 +144,10 @@ class ContinuationProblem:
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
-        h = directional_step(X, v)
+        step = self.difference_step
+        h = directional_step(X, v, step)
         plus, minus = (self.evaluate(X + s * h * v, **parameters)[1] for s in (1, -1))
-        (across,) = parameter_derivatives(self, name, parameters, lambda at: (self.evaluate(X, **at)[1],))
+        (across,) = parameter_derivatives(self, name, parameters, lambda at: (self.evaluate(X, **at)[1],), step)
         return (plus - minus) / (2 * h), across
 
     def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:

@@ -27,7 +27,7 @@ class HasUnits(Protocol):
         """Return the size relative to which a parameter change is small."""
 
 
-def directional_step(X: Array, v: Array) -> float:
+def directional_step(X: Array, v: Array, relative: float = STEP) -> float:
     """Return the step h of a central difference (f(X + h v) - f(X - h v)) / 2h.
 
     Parameters
@@ -36,13 +36,15 @@ def directional_step(X: Array, v: Array) -> float:
         Unknowns.
     v : ndarray, shape (n,)
         Direction.
+    relative : float, optional
+        Step relative to the size of the unknowns; default 1e-5.
 
     Returns
     -------
     float
         The step.
     """
-    return STEP * max(1e-3, norm(X)) / norm(v)
+    return relative * max(1e-3, norm(X)) / norm(v)
 
 
 def parameter_derivatives(

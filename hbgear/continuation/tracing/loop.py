@@ -25,8 +25,10 @@ from hbgear.continuation.tracing.stepper import Stepper
 
 _RETRACED = "the curve ran back over itself"
 
-MAX_SMALLEST_STEPS = 30
-"""Steps of the smallest size in succession after which a trace ends; after a sharp turn, sizes grow within ten steps.
+STALLED_STEPS, STALLED_LENGTH = 40, 1e-2
+"""A trace ends after this number of steps in succession whose sum is below this fraction of the largest step size.
+
+After a sharp turn sizes grow within ten steps: on 50 random machines the least sum of 30 steps was .14 largest steps.
 """
 
 
@@ -93,7 +95,7 @@ class ContinuationLoop:
                 state.asymptote = asymptote
                 return Status.UNBOUNDED, unbounded_message(state.setup.name, asymptote)
             if self._has_stalled():
-                where = f"{MAX_SMALLEST_STEPS} steps in succession needed the smallest size {state.location_text()}"
+                where = f"{STALLED_STEPS} steps in succession were close to the smallest size {state.location_text()}"
                 return Status.STEP_TOO_SMALL, where
             if self._is_singular():
                 return Status.ARBITRARY, f"a family of solutions, which are not isolated, lies {state.location_text()}"
@@ -104,11 +106,9 @@ class ContinuationLoop:
     # ---- steps
 
     def _has_stalled(self) -> bool:
-        """Return whether the last steps were all of the smallest size, far below the largest one: no progress."""
-        latest, steps = self.state.points[-MAX_SMALLEST_STEPS:], self.state.setup.settings.steps
-        if len(latest) < MAX_SMALLEST_STEPS or steps.min_step * MAX_SMALLEST_STEPS > steps.max_step:
-            return False
-        return all(point.step <= steps.min_step for point in latest)
+        """Return whether the last steps made no progress compared with the largest step size."""
+        latest, largest = self.state.points[-STALLED_STEPS:], self.state.setup.settings.steps.max_step
+        return len(latest) == STALLED_STEPS and sum(point.step for point in latest) < STALLED_LENGTH * largest
 
     def _is_singular(self) -> bool:
         """Return whether the parameter is constant and the equations are singular along the last points.

@@ -22,7 +22,7 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import FOLD, Evaluation, Locating, Pursuit
-from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 from hbgear.harmonic.bifurcations.no_contact import Pins
 from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
@@ -36,6 +36,14 @@ Value = TypeVar("Value")
 
 FREQUENCIES = Range(above=0, high=1e60)
 """Values of Omega whose powers are finite."""
+
+EVENT_STEP = 1e-7
+"""Relative step of differences of dR/dX with breakpoints or friction. Its rounding error is 1e-9.
+
+dR/dX has the slope of a square root in the penetration of a contact, or in the amplitude of a short interval of stick.
+A step of 1e-5 of the motion ends such intervals: gradients were wrong by a third, and Newton's method converged
+linearly.
+"""
 
 _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
@@ -222,7 +230,7 @@ class HarmonicEquations(ContinuationProblem):
         evaluator = self.compiled(parameters)
         if name != "Omega" or evaluator.aft_laws or evaluator.damped or evaluator.sliders:
             return super().curvature(X, v, name, **parameters)
-        return evaluator.curvature(X, v, directional_step(X, v), float(parameters["Omega"]))
+        return evaluator.curvature(X, v, directional_step(X, v, self.difference_step), float(parameters["Omega"]))
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -253,6 +261,12 @@ class HarmonicEquations(ContinuationProblem):
             return False
         divided = elements_between_breakpoints(compiled)
         return not any(law.breakpoints for j, law in compiled.aft_laws if j not in divided)
+
+    @property
+    def difference_step(self) -> float:  # type: ignore[override]
+        """Relative step of differences of dR/dX: short intervals of contact or stick must not end within it."""
+        compiled = self.compiled({})
+        return EVENT_STEP if len(compiled.breakpoints) or compiled.sliders or compiled.damped else STEP
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""
