@@ -1,4 +1,4 @@
-"""Continuation of equations that are no machines: what a problem may be, and what it is asked."""
+"""Continuation of general equations: interface of a problem, sparse matrices, compiled loops of the user."""
 
 import ast
 import re
@@ -14,12 +14,12 @@ from hbgear.continuation.numerics.linear import Factors, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 
-ROOM = Path(hb.__file__).parent / "continuation"
+CONTINUATION = Path(hb.__file__).parent / "continuation"
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 
 
 def words_of(path):
-    """What a file of code speaks of: names of all kinds, imports, and texts that are one word. No docs, no messages."""
+    """Names, imports and one-word strings of a file of code, without documentation and messages."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         for field in ("id", "attr", "arg", "name", "module"):
             if isinstance(word := getattr(node, field, None), str):
@@ -28,9 +28,9 @@ def words_of(path):
             yield node.value.removeprefix("hbgear")
 
 
-def test_the_room_knows_no_machines():
-    """No frequency, no harmonics, no gaps, no gears, and nobody probes a problem."""
-    for path in ROOM.rglob("*.py"):
+def test_continuation_has_no_term_of_mechanics():
+    """No frequency, harmonics, gaps or gears, and no test of attributes of a problem."""
+    for path in CONTINUATION.rglob("*.py"):
         for word in words_of(path):
             assert not re.search("omega|harmonic|clearance|backlash|gear|hasattr", word.lower()), (path, word)
 
@@ -125,7 +125,7 @@ def test_bordered_sparse_and_dense_agree(shift):
     assert null_vectors(A, *dense)[2] == pytest.approx(null_vectors(S, *sparse_)[2], rel=1e-5, abs=1e-12)
 
 
-# ---- names and many at once
+# ---- names of parameters, compiled loops
 
 
 class Circle:
@@ -146,7 +146,7 @@ def start_at(x, **parameters):
 
 
 class Looped(Circle):
-    """The circle with a loop of its own along it, whose rows lie where `rows_of` puts them."""
+    """The circle with its own continuation loop, which returns the points of `rows_of`."""
 
     def __init__(self):
         self.asked = []
@@ -156,7 +156,7 @@ class Looped(Circle):
         return self.rows
 
     def rows(self, u, t, count, size, step, span, control, tolerances, rows):
-        """Equal steps along the circle x = cos s, p = sin s, whichever way the tangent points."""
+        """Equal steps along the circle x = cos s, p = sin s, in the direction of the tangent."""
         made, angle = 0, np.arctan2(u[0, 1], u[0, 0])
         scale = np.array([max(size[0], abs(u[0, 0])), size[1]])
         way = np.sign(t[0] @ [-u[0, 1], u[0, 0]])
@@ -171,8 +171,8 @@ class Looped(Circle):
         return made, step, 0, 0.0
 
 
-def test_a_problem_may_bring_a_loop_of_its_own():
-    """Rows between its special points are where the loop put them, and the curve is the one found row after row."""
+def test_a_problem_may_have_its_own_loop():
+    """Points are those of the loop, and the curve is the one traced point by point."""
     looped = Looped()
     curve, alone = (hb.trace(p, "Omega", (-2, 2), start_at(0.6, Omega=-0.8)) for p in (looped, Circle()))
     assert curve.status is alone.status is hb.Status.CLOSED and looped.asked[0] == ("Omega", {})
