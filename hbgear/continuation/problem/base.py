@@ -56,9 +56,7 @@ from hbgear.continuation.results.point import Point
 
 
 class ContinuationProblem:
-    """A problem R(X, p) = 0 with a default for every ability.
-
-    Derive from it, or let `as_problem` add the defaults to an object with ``evaluate``.
+    """Base class of problems R(X, p) = 0; `as_problem` adds its defaults to an object with ``evaluate``.
 
     Examples
     --------
@@ -76,8 +74,9 @@ class ContinuationProblem:
     unknown_parameters: Sequence[str] = ()
     """Parameters that are unknowns: the last entries of X in reverse order."""
     smooth: bool = True
-    difference_step: float = STEP
     """True if dR/dX is continuous, so that Newton's method locates special points."""
+    difference_step: float = STEP
+    """Step of differences of dR/dX, relative to the unknowns and to the parameter."""
     changes: bool = False
     """True if `adapted` may return another problem."""
     size: int | None = None
@@ -144,10 +143,10 @@ class ContinuationProblem:
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
-        step = self.difference_step
+        step, f = self.difference_step, self.evaluate
         h = directional_step(X, v, step)
-        plus, minus = (self.evaluate(X + s * h * v, **parameters)[1] for s in (1, -1))
-        (across,) = parameter_derivatives(self, name, parameters, lambda at: (self.evaluate(X, **at)[1],), step)
+        (across,) = parameter_derivatives(self, name, parameters, lambda at: (f(X, **at)[1],), step)
+        plus, minus = (f(X + s * h * v, **parameters)[1] for s in (1, -1))
         return (plus - minus) / (2 * h), across
 
     def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
@@ -200,10 +199,7 @@ class ContinuationProblem:
     # ---- sizes
 
     def unit_of(self, name: str, value: float) -> float:
-        """Return the size relative to which a parameter change is small.
-
-        It is the parameter value; near zero, a thousandth of the default value, or 1e-2 if that is zero or unknown.
-        """
+        """Return the size of a parameter: its value; near zero 1e-3 of its default, or 1e-2 if that is 0 or unknown."""
         usual = abs(self.parameters.get(name, 0.0))
         return max(abs(value), 1e-3 * usual if usual else 1e-2)
 
