@@ -37,12 +37,12 @@ Value = TypeVar("Value")
 FREQUENCIES = Range(above=0, high=1e60)
 """Values of Omega whose powers are finite."""
 
-EVENT_STEP = 1e-7
-"""Relative step of differences of dR/dX with breakpoints or friction. Its rounding error is 1e-9.
+EVENT_STEP = 1e-6
+"""Relative step of differences of dR/dX with friction or contacts with dampers. Its rounding error is 1e-10.
 
 dR/dX has the slope of a square root in the penetration of a contact, or in the amplitude of a short interval of stick.
-A step of 1e-5 of the motion ends such intervals: gradients were wrong by a third, and Newton's method converged
-linearly.
+A step of 1e-5 of the motion ended such intervals: gradients were wrong by a third, and Newton's method converged
+linearly. Smaller steps have rounding errors that cusps, which need third derivatives, do not tolerate.
 """
 
 _MAX_COMPILED_UNKNOWNS = 160
@@ -266,7 +266,7 @@ class HarmonicEquations(ContinuationProblem):
     def difference_step(self) -> float:  # type: ignore[override]
         """Relative step of differences of dR/dX: short intervals of contact or stick must not end within it."""
         compiled = self.compiled({})
-        return EVENT_STEP if len(compiled.breakpoints) or compiled.sliders or compiled.damped else STEP
+        return EVENT_STEP if compiled.sliders or compiled.damped else STEP
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

@@ -25,8 +25,8 @@ from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 _BORDER_TOLERANCE = 1e-10
 """Change of a border, 1 - cos(angle), at which the inverse iteration has converged."""
 
-_RELATIVE_STEP = 1e-7
-"""Step of the central difference for the curvature, relative to the motion: `balance.equations.EVENT_STEP`."""
+_RELATIVE_STEP = 1e-5
+"""Step of the central difference for the curvature, relative to the motion; as in `finite_differences`."""
 
 _MAX_INVERSE_ITERATIONS = 30
 """Maximum number of inverse iterations for the borders."""
