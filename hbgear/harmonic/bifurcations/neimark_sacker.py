@@ -308,7 +308,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
             dX = -J.solve(dR)
             return k * (along(self.problem, X, here, value, dX, name) - float(g_X @ dX))
 
-        changes = [(linearise(self.problem, X, name, here).dR_dp, name) for name in names]
+        changes = [(self.problem.parameter_derivative(X, name, here), name) for name in names]
         return AugmentedResidual(
             now, k * math.log(abs(mu)), k * g_X, derivative(now.dR_dp, self.parameter),
             tuple((dR, derivative(dR, name)) for dR, name in changes),
