@@ -248,8 +248,14 @@ def test_degrees_of_freedom_come_from_the_problem():
         assert np.allclose(b.amplitude(name, dof="x", derivative=2), expected, rtol=1e-14)
         assert np.allclose(b.amplitude(name, derivative=1), factor * b.values * b.amplitude(name), rtol=1e-14)
     assert np.all(b.amplitude("mean", dof="x", derivative=1) == 0)
+    assert b[2].amplitude("H1", dof="y", derivative=1) == b.amplitude("H1", dof="y", derivative=1)[2]
+    assert b[2].amplitude("H1/2", 1, derivative=2) == b.amplitude("H1/2", 1, derivative=2)[2]
     with pytest.raises(KeyError, match="no degree of freedom 'z'; it has: x, y"):
         b.amplitude(dof="z")
+    with pytest.raises(KeyError, match="no degree of freedom 'z'; it has: x, y"):
+        b[2].amplitude(dof="z")
+    with pytest.raises(ValueError, match="needs the problem of the point"):
+        make()[2].amplitude(dof="x")
     with pytest.raises(KeyError, match="there are 2"):
         b.amplitude(dof=2)
     with pytest.raises(ValueError, match="problem="):

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch_data import BranchData
-from hbgear.continuation.results.layout import ReconstructsMotion
-from hbgear.continuation.results.point import dof_index, require_layout
-
-MAX_DERIVATIVE = 10
-"""Largest order of a derivative in time. Displacement, velocity, acceleration and jerk are orders 0 to 3."""
+from hbgear.continuation.results.point import MAX_DERIVATIVE, dof_index, require_layout, rows_of_dof
 
 
 def amplitudes(
@@ -54,8 +48,5 @@ def _coefficients_of_dof(branch: BranchData, dof: int | str) -> Array:
     stored = branch.full_motion if branch.problem is None else None
     if stored is not None and len(stored.rows) == len(branch):
         return stored.rows[:, dof_index(dof, stored.names)]
-    problem: Any = branch.require_problem()
-    if not isinstance(problem, ReconstructsMotion):
-        raise ValueError(f"dof={dof!r} needs a problem with degrees of freedom; {type(problem).__name__} has none")
-    q = np.array([problem.motion(X, **branch.parameters_at(i)) for i, X in enumerate(branch.X)])
-    return q[:, dof_index(dof, problem.dof_names)]
+    problem = branch.require_problem()
+    return rows_of_dof(problem, dof, branch.X, [branch.parameters_at(i) for i in range(len(branch))])

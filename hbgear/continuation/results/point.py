@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -16,8 +16,11 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
-from hbgear.continuation.results.layout import LayoutProtocol, neutral_regime_of
+from hbgear.continuation.results.layout import LayoutProtocol, ReconstructsMotion, neutral_regime_of
 from hbgear.continuation.results.stability import stability_codes, stability_names
+
+MAX_DERIVATIVE = 10
+"""Largest order of a derivative in time. Displacement, velocity, acceleration and jerk are orders 0 to 3."""
 
 LANDINGS = ("nearest", "integrate")
 """Methods by which the solution after a jump is chosen; values of `Jump.landing`."""
@@ -97,6 +100,38 @@ def dof_index(dof: int | str, names: Sequence[str]) -> int:
     if not 0 <= dof < len(names):
         raise KeyError(f"the model has no degree of freedom {dof}; there are {len(names)}, from 0")
     return dof
+
+
+def rows_of_dof(problem: Any, dof: int | str, X: Array, parameters: Sequence[Mapping[str, float]]) -> Array:
+    """Return the coefficients of a degree of freedom in P solutions.
+
+    Parameters
+    ----------
+    problem : object
+        Problem that the solutions solve.
+    dof : int or str
+        Index or name of the degree of freedom.
+    X : ndarray, shape (P, n)
+        Unknowns of the solutions.
+    parameters : sequence of P mappings of str to float
+        Parameters of each solution.
+
+    Returns
+    -------
+    ndarray, shape (P, ...)
+        For harmonic balance ``(a0, a1, b1, ..., aH, bH)`` of each solution.
+
+    Raises
+    ------
+    ValueError
+        If the problem has no degrees of freedom.
+    KeyError
+        If the model does not have this degree of freedom.
+    """
+    if not isinstance(problem, ReconstructsMotion):
+        raise ValueError(f"dof={dof!r} needs a problem with degrees of freedom; {type(problem).__name__} has none")
+    i = dof_index(dof, problem.dof_names)
+    return np.array([problem.motion(x, **given)[i] for x, given in zip(X, parameters, strict=True)])
 
 
 @renamed_attributes(verdict="stability")
@@ -200,8 +235,10 @@ class Point:
         return require_layout(self.layout).rows(self.X, element).copy()
 
     @checked_arguments()
-    def amplitude(self, measure: str = "rms", element: int | str = 0) -> float:
-        """Return a measure of amplitude of an element.
+    def amplitude(
+        self, measure: str = "rms", element: int | str = 0, dof: int | str | None = None, derivative: int = 0
+    ) -> float:
+        """Return a measure of amplitude of an element or of a degree of freedom.
 
         Parameters
         ----------
@@ -209,13 +246,38 @@ class Point:
             For harmonic balance "rms" (default), "pp2", "max", "mean", "H1", "H2", ...
         element : int or str, optional
             Index or name of the element. The default is 0.
+        dof : int or str, optional
+            Index or name of a degree of freedom, which is used instead of the element. It needs the problem of the
+            point, which files do not store.
+        derivative : int, optional
+            0 for displacement (default), 1 for velocity, 2 for acceleration, in time.
 
         Returns
         -------
         float
-            Value of the measure, in the units of the element displacement.
+            Value of the measure, in the units of the displacement.
+
+        Raises
+        ------
+        ValueError
+            If the measure does not exist, or the problem is needed but unknown.
+        KeyError
+            If the element or degree of freedom does not exist.
         """
-        return float(require_layout(self.layout).measure(measure, self.X, element))
+        counted("derivative", derivative, MAX_DERIVATIVE, least=0)
+        layout = require_layout(self.layout)
+        if dof is None:
+            rows = layout.rows(self.X[None], element)
+        elif self.problem is None:
+            raise ValueError(
+                f"dof={dof!r} needs the problem of {self.label or 'the point'}, which is unknown; use the amplitude of "
+                "the branch, which rebuilds it if it can"
+            )
+        else:
+            rows = rows_of_dof(self.problem, dof, self.X[None], [self.parameters])
+        if derivative:
+            rows = layout.in_time(rows, {name: np.array([x]) for name, x in self.parameters.items()}, derivative)
+        return float(layout.measure_rows(measure, rows)[0])
 
     @checked_arguments()
     def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
