@@ -35,6 +35,23 @@ def test_a_curve_of_a_hard_stop_is_traced_through_its_grazing_points(k):
         np.testing.assert_allclose(size, np.exp(-C * np.pi / each.values[free]), rtol=1e-6)
 
 
+@pytest.mark.parametrize("name, end", [("F", 0.12), ("gap", 0.4), ("c", 0.05)])
+def test_a_fold_next_to_a_grazing_contact_is_followed(name, end):
+    """The penetration is 2.6e-6 of the motion; the fold of contact instants at the end is the same."""
+
+    @hb.mechanics.model
+    def stopped(F: float = 0.1, gap: float = GAP, c: float = 0.04) -> hb.System:
+        stop = hb.Element([1.0], hb.Unilateral(k=100.0, gap=gap), name="stop")
+        return hb.System([[1.0]], [[c]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
+
+    curve = hb.trace(hb.HarmonicBalance(stopped(), 24), "Omega", (1.3, 1.05))
+    assert 0 < curve["LP1"].amplitude("max") / GAP - 1 < 1e-5
+    folds = hb.follow(curve, "LP1", name, (getattr(stopped(), name), end))
+    assert folds.status is hb.Status.REACHED_END and len(folds) < 50
+    exact = hb.trace(hb.ContactInstants(stopped(**{name: end})), "Omega", (1.3, 1.05))
+    assert folds.tracked["Omega"][-1] == pytest.approx(exact["LP1"].parameters["Omega"], abs=1e-8)
+
+
 @pytest.mark.slow
 def test_contacts_that_few_harmonics_do_not_resolve():
     """A stop without gap: H = 16 leaves an error of 5 % and loses points; the curve is traced in contact instants.

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, System, Unilateral
 from hbgear.harmonic.forces.switching_times import crossings
-from hbgear.mechanics import KelvinVoigt, Law, Parallel, PiecewiseLinear, Series
+from hbgear.mechanics import KelvinVoigt, Law, Parallel, PiecewiseLinear, Series, model
 from hbgear.mechanics.series.fourier import evaluate, samples_of, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
@@ -301,16 +301,24 @@ def test_three_crossings_between_two_samples():
     np.testing.assert_allclose(near, at + np.arcsin([-delta, 0.0, delta]), atol=1e-9)
 
 
-@pytest.mark.parametrize("depth", [1e-3, 1e-5])
-def test_second_derivatives_of_short_contacts_with_dampers(depth):
+@pytest.mark.parametrize("depth", [1e-2, 1e-5, 1e-8])
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_second_derivatives_of_short_contacts(depth, damping):
     """x = a cos t is in contact for |t| < arccos(g / a). With J = dR/dX, J_00 = k t / pi.
 
-    dJ_00 / da = k g / (pi a^2 sin t): steps larger than the penetration would end the contact.
+    dJ_00 / da = k g / (pi a^2 sin t) and dJ_00 / dg = -k / (pi a sin t): steps larger than the penetration would end
+    the contact.
     """
-    law = KelvinVoigt(5.0, 0.1, 0.999)
-    system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load(cosine={1: [1.0]}))
-    problem, a = HarmonicBalance(system, 2), 0.999 + depth
+
+    @model
+    def stopped(gap: float = 0.999) -> System:
+        law = KelvinVoigt(5.0, damping, gap) if damping else Unilateral(k=5.0, gap=gap)
+        return System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load(cosine={1: [1.0]}))
+
+    problem, a = HarmonicBalance(stopped(), 2), 0.999 + depth
     X, v = np.array([0.0, a, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+    sine = np.sqrt((a - 0.999) * (a + 0.999)) / a
     along, _ = problem.curvature(X, v, "Omega", Omega=0.8)
-    expected = 5.0 * 0.999 / (np.pi * a**2 * np.sqrt(1 - (0.999 / a) ** 2))
-    assert along[0, 0] == pytest.approx(expected, rel=2e-3)
+    assert along[0, 0] == pytest.approx(5.0 * 0.999 / (np.pi * a**2 * sine), rel=2e-4)
+    _, across = problem.curvature(X, v, "gap", Omega=0.8, gap=0.999)
+    assert across[0, 0] == pytest.approx(-5.0 / (np.pi * a * sine), rel=2e-4)

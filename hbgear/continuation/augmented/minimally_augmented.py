@@ -79,8 +79,8 @@ def parameter_derivative_and_jacobian(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], name: str
 ) -> tuple[Array, Matrix]:
     """Return the derivatives of R and dR/dX in a parameter, by finite differences."""
-    near = problem.perturbed(here, 2)
-    dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at), problem.difference_step)
+    near, step = problem.perturbed(here, 2), problem.difference_step(X, here)
+    dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at), step)
     return dR, dJ
 
 

@@ -32,7 +32,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Factors, as_dense, bordered, norm
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
-from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 
 Value = Callable[[Array, dict[str, float]], float]
 """Type of a smooth function of the unknowns and all parameters."""
@@ -173,7 +173,7 @@ def _curvature_row(
     problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, w: Array, t: Array
 ) -> Array:
     """Return the derivative (n + 1,) of w . [J R_p] t in (X, p), by differences of w . [J R_p] along t."""
-    h = STEP * max(1e-3, norm(X)) / norm(t)
+    h = directional_step(X, t, problem.difference_step(X, here))
     plus, minus = (
         linearise(problem, X + s * t[:-1], parameter, {**here, parameter: here[parameter] + s * t[-1]}) for s in (h, -h)
     )

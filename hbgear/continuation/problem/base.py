@@ -75,8 +75,6 @@ class ContinuationProblem:
     """Parameters that are unknowns: the last entries of X in reverse order."""
     smooth: bool = True
     """True if dR/dX is continuous, so that Newton's method locates special points."""
-    difference_step: float = STEP
-    """Step of differences of dR/dX, relative to the unknowns and to the parameter."""
     changes: bool = False
     """True if `adapted` may return another problem."""
     size: int | None = None
@@ -143,11 +141,15 @@ class ContinuationProblem:
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
-        step, f = self.difference_step, self.evaluate
+        step, f = self.difference_step(X, parameters), self.evaluate
         h = directional_step(X, v, step)
         (across,) = parameter_derivatives(self, name, parameters, lambda at: (f(X, **at)[1],), step)
         plus, minus = (f(X + s * h * v, **parameters)[1] for s in (1, -1))
         return (plus - minus) / (2 * h), across
+
+    def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
+        """Return the step of differences of dR/dX at X, relative to the unknowns and to the parameter."""
+        return STEP
 
     def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """Return a compiled continuation loop in a parameter, the others fixed; by default None."""

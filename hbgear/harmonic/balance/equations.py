@@ -28,7 +28,9 @@ from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
 from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection
 from hbgear.harmonic.equations.model_cache import ModelCache
+from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.forces.packed_model import PackedModel
+from hbgear.harmonic.forces.projection_kernels import LEAST_STEP, STEP_OVER_SQUARE
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import check_frequency
 
@@ -37,13 +39,9 @@ Value = TypeVar("Value")
 FREQUENCIES = Range(above=0, high=1e60)
 """Values of Omega whose powers are finite."""
 
-EVENT_STEP = 1e-6
-"""Relative step of differences of dR/dX with friction or contacts with dampers. Its rounding error is 1e-10.
-
-dR/dX has the slope of a square root in the penetration of a contact, or in the amplitude of a short interval of stick.
-A step of 1e-5 of the motion ended such intervals: gradients were wrong by a third, and Newton's method converged
-linearly. Smaller steps have rounding errors that cusps, which need third derivatives, do not tolerate.
-"""
+STICK_STEP = 1e-6
+"""Relative step of differences of dR/dX with friction, because a step of 1e-5 of the motion ends short intervals of
+stick. Smaller steps have rounding errors that cusps, which need third derivatives, do not tolerate."""
 
 _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
@@ -230,7 +228,8 @@ class HarmonicEquations(ContinuationProblem):
         evaluator = self.compiled(parameters)
         if name != "Omega" or evaluator.aft_laws or evaluator.damped or evaluator.sliders:
             return super().curvature(X, v, name, **parameters)
-        return evaluator.curvature(X, v, directional_step(X, v, self.difference_step), float(parameters["Omega"]))
+        step = directional_step(X, v, self.difference_step(X, parameters))
+        return evaluator.curvature(X, v, step, float(parameters["Omega"]))
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -262,11 +261,12 @@ class HarmonicEquations(ContinuationProblem):
         divided = elements_between_breakpoints(compiled)
         return not any(law.breakpoints for j, law in compiled.aft_laws if j not in divided)
 
-    @property
-    def difference_step(self) -> float:  # type: ignore[override]
-        """Relative step of differences of dR/dX: short intervals of contact or stick must not end within it."""
-        compiled = self.compiled({})
-        return EVENT_STEP if compiled.sliders or compiled.damped else STEP
+    def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
+        """Return the relative step of differences of dR/dX: no interval of contact or stick ends within it."""
+        compiled = self.compiled(parameters)
+        (interval,) = shortest_intervals(compiled, X[None])
+        usual = STICK_STEP if compiled.sliders else STEP
+        return min(usual, max(LEAST_STEP, STEP_OVER_SQUARE * float(interval) ** 2))
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

@@ -104,7 +104,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         g = float(slope @ t[:n])
         e[:n], e[n] = slope, 0.0
         z = factors.solve(e, transposed=True)[:n]
-        h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        h = self.problem.difference_step(X, here) * max(1e-3, norm(X)) / max(norm(t), 1e-12)
         u = np.append(X, here[self.parameter])
         plus, minus = (
             linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})

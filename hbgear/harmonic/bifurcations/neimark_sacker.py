@@ -171,7 +171,7 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         rows[:, 0] /= 2.0
         compiled, at = self.problem.compiled(here), np.zeros((m, 4 * H + 1))
         at[:, : 2 * H + 1] = self.problem.rows(X)
-        h = directional_step(at.ravel(), rows.ravel(), self.problem.difference_step)
+        h = directional_step(at.ravel(), rows.ravel(), self.problem.difference_step(X, here))
         up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
         out = to_real((up - down) / (2 * h))
         if compiled.aft_laws:
@@ -300,7 +300,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
         towards = J.solve(now.R)
         g_X = np.zeros(len(X))
         if norm(towards) > MIN_CORRECTION * norm(X):
-            h = directional_step(X, towards, self.problem.difference_step)
+            h = directional_step(X, towards, self.problem.difference_step(X, here))
             change = (value(X + h * towards, here) - value(X - h * towards, here)) / (2 * h)
             g_X = change / norm(towards) ** 2 * towards
 

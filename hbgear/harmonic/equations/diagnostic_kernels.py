@@ -7,7 +7,6 @@ The orders k are not unknowns: H < k <= 2H, and orders below H outside a harmoni
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
-from hbgear.harmonic.forces.projection_kernels import cross, project, projection_workspace
+from hbgear.harmonic.forces.projection_kernels import cross, project, projection_workspace, shortest_interval
 from hbgear.harmonic.structure.receptance_kernels import receptance
 from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided
 
@@ -47,12 +46,7 @@ def shortest_intervals(packed: Any, m: int, X: Any, out: Any) -> None:
     space = projection_workspace(packed, m, X.shape[1] // (2 * m), 0)
     for p in range(X.shape[0]):
         cross(packed, X[p].reshape(m, -1), np.bool_(False), space)
-        least, theta, count = 2 * math.pi, space.theta, space.number
-        for i in range(count.shape[0]):
-            for j in range(count[i]):
-                after = theta[i, j + 1] if j + 1 < count[i] else theta[i, 0] + 2 * math.pi
-                least = min(least, after - theta[i, j])
-        out[p] = least
+        out[p] = shortest_interval(space.theta, space.number)
 
 
 @kernel

@@ -19,14 +19,13 @@ import numpy as np
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.continuation.numerics.gauss_kernels import scaled_norm, solve_in_place
 from hbgear.continuation.problem.evaluation import FOLD, HELD
+from hbgear.continuation.problem.finite_differences import STEP
 from hbgear.harmonic.equations.assembly_kernels import curvature, residual_and_jacobian, workspace_for
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
+from hbgear.harmonic.forces.projection_kernels import LEAST_STEP, STEP_OVER_SQUARE, shortest_interval
 
 _BORDER_TOLERANCE = 1e-10
 """Change of a border, 1 - cos(angle), at which the inverse iteration has converged."""
-
-_RELATIVE_STEP = 1e-5
-"""Step of the central difference for the curvature, relative to the motion; as in `finite_differences`."""
 
 _MAX_INVERSE_ITERATIONS = 30
 """Maximum number of inverse iterations for the borders."""
@@ -219,7 +218,10 @@ def _determinant(packed: Any, X: Any, J: Any, borders: Any, row: Any, workspace:
     _solve_bordered(J, borders, solutions)
     v, w, g = solutions[0, :n], solutions[1], float(solutions[0, n])
     along, across = np.empty((n, n)), np.empty((n, n))
-    curvature(packed, X, v, _RELATIVE_STEP * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, along, across)
+    space = workspace.space
+    interval = shortest_interval(space.theta, space.number) if packed.laws.of.shape[0] else 2 * math.pi
+    relative = min(STEP, max(LEAST_STEP, STEP_OVER_SQUARE * interval * interval))
+    curvature(packed, X, v, relative * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, along, across)
     moved = 0.0
     for j in range(n):
         row[j] = 0.0
