@@ -302,3 +302,26 @@ def test_gradient_of_the_exponent_with_a_law_in_python():
         for e in np.eye(len(U))
     ]
     np.testing.assert_allclose(now.dR_dX, np.array(differences).T, rtol=1e-6, atol=1e-7 * now.size)
+
+
+@hb.mechanics.model
+def loose_teeth(F: float = 0.13) -> hb.System:
+    """Return one mass between teeth with backlash and a constant load."""
+    teeth = hb.Element([1.0], hb.Backlash(b=0.95, k=0.33), name="teeth")
+    return hb.System([[1.0]], [[0.02]], [[1.0]], [teeth], hb.Load(constant=[0.15], cosine={1: [F]}))
+
+
+@pytest.mark.parametrize("first, last", [(0.13, 0.1), (0.1, 0.13)])
+def test_a_fold_passes_a_grazing_contact(first, last):
+    """With F = .13 the motion of the fold touches both flanks, with F = .1 only one.
+
+    Between them its curve has a corner: with contact the clearance is proportional to the square of the distance to it.
+    The curve traced again in contact instants has no truncation.
+    """
+    curve = hb.trace(hb.HarmonicBalance(loose_teeth(first), 14), "Omega", (1.12, 1.0))
+    folds = hb.follow(curve, "LP1", "F", (first, last))
+    assert folds.status is hb.Status.REACHED_END
+    again = hb.trace(hb.ContactInstants(loose_teeth(last)), "Omega", (1.12, 1.0))
+    assert folds.tracked["Omega"][-1] == pytest.approx(again["LP1"].parameters["Omega"], abs=5e-6)
+    order = [[point.kind for point in one.special if point.kind in ("LP", "GR")][1:3] for one in (curve, again)]
+    assert sorted(order) == [["GR", "LP"], ["LP", "GR"]]

@@ -132,7 +132,7 @@ class Stepper:
                 out,
             )
             found, reason = out[:made], status_message(why, number)
-        if not len(found) and self.problem.is_nonsmooth:
+        if not len(found) and (self.problem.is_nonsmooth or self.problem.unknown_parameters):
             found, step = self._corner(recent[0], scale, step)
             reason = "" if len(found) else reason
         return StepResult(self._points(found, recent[0], scale), step, reason)

@@ -20,6 +20,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked
+from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import FOLD, Evaluation, Locating, Pursuit
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
@@ -42,6 +43,9 @@ FREQUENCIES = Range(above=0, high=1e60)
 STICK_STEP = 1e-6
 """Relative step of differences of dR/dX with friction, because a step of 1e-5 of the motion ends short intervals of
 stick. Smaller steps have rounding errors that cusps, which need third derivatives, do not tolerate."""
+
+STEP_OVER_CLEARANCE = 0.1
+"""Relative step of differences of dR/dX over the least distance of an extremum from a breakpoint, relative to X."""
 
 _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
@@ -262,11 +266,12 @@ class HarmonicEquations(ContinuationProblem):
         return not any(law.breakpoints for j, law in compiled.aft_laws if j not in divided)
 
     def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
-        """Return the relative step of differences of dR/dX: no interval of contact or stick ends within it."""
+        """Return the relative step of differences of dR/dX, within which no contact or interval of stick ends."""
         compiled = self.compiled(parameters)
-        (interval,) = shortest_intervals(compiled, X[None])
+        (interval,), (clearances,) = shortest_intervals(compiled, X[None]), compiled.extrema_and_regime(X[None])[0]
+        nearest = float(np.abs(clearances).min(initial=math.inf)) / max(1e-3, norm(X))
         usual = STICK_STEP if compiled.sliders else STEP
-        return min(usual, max(LEAST_STEP, STEP_OVER_SQUARE * float(interval) ** 2))
+        return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, STEP_OVER_CLEARANCE * nearest)))
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""
