@@ -29,7 +29,7 @@ from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
 from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection
 from hbgear.harmonic.equations.model_cache import ModelCache
-from hbgear.harmonic.equations.motion import shortest_intervals
+from hbgear.harmonic.equations.motion import nearest_grazing, shortest_intervals
 from hbgear.harmonic.forces.packed_model import PackedModel
 from hbgear.harmonic.forces.projection_kernels import LEAST_STEP, STEP_OVER_SQUARE
 from hbgear.mechanics.models import Model
@@ -268,8 +268,7 @@ class HarmonicEquations(ContinuationProblem):
     def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
         """Return the relative step of differences of dR/dX, within which no contact or interval of stick ends."""
         compiled = self.compiled(parameters)
-        (interval,), (clearances,) = shortest_intervals(compiled, X[None]), compiled.extrema_and_regime(X[None])[0]
-        nearest = float(np.abs(clearances).min(initial=math.inf)) / max(1e-3, norm(X))
+        (interval,), nearest = shortest_intervals(compiled, X[None]), nearest_grazing(compiled, X) / max(1e-3, norm(X))
         usual = STICK_STEP if compiled.sliders else STEP
         return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, STEP_OVER_CLEARANCE * nearest)))
 
