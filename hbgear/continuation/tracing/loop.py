@@ -50,11 +50,14 @@ class ContinuationLoop:
         Change of resolution.
     ends : CurveEnds
         Detection of the ends.
+    first_after_corner : int
+        Number of the first point after the last corner at which short steps made no progress.
     """
 
     def __init__(self, state: TraceState, special_points: SpecialPoints, resolution: ResolutionControl) -> None:
         self.state, self.special_points, self.resolution = state, special_points, resolution
         self.detector, self.ends = special_points.detector, CurveEnds(state)
+        self.first_after_corner = 0
 
     def run(self, second: list[CurvePoint]) -> tuple[Status, str]:
         """Trace until something ends the curve; return status and message.
@@ -75,7 +78,10 @@ class ContinuationLoop:
         while True:
             if len(state.points) >= max_points:
                 return Status.MAX_POINTS, f"{len(state.points)} points, {state.location_text()}"
-            path, reason = self._step()
+            stalled = self._has_stalled()
+            path, reason = self._over_corner() if stalled else self._step()
+            if stalled and len(path) == 1:
+                return Status.STEP_TOO_SMALL, f"{reason} {state.location_text()}"
             path, asymptote = self.ends.up_to_infinity(path)
             if len(path) == 1:
                 if left := self.ends.leaving_range():
@@ -94,9 +100,6 @@ class ContinuationLoop:
             if asymptote is not None:
                 state.asymptote = asymptote
                 return Status.UNBOUNDED, unbounded_message(state.setup.name, asymptote)
-            if self._has_stalled():
-                where = f"{STALLED_STEPS} steps in succession were close to the smallest size {state.location_text()}"
-                return Status.STEP_TOO_SMALL, where
             if self._is_singular():
                 return Status.ARBITRARY, f"a family of solutions, which are not isolated, lies {state.location_text()}"
             sizes = state.problem.solution_norms(unknowns(path)[1:, :-1])
@@ -107,7 +110,8 @@ class ContinuationLoop:
 
     def _has_stalled(self) -> bool:
         """Return whether the last steps made no progress compared with the largest step size."""
-        latest, largest = self.state.points[-STALLED_STEPS:], self.state.setup.settings.steps.max_step
+        first = max(self.first_after_corner, len(self.state.points) - STALLED_STEPS)
+        latest, largest = self.state.points[first:], self.state.setup.settings.steps.max_step
         return len(latest) == STALLED_STEPS and sum(point.step for point in latest) < STALLED_LENGTH * largest
 
     def _is_singular(self) -> bool:
@@ -123,11 +127,28 @@ class ContinuationLoop:
         crossings = [n for n, one in state.located if n > first and one.event.kind == BranchPointEvent.kind]
         return 2 * len(crossings) > MAX_SINGULAR_POINTS
 
+    def _over_corner(self) -> tuple[Points, str]:
+        """Return the last point with a point beyond a corner that short steps only approach, or with none; see `_step`.
+
+        Beyond the corner steps begin to be counted again.
+        """
+        state = self.state
+        found, state.step, _ = self._stepper().over_corner(state.last, state.scale, state.step)
+        path = Points([state.last, *found])
+        self.first_after_corner = len(state.points)
+        kept = self.ends.points_before_retrace(path)
+        return Points(path[: kept + 1]), f"{STALLED_STEPS} steps in succession were close to the smallest size"
+
+    def _stepper(self) -> Stepper:
+        """Return the predictor and corrector of the present problem."""
+        setup = self.state.setup
+        steps, newton, single = setup.settings.steps, setup.settings.newton, setup.batch_size == 1
+        return Stepper(self.state.problem, setup.name, setup.fixed, setup.span.bounds, steps, newton, single)
+
     def _step(self) -> tuple[Points, str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
         state, setup = self.state, self.state.setup
-        steps, newton, single = setup.settings.steps, setup.settings.newton, setup.batch_size == 1
-        stepper = Stepper(state.problem, setup.name, setup.fixed, setup.span.bounds, steps, newton, single)
+        steps, stepper = setup.settings.steps, self._stepper()
         last = [state.last, *(state.resized(point) for point in state.points[-2 : -1 - steps.predictor_points : -1])]
         most = min(steps.max_points - len(state.points), setup.batch_size)
         while True:

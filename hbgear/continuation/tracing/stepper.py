@@ -132,23 +132,41 @@ class Stepper:
                 out,
             )
             found, reason = out[:made], status_message(why, number)
-        if not len(found) and (self.problem.is_nonsmooth or self.problem.unknown_parameters):
-            found, step = self._corner(recent[0], scale, step)
-            reason = "" if len(found) else reason
+        if not len(found):
+            over = self.over_corner(recent[0], scale, step)
+            return over if over.points else over._replace(reason=reason)
         return StepResult(self._points(found, recent[0], scale), step, reason)
 
-    def _corner(self, before: CurvePoint, scale: Array, step: float) -> tuple[Array, float]:
-        """Return the point beyond a corner as a table of one row, empty without a corner, and the next step size."""
+    def over_corner(self, before: CurvePoint, scale: Array, step: float) -> StepResult:
+        """Compute a point beyond a corner near the last point, if the curve can have corners and has one there.
+
+        Parameters
+        ----------
+        before : CurvePoint
+            Last point.
+        scale : ndarray, shape (n + 1,)
+            Scales of the unknowns and of the parameter.
+        step : float
+            Step size, which is returned if there is no corner.
+
+        Returns
+        -------
+        StepResult
+            The point, or no point, and the next step size.
+        """
+        if not (self.problem.is_nonsmooth or self.problem.unknown_parameters):
+            return StepResult([], step, "")
         smallest, turn = self.steps.min_step, self.steps.max_turn_deg
         found = step_over_corner(
             self.problem, before.u, before.tangent, before.orientation, scale, smallest, turn, self.name, self.fixed,
             self.settings,
         )  # fmt: skip
         if found is None:
-            return np.empty((0, 2 * len(scale) + 4)), step
+            return StepResult([], step, "")
         (solution, direction, orientation), step = found
         numbers = [step, orientation, solution.iterations, solution.residual]
-        return np.concatenate([solution.X, [solution.value], direction, numbers])[None], step
+        row = np.concatenate([solution.X, [solution.value], direction, numbers])
+        return StepResult(self._points(row[None], before, scale), step, "")
 
     def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""
