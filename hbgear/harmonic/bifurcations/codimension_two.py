@@ -35,10 +35,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm
@@ -52,7 +53,7 @@ from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Pa
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix
 from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
-from hbgear.mechanics.series.fourier import to_real
+from hbgear.mechanics.series.fourier import places, to_real
 
 Test = Callable[[Any, Array, dict[str, float]], float]
 """Function of the equations of a special point, the motion and all parameters."""
@@ -118,28 +119,31 @@ def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array
         Its derivative.
     """
     hill = CondensedHillMatrix.of(balance.compiled(here), X, here["Omega"])
-    m, H = balance.m, balance.H
-    two_sided = np.zeros((m, 2 * H + 1, m, 2 * H + 1), dtype=complex)  # harmonic and element from element and row
-    for j in range(m):
-        two_sided[j, H, j, 0] = 1.0
-        for k in range(1, H + 1):
-            two_sided[j, H + k, j, 2 * k - 1], two_sided[j, H + k, j, 2 * k] = 0.5, -0.5j
-            two_sided[j, H - k, j, 2 * k - 1], two_sided[j, H - k, j, 2 * k] = 0.5, 0.5j
-    kept = np.concatenate([[0], *[(2 * k - 1, 2 * k) for k in balance.orders[1:]]]).astype(int)
-    columns = two_sided[..., kept].reshape(m, 2 * H + 1, -1)[..., some].swapaxes(0, 1).reshape(m * (2 * H + 1), -1)
     G, dG = hill.receptances(0.0)
-    out = []
-    for matrix in (hill.matrix(G, 0.0), hill.rate(G, dG, 0.0)):
-        image = (matrix @ columns).reshape(2 * H + 1, m, -1)[H:].transpose(2, 1, 0)  # (k, m, H + 1)
-        image[..., 1:] *= 2.0
-        out.append(to_real(image)[..., kept].reshape(len(some), -1)[:, some].T)
-    return out[0], out[1]
+    D, D_s = (
+        _in_real_coefficients(matrix, balance.m, balance.orders)[np.ix_(some, some)]
+        for matrix in (hill.matrix(G, 0.0), hill.rate(G, dG, 0.0))
+    )
+    return D, D_s
+
+
+def _in_real_coefficients(matrix: ComplexArray, m: int, orders: Array) -> Array:
+    """Return a matrix for coefficients -H..H of m elements as the matrix for real coefficients of some orders."""
+    H = len(matrix) // m // 2
+    rows = matrix.reshape(2 * H + 1, m, 2 * H + 1, m)[H:]
+    above, below = rows[:, :, H:], rows[:, :, H::-1]
+    image = np.empty_like(rows)
+    image[:, :, 0] = above[:, :, 0]
+    image[:, :, 1::2], image[:, :, 2::2] = 0.5 * (above + below)[:, :, 1:], 0.5j * (below - above)[:, :, 1:]
+    image[1:] *= 2.0
+    kept = places(orders)
+    real = to_real(image.transpose(1, 3, 2, 0))[..., kept].transpose(0, 3, 1, 2)[..., kept]  # row, column by element
+    return real.reshape(m * len(kept), -1)
 
 
 def rate_of_exponent(D: Array, D_s: Array) -> float:
     """Return the derivative of det D(s) at s = 0, up to a positive factor, with a singular D: zero if it is double."""
-    u, _, vt = scipy.linalg.svd(D)
-    w, v = u[:, -1], vt[-1]
+    w, v = least_singular_vectors(D)
     return float(w @ D_s @ v) * _border_sign(D, w, v)
 
 
@@ -315,9 +319,8 @@ def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[f
         Coefficient and rounding.
     """
     doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
-    u, _, vt = scipy.linalg.svd(problem.matrix(X, here)[0])
     w, v = np.zeros(len(wide)), np.zeros(len(wide))
-    w[odd], v[odd] = u[:, -1], vt[-1]
+    w[odd], v[odd] = least_singular_vectors(as_dense(problem.matrix(X, here)[0]))
     t = DIFFERENCE_STEP * (norm(X) or 1.0)
 
     def jacobian(change: Array) -> Array:
