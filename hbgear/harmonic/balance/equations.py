@@ -29,7 +29,8 @@ from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
 from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection
 from hbgear.harmonic.equations.model_cache import ModelCache
-from hbgear.harmonic.equations.motion import nearest_grazing, shortest_intervals
+from hbgear.harmonic.equations.motion import shortest_intervals
+from hbgear.harmonic.equations.thresholds import nearest_threshold
 from hbgear.harmonic.forces.packed_model import PackedModel
 from hbgear.harmonic.forces.projection_kernels import LEAST_STEP, STEP_OVER_SQUARE
 from hbgear.mechanics.models import Model
@@ -44,8 +45,8 @@ STICK_STEP = 1e-6
 """Relative step of differences of dR/dX with friction, because a step of 1e-5 of the motion ends short intervals of
 stick. Smaller steps have rounding errors that cusps, which need third derivatives, do not tolerate."""
 
-STEP_OVER_CLEARANCE = 0.1
-"""Relative step of differences of dR/dX over the least distance of an extremum from a breakpoint, relative to X."""
+STEP_OVER_DISTANCE = 1e-2
+"""Relative step of differences of dR/dX over the relative distance of a motion from the next threshold of its laws."""
 
 _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
@@ -268,9 +269,9 @@ class HarmonicEquations(ContinuationProblem):
     def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
         """Return the relative step of differences of dR/dX, within which no contact or interval of stick ends."""
         compiled = self.compiled(parameters)
-        (interval,), nearest = shortest_intervals(compiled, X[None]), nearest_grazing(compiled, X) / max(1e-3, norm(X))
-        usual = STICK_STEP if compiled.sliders else STEP
-        return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, STEP_OVER_CLEARANCE * nearest)))
+        usual, (interval,) = STICK_STEP if compiled.sliders else STEP, shortest_intervals(compiled, X[None])
+        nearest = STEP_OVER_DISTANCE * nearest_threshold(compiled, X) / max(1e-3, norm(X))
+        return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, nearest)))
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

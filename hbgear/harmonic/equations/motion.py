@@ -35,7 +35,6 @@ from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
 from hbgear.harmonic.equations.thresholds import edge_extremes, edged_laws, slip_margins
-from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.slider import friction_limits, limit_at
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.reduction import Reduction
@@ -156,22 +155,6 @@ def shortest_intervals(evaluator: Evaluator, X: Array) -> Array:
     out, X = np.empty(len(X)), evaluator.spread(X)
     diagnostic_kernels.shortest_intervals(evaluator.packed_of(X), evaluator.m, X, out)
     return out
-
-
-def nearest_grazing(evaluator: Evaluator, X: Array) -> float:
-    """Return the least distance of a local extremum of a displacement from a breakpoint of its law; inf without any."""
-    least, rows, N = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.N
-    for j in np.unique(evaluator.element):
-        displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
-        slope = gap_samples(displacement, kept, evaluator.nu, rows[j], N, 1)
-        after = np.roll(slope, -1)
-        turns = np.flatnonzero((slope < 0) != (after < 0))
-        theta = 2 * np.pi / N * (turns + slope[turns] / (slope[turns] - after[turns]))
-        first, second = (evaluator.gap(j, rows[j], theta, order) for order in (1, 2))
-        theta = theta - first / np.where(second == 0, math.inf, second)
-        distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
-        least = min(least, float(np.abs(distances).min(initial=math.inf)))
-    return least
 
 
 # ---- truncation

@@ -1,5 +1,7 @@
 """Thresholds of periodic motions: where friction sliders begin to slip, and where edges of vector laws are reached.
 
+The distance from the nearest of them, or from a grazing contact, limits the steps of differences of dR/dX.
+
     slider    max (d - limit / k) - min (d + limit / k)      positive if it slips
     edge      min edge(d), max edge(d)                       of different signs if the motion crosses the edge
 
@@ -10,10 +12,13 @@ this instant, which moves with the motion.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.series.fourier import evaluate, waves
 
@@ -139,3 +144,31 @@ def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
         f"{end} of {elements[rows[0]].name.removesuffix(' 1')}" + (f" at edge {edge + 1}" if count > 1 else "")
         for rows, _, count in edged_laws(evaluator) for edge in range(count) for end in ("lowest", "highest")
     )  # fmt: skip
+
+
+# ---- distance from all thresholds
+
+
+def nearest_threshold(evaluator: Evaluator, X: Array) -> float:
+    """Return the least distance of a motion X (n,) from a threshold of its laws; inf without any.
+
+    Thresholds are contact at a local extremum of a displacement, an edge of a vector law, and the first slip.
+    """
+    distances = [_nearest_breakpoint(evaluator, X), *edge_extremes(evaluator, X[None])[0]]
+    return float(np.abs([*distances, *slip_margins(evaluator, X[None])[0]]).min())
+
+
+def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
+    """Return the least distance of a local extremum of a displacement from a breakpoint of its law; inf without any."""
+    least, rows, N = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.N
+    for j in np.unique(evaluator.element):
+        displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
+        slope = gap_samples(displacement, kept, evaluator.nu, rows[j], N, 1)
+        after = np.roll(slope, -1)
+        turns = np.flatnonzero((slope < 0) != (after < 0))
+        theta = 2 * np.pi / N * (turns + slope[turns] / (slope[turns] - after[turns]))
+        first, second = (evaluator.gap(j, rows[j], theta, order) for order in (1, 2))
+        theta = theta - first / np.where(second == 0, math.inf, second)
+        distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
+        least = min(least, float(np.abs(distances).min(initial=math.inf)))
+    return least
