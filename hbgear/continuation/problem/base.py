@@ -16,7 +16,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``check_stability`` | whether stability can be computed | it can |
 | ``solution_norm`` | the size of X, which scales arclength | the norm of X |
 | ``smooth`` | whether dR/dX is continuous | True |
-| ``difference_step`` | relative step of differences of dR/dX | 1e-5 |
+| ``difference_step`` | relative step of differences of dR/dX at X | 1e-5 |
 | ``layout`` | names and amplitude measures of X | X is an array of numbers |
 | ``observe``, ``observe_many`` | multipliers, error estimate, monitored quantities | none |
 | ``events`` | further special points | folds and branch points only |
