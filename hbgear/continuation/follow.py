@@ -95,6 +95,8 @@ def follow(
     ValueError
         If there are no equations for this kind (CP, EP), the branch is a curve of special points itself, its problem or
         the event of the point is unknown, or curves cross at single values of the second parameter only (BP).
+    NoConvergence
+        If the point does not solve the equations of its kind.
 
     Examples
     --------
@@ -130,7 +132,15 @@ def follow(
             f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
             "are known for it; choose LP, PD, NS, GR, SL, PK or an event of your own"
         )
-    found = trace_to_both_ends(equations, parameter, span, start, **options)
+    try:
+        found = trace_to_both_ends(equations, parameter, span, start, **options)
+    except NoConvergence as error:
+        raise NoConvergence(
+            f"{here.label} (stated error {here.error:.1e}) cannot be followed, because it does not solve the equations "
+            f"of this kind of point: {error}. If the curve has a corner there, no equations are known; else trace it "
+            "with more harmonics",
+            error.X, error.parameters, error.residuals,
+        ) from error  # fmt: skip
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(found)
     return found
