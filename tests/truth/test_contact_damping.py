@@ -250,3 +250,29 @@ def test_sensitivities_of_hunt_crossley(build, kind):
             expected = (a.parameters["Omega"] - b.parameters["Omega"]) / (2 * h * value)
             found = hb.analysis.sensitivity(one).of("Omega")[name]
             assert found == pytest.approx(expected, rel=1e-5, abs=1e-6), (one.label, name)
+
+
+@hb.mechanics.model
+def clipped_stop(F: float = 0.2, gap: float = 0.5, k3: float = 0.0) -> hb.System:
+    """Return one mass whose curve turns back where it touches a stop with a strong damper that does not pull."""
+    stop = hb.Element([1.0], hb.mechanics.ClippedKelvinVoigt(1.0, 2.0, gap), name="stop")
+    springs = [hb.Element([1.0], hb.Cubic(k3))] if k3 else []
+    return hb.System([[1.0]], [[0.05]], [[1.0]], [stop, *springs], hb.Load(cosine={1: [F]}))
+
+
+@pytest.mark.parametrize("name, F, gap", [("F", 0.3, 0.5), ("gap", 0.2, 0.4)])
+def test_a_fold_at_a_contact_that_begins_with_a_jump_of_the_slope_is_followed(name, F, gap):
+    """The motion in front of the contact is linear: F / |1 - Omega^2 + i c Omega| = gap at the fold."""
+    curve = hb.trace(hb.HarmonicBalance(clipped_stop(), 8), "Omega", (1.4, 1.1))
+    folds = hb.follow(curve, "LP1", name, (getattr(clipped_stop(), name), {"F": F, "gap": gap}[name]))
+    expected = scipy.optimize.brentq(lambda w: F / abs(1 - w**2 + 0.05j * w) - gap, 1.05, 2.0, xtol=1e-14)
+    assert folds.status is hb.Status.REACHED_END
+    assert folds.tracked["Omega"][-1] == pytest.approx(expected, abs=1e-11)
+
+
+def test_the_error_of_a_fold_at_a_contact_is_that_of_the_contact():
+    problem = hb.HarmonicBalance(clipped_stop(k3=0.8), 4)
+    curve, finer = (hb.trace(each, "Omega", (1.6, 1.15)) for each in (problem, problem.refined_problem))
+    fold, contact, true = curve["LP1"], curve["GR1"], finer["GR1"].parameters["Omega"]
+    assert abs(fold.parameters["Omega"] - true) <= 3 * fold.error
+    assert fold.error <= 2 * contact.error < 1e-3

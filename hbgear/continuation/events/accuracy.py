@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.builder import point_fields
 from hbgear.continuation.curve.segment import CurvePoint, Segment, rescaled, resolve_at_resolution
@@ -251,7 +252,7 @@ def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: Continu
     and the nearer result is returned.
     """
     simple = found.located and found.finder is None  # the equations are singular if two multipliers cross at once
-    if simple and segment.problem.smooth:
+    if simple and (segment.problem.smooth or isinstance(found.event, FoldEvent)):
         first = _by_equations(segment, found, problem)
         if first is not None:
             sharp = first.sharp() if _left_segment(segment, found, first) else None
@@ -269,7 +270,10 @@ def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: Continu
 
 
 def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint | None:
-    """Return the point by Newton's method on its equations at another resolution; None if it fails."""
+    """Return the point by Newton's method on its equations at another resolution; None if it fails.
+
+    In a problem that is not smooth, only folds at corners are solved in this way; the corner is that of the point.
+    """
     now = found.sharp or RefinedLocation(segment.problem, found.point)
     located, here = now.point, {**segment.parameters, segment.name: now.point.value}
     start = np.append(problem.resized(located.X), located.value)
@@ -277,9 +281,12 @@ def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationPr
         point = SpecialPoint(
             **point_fields(now.problem, segment.name, here, located), kind=found.event.kind, note=found.note
         )
-        extended = found.event.equations(problem, segment.name, point)
-        if extended is None:
+        smooth = segment.problem.smooth
+        extended = found.event.equations(problem if smooth else now.problem, segment.name, point)
+        if extended is None or (not smooth and isinstance(extended, FoldProblem)):
             return None
+        if not smooth:
+            extended = type(extended)(problem.original, segment.name, *extended.arguments)
         unit = problem.unit_of(segment.name, located.value)
         U = _newton_until_settled(extended, start, here, PARAMETER_ROUNDING * unit)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):

@@ -11,13 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from hbgear.common.arrays import Array
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import LocatedEvent
-from hbgear.continuation.numerics.linear import norm
 from hbgear.harmonic.bifurcations.threshold import ThresholdEvent, ThresholdProblem
 
 SAME_SLIP_FRACTION = 1e-6
@@ -26,10 +22,6 @@ SAME_SLIP_FRACTION = 1e-6
 SLIP_LOCATION_TOLERANCE = 1e-10
 """Tolerance of a first slip as a bracketed root, as a fraction of a segment of at most .1: 1e-11 in the parameter, far
 below the truncation error. The margin has a kink where the number of sticking intervals changes."""
-
-CORNER_MARGIN = 1e-9
-"""Margin of a slider, relative to the motion, up to which a fold lies at its first slip, a corner of the curve; such
-folds are located to 1e-13 of a segment."""
 
 
 class SlipProblem(ThresholdProblem):
@@ -76,12 +68,3 @@ class SlipEvent(ThresholdEvent):
             if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
                 located.append(event)
         return located
-
-    def corner(
-        self, problem: Any, parameter: str, X: Array, parameters: Mapping[str, float]
-    ) -> MinimallyAugmentedProblem | None:
-        """Return the equations of a slider that begins to slip at a motion, else None; see `Event.corner`."""
-        margins = np.abs(problem.slip_margins(X, **parameters))
-        if not margins.size or margins.min() > CORNER_MARGIN * (1.0 + norm(X)):
-            return None
-        return SlipProblem(problem, parameter, int(np.argmin(margins)))

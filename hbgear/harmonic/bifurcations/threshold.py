@@ -31,6 +31,10 @@ from hbgear.continuation.solvers.newton import NoConvergence
 SIMULTANEOUS_THRESHOLD = 1e-7
 """Distance from a threshold, relative to the motion, up to which another one is reached at the same point."""
 
+CORNER_DISTANCE = 1e-9
+"""Distance from a threshold, relative to the motion, up to which a fold lies at it, a corner of the curve; such folds
+are located to 1e-13 of a segment."""
+
 SIDE_STEP = 1e-6
 """Change of a motion, relative to it, with which the derivatives of R beyond a threshold are evaluated."""
 
@@ -224,6 +228,19 @@ class ThresholdEvent(Event):
         with suppress(NoConvergence, np.linalg.LinAlgError):
             return locate_by_newton(segment, self, equations, s, note)
         return locate_root(segment, self, test, note, self.root_tolerance)
+
+    def corner(
+        self, problem: Any, parameter: str, X: Array, parameters: Mapping[str, float]
+    ) -> MinimallyAugmentedProblem | None:
+        """Return the equations of a threshold that a motion reaches, else None; see `Event.corner`.
+
+        dR/dX jumps where a slider begins to slip and where a clipped contact damper begins to act.
+        """
+        for kind in self.problems:
+            distances = np.abs(kind(problem, parameter).distances(X, parameters))
+            if distances.size and distances.min() <= CORNER_DISTANCE * (1.0 + norm(X)):
+                return kind(problem, parameter, int(np.argmin(distances)))
+        return None
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         first = point.note.split(", ")[0]
