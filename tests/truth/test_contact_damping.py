@@ -276,3 +276,27 @@ def test_the_error_of_a_fold_at_a_contact_is_that_of_the_contact():
     fold, contact, true = curve["LP1"], curve["GR1"], finer["GR1"].parameters["Omega"]
     assert abs(fold.parameters["Omega"] - true) <= 3 * fold.error
     assert fold.error <= 2 * contact.error < 1e-3
+
+
+@pytest.mark.parametrize("least", [-1e-6, 1e-6])
+def test_second_derivatives_where_a_clipped_force_nearly_vanishes(least):
+    """The force of a contact with two maxima of x has a least value near zero between them.
+
+    Steps that end or begin the interval without force there gave a third of the derivative, or 29 instead of .12.
+    """
+    k, c, X = 1.0, 0.3, np.array([0.0, 1.0, 0.0, 0.0, 0.0, -0.5, 0.0])
+
+    def force(t: float, order: int = 0) -> float:
+        """Return k x + c x' of x = cos t - cos 3 t / 2, or a derivative."""
+        x, rate = (evaluate(X, np.array([t]), n)[0] for n in (order, order + 1))
+        return float(k * x + c * rate)
+
+    valley = scipy.optimize.brentq(lambda t: force(t, 1), -0.5, 0.3, xtol=1e-15)
+    gap = (force(valley) - least) / k
+    stop = hb.Element([1.0], hb.mechanics.ClippedKelvinVoigt(k, c, gap))
+    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [1.0]})), 3)
+    v = np.eye(7)[0]
+    along, _ = problem.curvature(X, v, "Omega", Omega=1.0)
+    h = 1e-9
+    expected = (problem.evaluate(X + h * v, Omega=1.0)[1] - problem.evaluate(X - h * v, Omega=1.0)[1]) / (2 * h)
+    np.testing.assert_allclose(along, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())

@@ -270,7 +270,7 @@ class HarmonicEquations(ContinuationProblem):
         """Return the relative step of differences of dR/dX, within which no contact or interval of stick ends."""
         compiled = self.compiled(parameters)
         usual, (interval,) = STICK_STEP if compiled.sliders else STEP, shortest_intervals(compiled, X[None])
-        nearest = STEP_OVER_DISTANCE * nearest_threshold(compiled, X) / max(1e-3, norm(X))
+        nearest = STEP_OVER_DISTANCE * nearest_threshold(compiled, X, parameters["Omega"]) / max(1e-3, norm(X))
         return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, nearest)))
 
     def solution_norm(self, X: Array) -> float:

@@ -18,9 +18,10 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.forces.aft import roots_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import evaluate, waves
+from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real, waves
 
 EDGE_SAMPLES = 32
 """Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
@@ -149,13 +150,29 @@ def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
 # ---- distance from all thresholds
 
 
-def nearest_threshold(evaluator: Evaluator, X: Array) -> float:
+def nearest_threshold(evaluator: Evaluator, X: Array, Omega: float) -> float:
     """Return the least distance of a motion X (n,) from a threshold of its laws; inf without any.
 
-    Thresholds are contact at a local extremum of a displacement, an edge of a vector law, and the first slip.
+    Thresholds are contact at a local extremum of a displacement, zero force at a local extremum of the force of a
+    clipped contact, an edge of a vector law, and the first slip.
     """
-    distances = [_nearest_breakpoint(evaluator, X), *edge_extremes(evaluator, X[None])[0]]
-    return float(np.abs([*distances, *slip_margins(evaluator, X[None])[0]]).min())
+    distances = [_nearest_breakpoint(evaluator, X), _nearest_clip(evaluator, X, Omega / evaluator.nu)]
+    margins = *edge_extremes(evaluator, X[None])[0], *slip_margins(evaluator, X[None])[0]
+    return float(np.abs([*distances, *margins]).min())
+
+
+def _nearest_clip(evaluator: Evaluator, X: Array, omega: float) -> float:
+    """Return the least local extremum of the force of a clipped contact, over k + c omega; inf without any."""
+    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
+    for j, law in evaluator.damped:
+        for contact in law.damped:
+            if contact.clipped:
+                c = contact.side * to_complex(rows[j])
+                c[0] -= contact.gap
+                force = contact.k * c + contact.c * omega * derive(c)
+                extrema = evaluate(to_real(force), roots_of(derive(force))) / (contact.k + contact.c * omega)
+                least = min(least, float(np.abs(extrema).min(initial=math.inf)))
+    return least
 
 
 def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
