@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.curve.segment import CurvePoint, parameter_direction
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
@@ -154,7 +155,7 @@ class Stepper:
         StepResult
             The point, or no point, and the next step size.
         """
-        if not (self.problem.is_nonsmooth or self.problem.unknown_parameters):
+        if not (self.problem.is_nonsmooth or isinstance(self.problem, SpecialPointProblem)):
             return StepResult([], step, "")
         smallest, turn = self.steps.min_step, self.steps.max_turn_deg
         found = step_over_corner(
