@@ -13,6 +13,7 @@ import scipy  # its parts are imported when they are first used
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, locate_root, singular
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
@@ -42,7 +43,7 @@ class BranchPointEvent(Event):
         return changed
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        if segment.a.orientation == segment.b.orientation:
+        if segment.a.orientation == segment.b.orientation or _is_corner(segment):
             return []
         return [_refined_branch_point(segment, locate_root(segment, self, _determinant(segment)))]
 
@@ -96,6 +97,16 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     inside = inside / np.linalg.norm(inside)
     out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
     return out
+
+
+def _is_corner(segment: Segment) -> bool:
+    """Return whether a segment of a curve of special points is so short that it is a corner: signs are rounding."""
+    return isinstance(segment.problem, SpecialPointProblem) and segment.length < SHORTEST_SEGMENT
+
+
+SHORTEST_SEGMENT = 1e-8
+"""Length of a segment of a curve of special points, in scaled unknowns, below which no curves cross on it. At a grazing
+contact a point lies within 1e-10 of a corner, and the derivatives of its equations are infinite."""
 
 
 def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
