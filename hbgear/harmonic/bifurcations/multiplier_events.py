@@ -163,7 +163,8 @@ def _without_clean_passages(
 def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
     """Refine a root of a function of the multipliers by Newton's method on more accurate equations.
 
-    The rough root is returned if the refined one is not near, or if the ends of the segment are one point.
+    The rough root is returned if the refined one is not near or lies beyond the farther end, where it is another point,
+    or if the ends of the segment are one point.
     """
     if not rough.located or segment.length == 0.0:
         return rough
@@ -173,7 +174,9 @@ def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugme
         )
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
-    return refined if norm((refined.point.u - rough.point.u) / segment.scale) <= MAX_TRUNCATION_SHIFT else rough
+    beyond_farther_end = refined.s < 0 if rough.s > 0.5 else refined.s > 1
+    shift = norm((refined.point.u - rough.point.u) / segment.scale)
+    return rough if beyond_farther_end or shift > MAX_TRUNCATION_SHIFT else refined
 
 
 class MotionBranchPointEvent(BranchPointEvent):
