@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch_data import BranchData
-from hbgear.continuation.results.point import MAX_DERIVATIVE, dof_index, require_layout, rows_of_dof
+from hbgear.continuation.results.point import MAX_DERIVATIVE, dof_index, measured, require_layout, rows_of_dof
 
 
 def amplitudes(
@@ -36,11 +34,8 @@ def amplitudes(
     counted("derivative", derivative, MAX_DERIVATIVE, least=0)
     layout = require_layout(branch.layout)
     coefficients = layout.rows(branch.X, element) if dof is None else _coefficients_of_dof(branch, dof)
-    if derivative:
-        points = [branch.parameters_at(i) for i in range(len(branch))]
-        parameters = {name: np.array([point[name] for point in points]) for name in points[0]}
-        coefficients = layout.in_time(coefficients, parameters, derivative)
-    return layout.measure_rows(measure, coefficients)
+    parameters = [branch.parameters_at(i) for i in range(len(branch))] if derivative else []
+    return measured(layout, measure, coefficients, parameters, derivative)
 
 
 def _coefficients_of_dof(branch: BranchData, dof: int | str) -> Array:

@@ -134,6 +134,35 @@ def rows_of_dof(problem: Any, dof: int | str, X: Array, parameters: Sequence[Map
     return np.array([problem.motion(x, **given)[i] for x, given in zip(X, parameters, strict=True)])
 
 
+def measured(
+    layout: LayoutProtocol, measure: str, rows: Array, parameters: Sequence[Mapping[str, float]], derivative: int
+) -> Array:
+    """Return a measure of amplitude of P solutions.
+
+    Parameters
+    ----------
+    layout : LayoutProtocol
+        Layout of the unknowns.
+    measure : str
+        Name of the measure, such as "rms".
+    rows : ndarray, shape (P, ...)
+        Coefficients of an element or degree of freedom.
+    parameters : sequence of P mappings of str to float
+        Parameters of each solution; not used for displacements.
+    derivative : int
+        Order of the derivative in time.
+
+    Returns
+    -------
+    ndarray, shape (P,)
+        Values of the measure.
+    """
+    if derivative:
+        columns = {name: np.array([given[name] for given in parameters]) for name in parameters[0]}
+        rows = layout.in_time(rows, columns, derivative)
+    return layout.measure_rows(measure, rows)
+
+
 @renamed_attributes(verdict="stability")
 @dataclass(frozen=True, eq=False, repr=False)
 class Point:
@@ -275,9 +304,7 @@ class Point:
             )
         else:
             rows = rows_of_dof(self.problem, dof, self.X[None], [self.parameters])
-        if derivative:
-            rows = layout.in_time(rows, {name: np.array([x]) for name, x in self.parameters.items()}, derivative)
-        return float(layout.measure_rows(measure, rows)[0])
+        return float(measured(layout, measure, rows, [self.parameters], derivative)[0])
 
     @checked_arguments()
     def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:

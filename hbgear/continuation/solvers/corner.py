@@ -3,10 +3,9 @@
     [dR_dX dR_dp] t = 0 at u + delta t_0      tangent t beyond the corner,   sign det [dR_dX dR_dp; t^T] as before
 
 dR/dX jumps where a friction slider begins to slip, or where a sampled law has a breakpoint, and the derivatives of the
-equations of a special point where a contact begins. The equations beyond the
-corner are those at a point a little further along the old tangent t_0. Their null vector is the new tangent. Its
-orientation is that of the curve, also if it turns by more than 90 degrees, so that the parameter turns back as at a
-fold.
+equations of a special point where a contact begins. The equations beyond the corner are those at a point a little
+further along the old tangent t_0. Their null vector is the new tangent. Its orientation is that of the curve, also if
+it turns by more than 90 degrees, so that the parameter turns back as at a fold.
 
 References
 ----------

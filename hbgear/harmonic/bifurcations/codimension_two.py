@@ -320,7 +320,7 @@ def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[f
     """
     doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
     w, v = np.zeros(len(wide)), np.zeros(len(wide))
-    w[odd], v[odd] = least_singular_vectors(as_dense(problem.matrix(X, here)[0]))
+    w[odd], v[odd] = least_singular_vectors(problem.matrix(X, here)[0])
     t = DIFFERENCE_STEP * (norm(X) or 1.0)
 
     def jacobian(change: Array) -> Array:

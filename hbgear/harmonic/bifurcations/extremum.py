@@ -27,7 +27,7 @@ from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual,
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
-from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES, MEASURES, check_peaks
 from hbgear.mechanics.series.fourier import extrema, to_real
 
@@ -104,7 +104,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         g = float(slope @ t[:n])
         e[:n], e[n] = slope, 0.0
         z = factors.solve(e, transposed=True)[:n]
-        h = self.problem.difference_step(X, here) * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        h = directional_step(X, t, self.problem.difference_step(X, here))
         u = np.append(X, here[self.parameter])
         plus, minus = (
             linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})
