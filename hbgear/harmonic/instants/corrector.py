@@ -148,8 +148,6 @@ def correct(
 ) -> tuple[CurveState, Linearisation, Array, int]:
     """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
 
-    F_p is computed again where the state has moved.
-
     Returns
     -------
     (CurveState, Linearisation, ndarray, int)
@@ -160,18 +158,54 @@ def correct(
     NoConvergence
         If Newton's method does not converge.
     """
-    start, before, moved = state.z, math.inf, math.inf
+    z, now, J, iterations = solve_in_plane(lambda p: family(float(p[0])), state, state.z, row[None], scale)
+    return state.moved(z), now, J, iterations
+
+
+def solve_in_plane(
+    equations: Callable[[Array], EquationsAt], near: CurveState, start: Array, normals: Array, scale: Array
+) -> tuple[Array, Linearisation, Array, int]:
+    """Solve F(u, p) = 0, normals (z - start) = 0 for the unknowns z = (u, p) with one or more parameters p.
+
+    F_p is computed by forward differences, again where the state has moved.
+
+    Parameters
+    ----------
+    equations : callable
+        Equations at values p (k,).
+    near : CurveState
+        State with the pattern of the solution.
+    start : ndarray, shape (n + k,)
+        First approximation, a point of the plane.
+    normals : ndarray, shape (k, n + k)
+        Normals of the plane in scaled unknowns.
+    scale : ndarray, shape (n + k,)
+        Scales of z.
+
+    Returns
+    -------
+    (ndarray, Linearisation, ndarray, int)
+        The solution z, the linearised equations and [F_u F_p] there, and the number of iterations.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton's method does not converge.
+    """
+    z, before, moved, k = start, math.inf, math.inf, len(normals)
     bordered = np.zeros((len(start), len(start)))
-    bordered[-1] = row / scale
+    bordered[-k:] = normals / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        at = family(state.value)
+        state, p = near.moved(z[: len(near.z)]), z[-k:]
+        at = equations(p)
         now = linearise(at, state.iterate)
-        bordered[:-1, :-1] = now.J
+        bordered[:-k, :-k] = now.J
         if moved > VALID_DISTANCE:
             moved = 0.0
-            h = FORWARD_STEP * max(abs(state.value), 1e-3)
-            bordered[:-1, -1] = (linearise(family(state.value + h), state.iterate, False).R - now.R) / h
-        rhs = -np.append(now.R, row @ ((state.z - start) / scale))
+            for i, h in enumerate(FORWARD_STEP * np.maximum(np.abs(p), 1e-3)):
+                ahead = equations(p + h * (np.arange(k) == i))
+                bordered[:-k, i - k] = (linearise(ahead, state.iterate, False).R - now.R) / h
+        rhs = -np.concatenate([now.R, normals @ ((z - start) / scale)])
         try:
             step = np.linalg.solve(bordered * scale, rhs) * scale
         except np.linalg.LinAlgError as error:
@@ -180,11 +214,11 @@ def correct(
         if not np.isfinite(size) or size > 1e3:
             break
         if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
-            return state.moved(state.z + step), now, bordered[:-1].copy(), iteration
-        factor = step_factor(state, step, at.period)
-        state, before = state.moved(state.z + factor * step), size if factor == 1.0 else math.inf
+            return z + step, now, bordered[:-k].copy(), iteration
+        factor = step_factor(state, step[: len(near.z)], at.period)
+        z, before = z + factor * step, size if factor == 1.0 else math.inf
         moved += factor * size
-    raise _failed(state)
+    raise _failed(near)
 
 
 def _failed(state: CurveState) -> NoConvergence:

@@ -37,6 +37,7 @@ from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
+from hbgear.time.exponential.contact_elements import with_contact_elements
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
 from hbgear.time.exponential.massless import check_masses_of_elements, following_loads
@@ -87,10 +88,13 @@ def _at_speeds(models: tuple[Model, ...], Omega: float | Array) -> tuple[tuple[M
 
 
 def _required_steps(structure: LinearStructure, system: System, Omega: float) -> float:
-    """Return the steps per period that resolve the highest contact frequency and the harmonics of the excitation."""
-    modes = modes_of(structure)
-    mobility = mobility_of(modes.poles, modes.output, modes.input)
-    contact_frequency = np.sqrt((mobility * np.maximum(structure.kr, references(system))).max())
+    """Return the steps per period that resolve the highest contact frequency and the harmonics of the excitation.
+
+    The structure may have further elements after those of the system.
+    """
+    modes, m = modes_of(structure), len(system.elements)
+    mobility = mobility_of(modes.poles, modes.output, modes.input)[:m]
+    contact_frequency = np.sqrt((mobility * np.maximum(structure.kr[:m], references(system))).max())
     orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
     parts = [part for e in system.elements for part in e.law.parts]
     orders += [spring.stiffness.order for part in parts for spring in part.piecewise or ()]
@@ -129,7 +133,8 @@ class ExponentialIntegrator:
         models = (models,) if isinstance(models, Model) else tuple(models)
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
-        self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
+        self._own_systems = [next(m for m in models if id(m) == key).system() for key in unique]
+        self.systems = [with_contact_elements(system) for system in self._own_systems]
         laws = [part for system in self.systems for element in system.elements for part in element.law.parts]
         if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
             raise ValueError(
@@ -146,6 +151,7 @@ class ExponentialIntegrator:
             raise ValueError("the models must have the same numbers of coordinates, elements and modes")
         self._models = np.array([unique.index(id(m)) for m in models])
         self.m, self.s = self.structures[0].m, points
+        self.elements = len(self._own_systems[0].elements)
         self.stored = [StoredModes.of(modes_of(st)) for st in self.structures]
         self.q = max(len(each.kept) for each in self.stored)
         self.laws = [tuple(e.law for e in system.elements) for system in self.systems]
@@ -186,7 +192,7 @@ class ExponentialIntegrator:
     def _default_steps(self) -> int:
         """Return the steps per period that resolve the contact stiffness and the excitation."""
         lowest = [self.Omega[self.of == i].min() for i in range(len(self.systems))]
-        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self.systems, lowest))))
+        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self._own_systems, lowest))))
 
     def _set_steady_part(self) -> None:
         """Store z_steady (rows, 2 q) at tau = 0, and the harmonics of its d and v (rows, L + 1, 2 m)."""
@@ -326,14 +332,15 @@ class ExponentialIntegrator:
     def advance(self, batch: StateBatch, periods: int = 1, record: bool = False) -> tuple[Array, Array] | None:
         """Integrate motions from tau = 0 (mod 2 pi) over whole excitation periods, in place.
 
-        ``batch`` is replaced by the states at the end. With ``record``, d and v (B, m, periods N SAMPLES_PER_STEP) at
-        equidistant instants from the start are returned; else None.
+        ``batch`` is replaced by the states at the end. With ``record``, d and v (B, elements, periods N
+        SAMPLES_PER_STEP) of the elements of the models, at equidistant instants from the start, are returned; else
+        None.
         """
         self.take_sufficient_steps(batch)
         B = len(batch.d)
         fine = np.empty((2, B, self.m, periods * self.N * SAMPLES_PER_STEP) if record else (2, 1, 0, 0))
         self._integrate(batch, periods, np.empty((0, B, 2 * self.q)), fine)
-        return (fine[0], fine[1]) if record else None
+        return (fine[0, :, : self.elements], fine[1, :, : self.elements]) if record else None
 
     def stroboscopic_map(self, batch: StateBatch, states: Array) -> None:
         """Integrate motions in place and store zeta after each period in ``states`` (periods, B, 2 q)."""

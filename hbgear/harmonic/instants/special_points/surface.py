@@ -11,7 +11,6 @@ the curve in p at constant q:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,19 +21,14 @@ from hbgear.common.lru_cache import LRUCache
 from hbgear.continuation.results.stability import scaled_determinant
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import (
-    CORRECTOR_TOLERANCE,
-    FORWARD_STEP,
-    MAX_CORRECTOR_ITERATIONS,
-    MAX_FINAL_STEP,
-    VALID_DISTANCE,
     CurveState,
     Family,
     jacobian,
     parameter_column,
-    step_factor,
+    solve_in_plane,
 )
 from hbgear.harmonic.instants.equations import EquationsAt
-from hbgear.harmonic.instants.shooting import Linearisation, linearise
+from hbgear.harmonic.instants.shooting import Linearisation
 from hbgear.harmonic.instants.special_points.critical import (
     monodromy_matrix,
     multipliers_of,
@@ -108,36 +102,10 @@ class Surface:
         NoConvergence
             If Newton's method does not converge.
         """
-        start = w = np.append(near.z, second)
-        before = moved = math.inf
-        for _ in range(MAX_CORRECTOR_ITERATIONS):
-            state, q = near.moved(w[:-1]), float(w[-1])
-            at = self.family(q)(state.value)
-            now = linearise(at, state.iterate)
-            if moved > VALID_DISTANCE:
-                moved, columns = 0.0, self._parameter_columns(state, q, now)
-            bordered = np.vstack([np.column_stack([now.J, columns]) * scale, T.T])
-            try:
-                step = np.linalg.solve(bordered, -np.append(now.R, T.T @ ((w - start) / scale))) * scale
-            except np.linalg.LinAlgError:
-                break
-            size = float(np.abs(step / scale).max())
-            if not np.isfinite(size) or size > 1e3:
-                break
-            if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
-                w = w + step
-                return SurfacePoint(near.moved(w[:-1]), float(w[-1]), now)
-            factor = step_factor(state, step[:-1], at.period)
-            w, before = w + factor * step, size if factor == 1.0 else math.inf
-            moved += factor * size
-        raise NoConvergence("the corrector in two parameters does not converge", near.z[:-1], {}, [])
-
-    def _parameter_columns(self, state: CurveState, second: float, now: Linearisation) -> Array:
-        """Return [F_p F_q] by forward differences."""
-        h, k = (FORWARD_STEP * max(abs(value), 1e-3) for value in (state.value, second))
-        first = linearise(self.family(second)(state.value + h), state.iterate, False).R
-        other = linearise(self.family(second + k)(state.value), state.iterate, False).R
-        return np.column_stack([(first - now.R) / h, (other - now.R) / k])
+        w, now, _, _ = solve_in_plane(
+            lambda p: self.family(float(p[1]))(float(p[0])), near, np.append(near.z, second), T.T, scale
+        )
+        return SurfacePoint(near.moved(w[:-1]), float(w[-1]), now)
 
     # ---- special points
 
