@@ -192,7 +192,7 @@ def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyS
         this, period, periods = np.array([i]), int(how.period[i]), int(how.integrated_periods[i])
         last = motions.select(this)
         if not np.isfinite(last.zeta).all():
-            found.append(JumpOutcome(values[i], 0, np.full(integrator.elements, np.inf), periods, None))
+            found.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), periods, None))
             continue
         seen = integrator.select(this).advance(last, period or OBSERVED, record=True)
         assert seen is not None

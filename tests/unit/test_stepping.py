@@ -14,7 +14,8 @@ import hbgear as hb
 from hbgear import Backlash, Cubic, Duffing, SpurPair, Unilateral
 from hbgear.common.process.threads import begun, for_each, processors
 from hbgear.gears import DoubleHelicalPair
-from hbgear.mechanics import Law, Parallel, Series
+from hbgear.mechanics import Law, Parallel, Periodic, Series
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.time.exponential import integrator
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.law_table import LawTable
@@ -23,6 +24,15 @@ from hbgear.time.integration import integrate
 WAVY = Series(mean=1.0, cosine=(0.2, 0.05), sine=(0.1,))
 TWO_SPRINGS = Parallel((Backlash(0.5, 1.0, WAVY), Unilateral(0.7, 0.8)))
 ALL_IN_ONE = Parallel((TWO_SPRINGS, Cubic(0.2, 0.1)))
+TEETH = MeshContacts((
+    ToothContact(Periodic.trapezoidal(1.5, 0.0, 0.5, 0.1), Periodic.table([0, 2, 4], [0.1, 0.5, 0.2], kind="cubic")),
+    ToothContact(Periodic.rectangular(0.8, 0.0, 0.6, start=3.0), Series(0.4)),
+    ToothContact(Series(0.9), Periodic.table([1, 3, 5], [-0.4, -0.2, -0.3]), side=-1),
+))  # fmt: skip
+STEPPED_TEETH = MeshContacts((
+    ToothContact(Series(1.2), Periodic.rectangular(0.3, -0.1, 0.5, start=1.0)),
+    ToothContact(Series(0.7), Series(-0.2), side=-1),
+))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -61,6 +71,8 @@ MACHINES = {
     "Duffing": (Duffing(), 1.09, [0.5, -0.8]),
     "two springs": (machine(TWO_SPRINGS), 0.7, [0.4, -0.3, 0.5, 0.2]),
     "springs and a cubic": (machine(ALL_IN_ONE), 0.7, [0.4, -0.3, 0.5, 0.2]),
+    "teeth": (machine(TEETH), 0.7, [0.4, -0.3, 0.5, 0.2]),
+    "levels that jump": (machine(STEPPED_TEETH), 0.7, [0.4, -0.3, 0.5, 0.2]),
     "asked": (machine(Opaque(ALL_IN_ONE)), 0.7, [0.4, -0.3, 0.5, 0.2]),
 }
 
@@ -151,9 +163,56 @@ def test_sampled_laws_move_like_tabulated_laws(rng):
         np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-11)
 
 
+def test_contacts_of_constant_stiffness_and_level_are_a_backlash(rng):
+    """Contacts on both sides at +-b are the law Backlash(b), with a prescribed displacement, to rounding."""
+    contacts = MeshContacts((ToothContact(Series(1.3), Series(0.5)), ToothContact(Series(1.3), Series(-0.5), side=-1)))
+    y = rng.uniform(-1, 1, (7, 4))
+    ends = [integrate(machine(law), y, 3, 0.7, method="exponential", steps=40).end
+            for law in (contacts, Backlash(0.5, 1.3))]  # fmt: skip
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [TEETH, STEPPED_TEETH], ids=["moving levels", "levels that jump"])
+def test_contacts_of_teeth_need_no_more_steps(law):
+    """Steps end where contacts begin and end, so that ten times as many change nothing but rounding."""
+    y = np.array([0.4, -0.3, 0.5, 0.2])
+    few, many = (integrate(machine(law), y, 3, 0.7, method="exponential", steps=n, samples=20) for n in (40, 400))
+    np.testing.assert_allclose(few.d, many.d, rtol=0, atol=1e-10)
+    assert not LawTable.of([law]).in_python.any()
+
+
+def test_contacts_of_several_models_in_one_batch():
+    """Each motion has the stiffness and the levels of its own model."""
+    models = [machine(TEETH.scaled(factor, length)) for factor, length in ((1.0, 1.0), (1.3, 0.8), (0.6, 1.5))]
+    y = np.tile([0.4, -0.3, 0.5, 0.2], (3, 1))
+    together = integrate(models, y, 2, 0.7, method="exponential", steps=40).end
+    for model, end in zip(models, together, strict=True):
+        alone = integrate(model, y[0], 2, 0.7, method="exponential", steps=40).end
+        np.testing.assert_allclose(end, alone, rtol=0, atol=1e-12)
+
+
+def test_slices_of_helical_teeth_agree_with_dop853():
+    """Forty contacts of a helical pair with tip relief, 900 breakpoints in a mesh period."""
+    gears = [
+        hb.gears.Gear(teeth=z, module="2 mm", face_width="25 mm", helix_angle=f"{angle} deg", tip_relief="6 um")
+        for z, angle in ((23, 15), (41, -15))
+    ]
+    model = hb.GearPair(*gears, backlash="80 um").model(60.0, 0.04)
+    assert len(model.system().elements[0].law.contacts) >= 40
+    true = integrate(model, np.array([0.3, 0.0]), 2, 0.6, tolerance=1e-12, samples=50)
+    found = integrate(model, np.array([0.3, 0.0]), 2, 0.6, method="exponential", samples=50)
+    np.testing.assert_allclose(found.d, true.d, rtol=0, atol=1e-8)
+
+
 def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
     """Several threads, with tables evaluated as series, give the results of one thread to 1e-10."""
-    for model, n in ((SpurPair(e=(0.1,)), 1), (machine(TWO_SPRINGS), 2), (DoubleHelicalPair(zeta=0.05), 24)):
+    drives = (
+        (SpurPair(e=(0.1,)), 1),
+        (machine(TWO_SPRINGS), 2),
+        (machine(TEETH), 2),
+        (DoubleHelicalPair(zeta=0.05), 24),
+    )
+    for model, n in drives:
         y = rng.uniform(-1.5, 1.5, (23, 2 * n)) * (1 if n < 24 else 1e-3)
         monkeypatch.setattr(integrator, "_MAX_SERIAL_COST", np.inf)
         alone = integrate(model, y, 2, 0.86, method="exponential", samples=32)

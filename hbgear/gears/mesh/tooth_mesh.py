@@ -35,6 +35,7 @@ from hbgear.common.ranges import counted
 from hbgear.common.units import to_si
 from hbgear.gears.drawing.tooth_errors import error_period, gap_waves, pair_gaps
 from hbgear.gears.mesh.loaded_mesh import (
+    Contacts,
     contact_compliance,
     contacts_at,
     cycle_phases,
@@ -241,10 +242,9 @@ class _Path:
         for a, b in pairwise(cuts):
             u = np.linspace(a, b, SECTION_POINTS)
             within = np.clip(u, a + ONE_SIDED, b - ONE_SIDED)
-            k, g = self._at(within, number, np.interp(within, known, load))
             nodes.append(u)
-            stiffness.append(factor * k)
-            gap.append(g)
+            stiffness.append(factor * self._stiffness_at(within, number, np.interp(within, known, load)))
+            gap.append(self._contacts_at(u, number)[0].gap[:, 0])
         largest = max(float(k.max()) for k in stiffness)
         return (
             PathFunction.fitted(nodes, stiffness, CUBIC_FIT_TOLERANCE * largest),
@@ -264,17 +264,21 @@ class _Path:
         cuts = sorted(x for x in cuts if -h <= x <= length + h)
         return np.array([x for i, x in enumerate(cuts) if not i or x - cuts[i - 1] > 1e-7])
 
-    def _at(self, u: Array, number: int, load: Array) -> tuple[Array, Array]:
-        """Return stiffness [N/m] and gap [m] of a slice at positions under loads [N]."""
-        pair, h = self.pair, self.half_width
+    def _contacts_at(self, u: Array, number: int) -> tuple[Contacts, Array]:
+        """Return the contacts of a slice at positions, and the part of the slice that is on the path."""
+        h = self.half_width
         first, last = np.clip(u - h, 0.0, self.length), np.clip(u + h, 0.0, self.length)
         part = (last - first) / (2 * h) if h else np.ones_like(u)
         across = np.full((len(u), 1), self.z[number])
-        c = contacts_at(pair, first[:, None], last[:, None], across, part[:, None], self.slices)
+        return contacts_at(self.pair, first[:, None], last[:, None], across, part[:, None], self.slices), part
+
+    def _stiffness_at(self, u: Array, number: int, load: Array) -> Array:
+        """Return the stiffness [N/m] of a slice at positions under loads [N]."""
+        c, part = self._contacts_at(u, number)
         least = MIN_LOAD_SHARE * self.force / self.slices * part
-        contact = contact_compliance(pair, c, np.maximum(load, least)[:, None])[0]
-        k = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
-        return k, c.gap[:, 0]
+        contact = contact_compliance(self.pair, c, np.maximum(load, least)[:, None])[0]
+        k: Array = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
+        return k
 
 
 def _integral(function: PathFunction) -> float:

@@ -329,7 +329,8 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         piece = np.searchsorted(at, phase, side="right") - 1
         x = (phase - at[piece])[..., None, None]
         c = rows[piece]
-        k, level = np.moveaxis(c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3])), -2, 0)
+        values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
+        k, level = values[..., 0, :], values[..., 1, :]
 
         def forces(d: Array, v: Array) -> Forces:
             depth = np.asarray(d)[..., None] - level

@@ -1,6 +1,6 @@
 """Excitation with breakpoints as tables of numbers, for compiled time integration: see `kernels`.
 
-    e_j(tau), k_i(tau) = sum_q rows[p, q] (tau - at[p])^q       from at[p] to at[p + 1]
+    e_j(tau), k_i(tau), level_c(tau) = sum_q rows[p, q] (tau - at[p])^q       from at[p] to at[p + 1]
 
 Steps end at the breakpoints. These are assigned to the cell of the period in which they lie or end.
 """
@@ -15,10 +15,10 @@ from fractions import Fraction
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.laws.laws import springs_of
+from hbgear.mechanics.laws.mesh_contacts import moving_springs_of
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.periodic import Periodic, Phased
-from hbgear.mechanics.series.piecewise_polynomial import TURN
+from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced
 from hbgear.time.exponential.segments import Integers
 
 _MAX_COMMON_CELLS = 600
@@ -27,14 +27,16 @@ _MAX_COMMON_CELLS = 600
 
 @dataclass(frozen=True)
 class Excitation:
-    """Functions with breakpoints of R systems: the stiffness of S springs, then the displacements of m elements.
+    """Functions with breakpoints of R systems: stiffness of S springs, displacements of m elements, J contact levels.
 
     Attributes
     ----------
-    at : ndarray, shape (R, S + m, P)
+    at : ndarray, shape (R, S + m + J, P)
         Phases at which segments begin; inf beyond the last.
-    rows : ndarray, shape (R, S + m, P, 4)
-        Coefficients; zero for functions without breakpoints.
+    rows : ndarray, shape (R, S + m + J, P, 4)
+        Coefficients; zero for stiffness and displacements without breakpoints.
+    contacts : int
+        J.
     phases : tuple of ndarray
         All breakpoints of each system, ascending.
     kinks : tuple of ndarray, shape (I, m)
@@ -43,6 +45,7 @@ class Excitation:
 
     at: Array
     rows: Array
+    contacts: int
     phases: tuple[Array, ...]
     kinks: tuple[Array, ...]
 
@@ -51,9 +54,9 @@ class Excitation:
         """Return the tables of systems with the same numbers of springs and elements."""
         each = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
-        pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] for functions in each]
+        pieces = [[_pieces(f) for f in (*functions, *levels)] for functions, levels in each]
         P = max((len(piece.at) for one in pieces for piece in one if piece), default=1)
-        Q = len(each[0])
+        Q, contacts = len(pieces[0]), len(each[0][1])
         at, rows = np.full((len(each), Q, P), np.inf), np.zeros((len(each), Q, P, 4))
         at[:, :, :1] = 0.0
         for i, one in enumerate(pieces):
@@ -61,12 +64,13 @@ class Excitation:
                 if piece:
                     at[i, q, : len(piece.at)] = piece.at
                     rows[i, q, : len(piece.at), : piece.rows.shape[1]] = piece.rows
-        return Excitation(at, rows, phases, tuple(map(_kinks, systems, phases)))
+        rows[:, Q - contacts :, 0, 0] += [[_mean_of_constant(level) for level in levels] for _, levels in each]
+        return Excitation(at, rows, contacts, phases, tuple(map(_kinks, systems, phases)))
 
     @property
     def any(self) -> bool:
-        """True if there are breakpoints."""
-        return any(map(len, self.phases))
+        """True if there are breakpoints or contacts."""
+        return self.contacts > 0 or any(map(len, self.phases))
 
     def cells(self, least: int) -> int:
         """Return the number of cells of the period, at least ``least``.
@@ -136,11 +140,22 @@ def _kinks(system: System, phases: Array) -> Array:
     return out
 
 
-def _functions(system: System) -> list[Phased]:
-    """Return the stiffness of all springs and the displacements of all elements."""
-    parts = [springs_of(element.law) for element in system.elements]
-    springs = [spring.stiffness for part in parts if part for spring in part[0]]
-    return [*springs, *(element.displacement for element in system.elements)]
+def _functions(system: System) -> tuple[list[Phased], list[Phased]]:
+    """Return the stiffness of all springs and the displacements of all elements, and the levels of all contacts."""
+    parts = [moving_springs_of(element.law) for element in system.elements]
+    springs = [one for part in parts if part for one in part[0]]
+    functions = [*(one.spring.stiffness for one in springs), *(element.displacement for element in system.elements)]
+    return functions, [one.level for one in springs if one.level is not None]
+
+
+def _pieces(function: Phased) -> Pieced | None:
+    """Return the polynomials of a function; None without breakpoints."""
+    return function.pieces() if isinstance(function, Periodic) else None
+
+
+def _mean_of_constant(level: Phased) -> float:
+    """Return the value of a constant level, 0 for one with breakpoints."""
+    return 0.0 if isinstance(level, Periodic) else level.mean
 
 
 def _phases(system: System) -> Array:

@@ -37,7 +37,6 @@ from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
-from hbgear.time.exponential.contact_elements import with_contact_elements
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
 from hbgear.time.exponential.massless import check_masses_of_elements, following_loads
@@ -88,13 +87,10 @@ def _at_speeds(models: tuple[Model, ...], Omega: float | Array) -> tuple[tuple[M
 
 
 def _required_steps(structure: LinearStructure, system: System, Omega: float) -> float:
-    """Return the steps per period that resolve the highest contact frequency and the harmonics of the excitation.
-
-    The structure may have further elements after those of the system.
-    """
-    modes, m = modes_of(structure), len(system.elements)
-    mobility = mobility_of(modes.poles, modes.output, modes.input)[:m]
-    contact_frequency = np.sqrt((mobility * np.maximum(structure.kr[:m], references(system))).max())
+    """Return the steps per period that resolve the highest contact frequency and the harmonics of the excitation."""
+    modes = modes_of(structure)
+    mobility = mobility_of(modes.poles, modes.output, modes.input)
+    contact_frequency = np.sqrt((mobility * np.maximum(structure.kr, references(system))).max())
     orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
     parts = [part for e in system.elements for part in e.law.parts]
     orders += [spring.stiffness.order for part in parts for spring in part.piecewise or ()]
@@ -133,8 +129,7 @@ class ExponentialIntegrator:
         models = (models,) if isinstance(models, Model) else tuple(models)
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
-        self._own_systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        self.systems = [with_contact_elements(system) for system in self._own_systems]
+        self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
         laws = [part for system in self.systems for element in system.elements for part in element.law.parts]
         if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
             raise ValueError(
@@ -151,7 +146,6 @@ class ExponentialIntegrator:
             raise ValueError("the models must have the same numbers of coordinates, elements and modes")
         self._models = np.array([unique.index(id(m)) for m in models])
         self.m, self.s = self.structures[0].m, points
-        self.elements = len(self._own_systems[0].elements)
         self.stored = [StoredModes.of(modes_of(st)) for st in self.structures]
         self.q = max(len(each.kept) for each in self.stored)
         self.laws = [tuple(e.law for e in system.elements) for system in self.systems]
@@ -192,7 +186,7 @@ class ExponentialIntegrator:
     def _default_steps(self) -> int:
         """Return the steps per period that resolve the contact stiffness and the excitation."""
         lowest = [self.Omega[self.of == i].min() for i in range(len(self.systems))]
-        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self._own_systems, lowest))))
+        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self.systems, lowest))))
 
     def _set_steady_part(self) -> None:
         """Store z_steady (rows, 2 q) at tau = 0, and the harmonics of its d and v (rows, L + 1, 2 m)."""
@@ -218,13 +212,19 @@ class ExponentialIntegrator:
         plan = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss_nodes(self.s)
         straight = not (table.in_python.any() or table.cubic[..., 1].any())
-        method = Method(table.element, table.in_python, straight, np.append(x, 1.0), lagrange, *dense(self.s))
+        data = (table.element, table.contact, self._owners(), table.in_python, straight, np.append(x, 1.0), lagrange)
+        method = Method(*data, *dense(self.s))
         breakpoints = None
         if self.excitation.any:
             functions = self.excitation.at[self.of], self.excitation.rows[self.of]
             ends = self.excitation.step_ends(self.N, self.of, self.Omega)
             breakpoints = Breakpoints(*packed((*functions, *ends, kr, c)))
         return Plan(*packed(plan)), Method(*packed(method)), breakpoints
+
+    def _owners(self) -> Integers:
+        """Return the element (m + J,) of each row of segments: of each element, and of each contact."""
+        contacts: Integers = self.table.element[self.table.contact >= 0]
+        return np.concatenate([np.arange(self.m), contacts])
 
     def _packed_modes(self) -> tuple[Array, Array, Array]:
         """Return poles (R, q), output (R, 2 m, q) and input (R, q, m) of the stored modes, padded with zeros."""
@@ -285,7 +285,16 @@ class ExponentialIntegrator:
         zeta = z - self.z
         y = (self._output @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._piecewise_displacements()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
-        return StateBatch(zeta, d, v, segment_at(self.plan.high, d, v))
+        level, rate, owner = *self._levels(), self.method.owner
+        return StateBatch(zeta, d, v, segment_at(self.plan.high, d[:, owner] - level, v[:, owner] - rate))
+
+    def _levels(self) -> tuple[Array, Array]:
+        """Return level and rate (rows, m + J) at tau = 0 of the segments; 0 for elements."""
+        level, rate = np.zeros((2, self.rows, len(self.method.owner)))
+        J = self.excitation.contacts
+        rows = self.excitation.rows[self.of, -J:, 0] if J else np.zeros((self.rows, 0, 4))
+        level[:, self.m :], rate[:, self.m :] = rows[..., 0], self.Omega[:, None] * rows[..., 1]
+        return level, rate
 
     def _piecewise_displacements(self) -> Array:
         """Return e and e' (rows, 2 m) at tau = 0 of the elements whose e has breakpoints; 0 for the others."""
@@ -332,15 +341,14 @@ class ExponentialIntegrator:
     def advance(self, batch: StateBatch, periods: int = 1, record: bool = False) -> tuple[Array, Array] | None:
         """Integrate motions from tau = 0 (mod 2 pi) over whole excitation periods, in place.
 
-        ``batch`` is replaced by the states at the end. With ``record``, d and v (B, elements, periods N
-        SAMPLES_PER_STEP) of the elements of the models, at equidistant instants from the start, are returned; else
-        None.
+        ``batch`` is replaced by the states at the end. With ``record``, d and v (B, m, periods N SAMPLES_PER_STEP) at
+        equidistant instants from the start are returned; else None.
         """
         self.take_sufficient_steps(batch)
         B = len(batch.d)
         fine = np.empty((2, B, self.m, periods * self.N * SAMPLES_PER_STEP) if record else (2, 1, 0, 0))
         self._integrate(batch, periods, np.empty((0, B, 2 * self.q)), fine)
-        return (fine[0, :, : self.elements], fine[1, :, : self.elements]) if record else None
+        return (fine[0], fine[1]) if record else None
 
     def stroboscopic_map(self, batch: StateBatch, states: Array) -> None:
         """Integrate motions in place and store zeta after each period in ``states`` (periods, B, 2 q)."""
@@ -373,7 +381,8 @@ class ExponentialIntegrator:
                 cut, work = self._workspaces.pop()
             except IndexError:  # all are in use
                 G = last - first if any_in_python else 1
-                cut, work = allocate_tables(G, 1, s, m, q, S), allocate_workspace(G, s, m, q)
+                cut = allocate_tables(G, 1, s, m, q, S)
+                work = allocate_workspace(G, s, m, q, self.excitation.contacts)
             for begin in range(0, cells, block_cells):
                 if stop.is_set():
                     return

@@ -7,7 +7,8 @@ For displacements e with breakpoints, steady contains -e, and w = p - kr (d + e)
 The period is divided into N cells. The tables of a step over a whole cell are stored; those of a partial step
 (x, x + length) are computed. Newton's iteration for w at the Gauss points ends after the first step if the laws are
 linear on their segments. A step in which an element leaves its segment is repeated up to the breakpoint, followed by a
-step over the rest of the cell. A cell in which the excitation has breakpoints is divided, too.
+step over the rest of the cell. A cell in which the excitation has breakpoints is divided, too. A contact between teeth
+has the segments d < level(tau) and d > level(tau); its level is a cubic on a step.
 
 Laws that no table holds are evaluated in Python: `integrate_segments` then returns whenever it needs their forces.
 
@@ -57,7 +58,7 @@ class Plan(NamedTuple):
 
     poles (R, q), output (R, 2 m, q) of d and v, input (R, q, m), kr (R, m): structure, one mode of each pair.
     steady (R, L + 1, 2 m), stiffness (R, S, K + 1): harmonics of d and v of the linear part alone, and of the springs.
-    slope, offset (R, S, P), low, high (R, m, P), cubic (R, m, 2): see `LawTable`.
+    slope, offset (R, S, P), low, high (R, m + J, P), cubic (R, m, 2): see `LawTable`.
     h (R,): duration of a cell.
     """
 
@@ -78,7 +79,7 @@ class Plan(NamedTuple):
 class Breakpoints(NamedTuple):
     """Breakpoints of the excitation for each row of the plan; kernels are compiled separately for None.
 
-    at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with breakpoints, see `Excitation`.
+    at (R, S + m + J, P), rows (R, S + m + J, P, 4): functions with breakpoints, see `Excitation`.
     first (R, N + 1), position, kink (R, I), (R, I, m): `Excitation.step_ends`. kr, c (R, m): springs and dampers of
     the elements.
     """
@@ -95,13 +96,16 @@ class Breakpoints(NamedTuple):
 class Method(NamedTuple):
     """Data that are equal for all motions.
 
-    element (S,), in_python (m,): see `LawTable`. straight: true if all laws are linear on their segments.
+    element, contact (S,), in_python (m,): see `LawTable`. owner (m + J,): element of each row of segments.
+    straight: true if all laws are linear on their segments.
     nodes (s + 1,): the Gauss points and 1. lagrange (s, s): see `gauss_points.gauss_nodes`.
     dense (2 s + 4, 2 s + 4): contributions of d and h v at 0, the Gauss points and 1 to the Chebyshev coefficients.
     values, slopes (2 s + 4, SAMPLES_PER_STEP + 1): the same for d and h v at equidistant instants.
     """
 
     element: Integers
+    contact: Integers
+    owner: Integers
     in_python: Bools
     straight: bool
     nodes: Array
@@ -117,7 +121,8 @@ class Work(NamedTuple):
     progress (G, 6): cell, target, length corrections, segments passed, Newton iterations, whether the cell is divided.
     prepared (G,): whether a step is prepared. span (G, 2): its beginning x and length, in cells.
     free, y (G, (s + 1) 2 m), w (G, s m): of the step, d and v without and with w.
-    at (G, m), side (G, m): positions in the step at which elements leave their segments, and through which end.
+    at, side (G, m + J): positions in the step at which elements and contacts leave their segments, through which end.
+    levels (G, m + J, 4): levels of contacts as cubics in the part of the step; zero for elements.
     given (G, 3, s, m): p, dp/dd, dp/dv of the laws evaluated in Python.
     """
 
@@ -129,6 +134,7 @@ class Work(NamedTuple):
     w: Array
     at: Array
     side: Integers
+    levels: Array
     given: Array
     J: Array
     right: Array
@@ -151,14 +157,16 @@ def allocate_tables(rows: int, cells: int, s: int, m: int, q: int, springs: int)
     return Tables(np.zeros((rows, q), dtype=complex), *map(np.zeros, shapes))
 
 
-def allocate_workspace(motions: int, s: int, m: int, q: int) -> Work:
+def allocate_workspace(motions: int, s: int, m: int, q: int, contacts: int) -> Work:
     """Return the workspace of a number of motions, none of which is under way."""
+    rows = m + contacts
     G, n, r, z, integer, pair = motions, (s + 1) * 2 * m, s * m, np.zeros, np.int64, complex
     progress = z((G, 6), dtype=integer)
     progress[:, _TARGET] = _TO_EXIT
     return Work(
         progress=progress, prepared=z(G, dtype=np.bool_), span=z((G, 2)), free=z((G, n)), y=z((G, n)), w=z((G, r)),
-        at=z((G, m)), side=z((G, m), dtype=integer), given=z((G, 3, s, m)), J=z((r, r)), right=z(r),
+        at=z((G, rows)), side=z((G, rows), dtype=integer), levels=z((G, rows, 4)), given=z((G, 3, s, m)),
+        J=z((r, r)), right=z(r),
         turns=z((s + 1, q), dtype=pair), inner=z((s, s + 1, q), dtype=pair), powers=z((s + 2, (s + 1) * q), dtype=pair),
         samples=z((4, max(2 * s + 5, SAMPLES_PER_STEP + 1))), ahead=z(2 * q), spare=z((2, r)),
     )  # fmt: skip
@@ -211,8 +219,10 @@ def integrate_segments(
         Workspace.
     zeta : ndarray, shape (B, 2 q)
         Real parts, then imaginary parts.
-    d, v, segment : ndarray, shape (B, m)
-        Displacements, rates and segments of the elements.
+    d, v : ndarray, shape (B, m)
+        Displacements and rates of the elements.
+    segment : ndarray, shape (B, m + J)
+        Segments of the elements and contacts.
     first, last : int
         Range of the motions.
     begin, end : int
@@ -228,7 +238,7 @@ def integrate_segments(
         Number of motions that wait for forces.
     """
     any_in_python, waiting, N, only = method.in_python.any(), 0, whole.drive.shape[1], cut.drive.shape[1] - 1
-    element, in_python, straight, nodes, lagrange, dense, values, slopes = method
+    element, contact, owner, in_python, straight, nodes, lagrange, dense, values, slopes = method
     is_folded, ahead, spare, D = len(folded) > 0, work.ahead, work.spare, len(curves.turn)
     has_series, turns_of, observes_of = D > 0, curves.turn, curves.observe.reshape(D, cut.observe[0].size)
     feedbacks_of, pushes_of = curves.feedback.reshape(D, cut.feedback[0].size), curves.push.reshape(D, cut.push[0].size)
@@ -244,7 +254,7 @@ def integrate_segments(
         flat_observe, flat_feedback, flat_push = cut_observe.reshape(-1), cut_feedback.reshape(-1), cut_push.reshape(-1)
         progress, span, given = work.progress[g], work.span[g], work.given[g]
         free, y, w = work.free[g], work.y[g], work.w[g]
-        at, side, z, x, rate, on = work.at[g], work.side[g], zeta[b], d[b], v[b], segment[b]
+        at, side, levels, z, x, rate, on = work.at[g], work.side[g], work.levels[g], zeta[b], d[b], v[b], segment[b]
         if not any_in_python:
             progress[_CELL] = begin
         while True:
@@ -260,6 +270,8 @@ def integrate_segments(
                         span[1] = _next_breakpoint(breakpoints.first, breakpoints.position, r, cell, 0.0)
                         is_whole = span[1] == 1.0
                         progress[_IS_DIVIDED] = 0 if is_whole else 1
+                if breakpoints is not None:
+                    _set_levels(breakpoints, r, cell + span[0], span[1], N, len(element), len(x), levels)
                 if is_whole:
                     if is_folded:
                         _folded_step(folded, cell, on, low.shape[1], z, y, ahead)
@@ -288,14 +300,14 @@ def integrate_segments(
                 size = moved = 0.0
             elif is_whole:
                 size = _linearise(
-                    kr, cubic, element, slope, offset, on, in_python, given, k, cell, feedback, y, w, J, right, spare,
-                    breakpoints,
+                    kr, cubic, element, contact, slope, offset, on, in_python, given, k, cell, feedback, y, w, J, right,
+                    spare, breakpoints, nodes, levels,
                 )  # fmt: skip
                 moved = _correct(J, right, feedback, free, y, w)
             else:
                 size = _linearise(
-                    kr, cubic, element, slope, offset, on, in_python, given, cut_k, only, cut_feedback, y, w, J, right,
-                    spare, breakpoints,
+                    kr, cubic, element, contact, slope, offset, on, in_python, given, cut_k, only, cut_feedback, y, w,
+                    J, right, spare, breakpoints, nodes, levels,
                 )  # fmt: skip
                 moved = _correct(J, right, cut_feedback, free, y, w)
             progress[_NEWTON_ITERATIONS] += 1
@@ -306,8 +318,11 @@ def integrate_segments(
                 continue
             work.prepared[g] = False
             if progress[_TARGET] == _TO_EXIT:
-                if _may_leave(nodes, y, x, rate, on, low, high, h * span[1]):
-                    stop = _first_exit(dense, values, slopes, y, x, rate, on, low, high, h * span[1], at, side, samples)
+                if _may_leave(nodes, y, x, rate, owner, levels, on, low, high, h * span[1], at):
+                    stop = _first_exit(
+                        dense, values, slopes, nodes, y, x, rate, owner, levels, on, low, high, h * span[1], at, side,
+                        samples,
+                    )  # fmt: skip
                     if stop >= 0:
                         span[1] *= at[stop]
                         progress[_TARGET], progress[_LENGTH_CORRECTIONS] = stop, 0
@@ -316,7 +331,7 @@ def integrate_segments(
                 limit = 1.0
                 if breakpoints is not None:
                     limit = _next_breakpoint(breakpoints.first, breakpoints.position, r, cell, span[0])
-                if _corrects_length(y, on, low, high, h, side, progress, span, limit):
+                if _corrects_length(y, len(x), owner, levels, on, low, high, h, side, progress, span, limit):
                     continue
             if fine.shape[3]:
                 _record(dense, y, x, rate, span, h, samples, progress[_CELL] * SAMPLES_PER_STEP, b, fine)
@@ -369,6 +384,7 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, whole: Tab
     m, P, size = plan.kr.shape[1], plan.low.shape[2], plan.output.shape[2] * 2
     n = out.shape[3] - size
     segment, zeta, free, y, w = np.zeros(m, dtype=np.int64), work.ahead, work.free[0], work.y[0], work.w[0]
+    levels = work.levels[0]
     for cell in range(out.shape[0]):
         for combination in range(out.shape[1]):
             for j in range(m):
@@ -378,9 +394,9 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, whole: Tab
                     zeta[r] = 1.0 if r == u else 0.0
                 _predict(whole.observe[0], whole.drive[0], cell, zeta, free, y, w)
                 _linearise(
-                    plan.kr[0], plan.cubic[0], method.element, plan.slope[0], plan.offset[0], segment, method.in_python,
-                    work.given[0], whole.k[0], cell, whole.feedback[0], y, w, work.J, work.right, work.spare,
-                    breakpoints,
+                    plan.kr[0], plan.cubic[0], method.element, method.contact, plan.slope[0], plan.offset[0], segment,
+                    method.in_python, work.given[0], whole.k[0], cell, whole.feedback[0], y, w, work.J, work.right,
+                    work.spare, breakpoints, method.nodes, levels,
                 )  # fmt: skip
                 _correct(work.J, work.right, whole.feedback[0], free, y, w)
                 _propagate_state(whole.turn[0], whole.push[0], w, zeta)
@@ -517,8 +533,8 @@ def add_piecewise(
     """
     at, rows, kr, c = breakpoints.at, breakpoints.rows, breakpoints.kr, breakpoints.c
     m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
-    springs = at.shape[1] - m
-    for q in range(at.shape[1]):
+    springs = k.shape[2] - m
+    for q in range(springs + m):
         middle, segment = unit * (x + 0.5 * length), 0
         while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= middle:
             segment += 1
@@ -535,6 +551,39 @@ def add_piecewise(
             drive[cell, i * 2 * m + m + j] -= slope
             if i < k.shape[1]:
                 k[cell, i, q] = kr[r, j] * value + c[r, j] * slope
+
+
+@kernel
+def _set_levels(
+    breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
+) -> None:  # fmt: skip
+    """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
+    at, rows, unit = breakpoints.at, breakpoints.rows, 2 * np.pi / N
+    middle, width = unit * (x + 0.5 * length), unit * length
+    for j in range(m, len(levels)):
+        q, segment = springs + j, 0
+        while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= middle:
+            segment += 1
+        a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
+        y = unit * x - at[r, q, segment]
+        levels[j, 0] = a + y * (b + y * (f + y * g))
+        levels[j, 1] = width * (b + y * (2.0 * f + 3.0 * y * g))
+        levels[j, 2] = width * width * (f + 3.0 * y * g)
+        levels[j, 3] = width * width * width * g
+
+
+@kernel
+def _level(levels: Array, j: int, z: float) -> float:
+    """Return a level at a part z of the step."""
+    total: float = levels[j, 0] + z * (levels[j, 1] + z * (levels[j, 2] + z * levels[j, 3]))
+    return total
+
+
+@kernel
+def _level_slope(levels: Array, j: int, z: float) -> float:
+    """Return the derivative of a level in the part z of the step."""
+    total: float = levels[j, 1] + z * (2.0 * levels[j, 2] + 3.0 * z * levels[j, 3])
+    return total
 
 
 @kernel
@@ -561,9 +610,9 @@ def _apply_rate_jump(breakpoints: Breakpoints, r: int, cell: int, span: Array, v
 
 @kernel
 def _linearise(
-    kr: Array, cubic: Array, element: Integers, slope: Array, offset: Array, segment: Integers, in_python: Bools,
-    given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array, spare: Array,
-    breakpoints: Breakpoints | None,
+    kr: Array, cubic: Array, element: Integers, contact: Integers, slope: Array, offset: Array, segment: Integers,
+    in_python: Bools, given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array,
+    spare: Array, breakpoints: Breakpoints | None, nodes: Array, levels: Array,
 ) -> float:  # fmt: skip
     """Compute the equations J step = right of the next Newton step for w, and return the size of the forces."""
     s, m, size = k.shape[1], len(kr), 0.0
@@ -574,9 +623,13 @@ def _linearise(
             spare[0, a] = cubic[j, 0] + 3.0 * cubic[j, 1] * d * d
     for spring in range(len(element)):
         j = element[spring]
-        bend, shift = slope[spring, segment[j]], offset[spring, segment[j]]
+        row = j if contact[spring] < 0 else m + contact[spring]
+        bend, shift = slope[spring, segment[row]], offset[spring, segment[row]]
+        if bend == 0.0 and shift == 0.0:
+            continue
         for i in range(s):
-            right[i * m + j] += k[cell, i, spring] * (bend * y[i * 2 * m + j] + shift)
+            x = y[i * 2 * m + j] if row == j else y[i * 2 * m + j] - _level(levels, row, nodes[i])
+            right[i * m + j] += k[cell, i, spring] * (bend * x + shift)
             spare[0, i * m + j] += k[cell, i, spring] * bend
     for i in range(s):
         for j in range(m):
@@ -674,16 +727,18 @@ def _finish_step(segment: Integers, at: Array, side: Integers, progress: Integer
 
 @kernel
 def _corrects_length(
-    y: Array, segment: Integers, low: Array, high: Array, h: float, side: Integers, progress: Integers, span: Array,
-    limit: float,
+    y: Array, m: int, owner: Integers, levels: Array, segment: Integers, low: Array, high: Array, h: float,
+    side: Integers, progress: Integers, span: Array, limit: float,
 ) -> bool:  # fmt: skip
     """Return whether a step must be repeated with a corrected length, because it does not end on its breakpoint.
 
     The step does not exceed the limit, in the cell.
     """
-    j, m, end = progress[_TARGET], len(segment), len(y) - 2 * len(segment)
+    j, end = progress[_TARGET], len(y) - 2 * m
     level = high[j, segment[j]] if side[j] > 0 else low[j, segment[j]]
-    miss, rate = y[end + j] - level, y[end + m + j]
+    miss, rate = y[end + owner[j]] - level, y[end + m + owner[j]]
+    if j >= m:
+        miss, rate = miss - _level(levels, j, 1.0), rate - _level_slope(levels, j, 1.0) / (h * span[1])
     if (
         not abs(miss) > _MAX_BREAKPOINT_MISS * (1.0 + abs(level))
         or progress[_LENGTH_CORRECTIONS] >= _MAX_LENGTH_CORRECTIONS
@@ -697,44 +752,66 @@ def _corrects_length(
 
 @kernel
 def _may_leave(
-    nodes: Array, y: Array, d: Array, v: Array, segment: Integers, low: Array, high: Array, h: float
-) -> bool:
-    """Return whether any element is beyond an end of its segment at a node, or may be between two nodes.
+    nodes: Array, y: Array, d: Array, v: Array, owner: Integers, levels: Array, segment: Integers, low: Array,
+    high: Array, h: float, at: Array,
+) -> bool:  # fmt: skip
+    """Return whether any element or contact may leave its segment; ``at`` is 0 for these and inf for the others."""
+    found = False
+    for j in range(len(segment)):
+        at[j] = np.inf
+        if _may_leave_segment(nodes, y, d, v, j, owner[j], levels, low[j, segment[j]], high[j, segment[j]], h):
+            at[j], found = 0.0, True
+    return found
+
+
+@kernel
+def _may_leave_segment(
+    nodes: Array, y: Array, d: Array, v: Array, row: int, j: int, levels: Array, low: float, high: float, h: float
+) -> bool:  # fmt: skip
+    """Return whether a displacement is beyond an end of its segment at a node, or may be between two nodes.
 
     Between two nodes d exceeds both values at most by a quarter of the interval times the change of the rate. The test
     allows for more than twice that, and for nothing where the rate is large and of one sign at both nodes.
     """
-    m = len(d)
-    for j in range(m):
-        lowest, highest, rate = low[j, segment[j]], high[j, segment[j]], abs(v[j])
-        for i in range(len(nodes)):
-            rate = max(rate, abs(y[i * 2 * m + m + j]))
-        x0, d0, v0 = 0.0, d[j], v[j]
-        for i in range(len(nodes)):
-            d1, v1 = y[i * 2 * m + j], y[i * 2 * m + m + j]
-            if d1 > highest or d1 < lowest:
+    m, moves = len(d), row != j
+    x0, d0, v0 = 0.0, d[j], v[j]
+    if moves:
+        d0, v0 = d0 - levels[row, 0], v0 - levels[row, 1] / h
+    rate = abs(v0)
+    for i in range(len(nodes)):
+        v1 = y[i * 2 * m + m + j] - (_level_slope(levels, row, nodes[i]) / h if moves else 0.0)
+        rate = max(rate, abs(v1))
+    for i in range(len(nodes)):
+        d1, v1 = y[i * 2 * m + j], y[i * 2 * m + m + j]
+        if moves:
+            d1, v1 = d1 - _level(levels, row, nodes[i]), v1 - _level_slope(levels, row, nodes[i]) / h
+        if d1 > high or d1 < low:
+            return True
+        if not (v0 * v1 > 0.0 and min(abs(v0), abs(v1)) > 0.5 * rate):
+            reach = h * (nodes[i] - x0) * (0.5 * abs(v1 - v0) + 0.1 * rate)
+            if max(d0, d1) + reach > high or min(d0, d1) - reach < low:
                 return True
-            if not (v0 * v1 > 0.0 and min(abs(v0), abs(v1)) > 0.5 * rate):
-                reach = h * (nodes[i] - x0) * (0.5 * abs(v1 - v0) + 0.1 * rate)
-                if max(d0, d1) + reach > highest or min(d0, d1) - reach < lowest:
-                    return True
-            x0, d0, v0 = nodes[i], d1, v1
+        x0, d0, v0 = nodes[i], d1, v1
     return False
 
 
 @kernel
 def _first_exit(
-    dense: Array, values: Array, slopes: Array, y: Array, d: Array, v: Array, segment: Integers, low: Array,
-    high: Array, h: float, at: Array, side: Integers, samples: Array,
+    dense: Array, values: Array, slopes: Array, nodes: Array, y: Array, d: Array, v: Array, owner: Integers,
+    levels: Array, segment: Integers, low: Array, high: Array, h: float, at: Array, side: Integers, samples: Array,
 ) -> int:  # fmt: skip
-    """Return the element that first leaves its segment, or -1; ``at`` and ``side`` are the exits of all elements.
+    """Return the element or contact that first leaves its segment, or -1; ``at`` and ``side`` are the exits of all.
 
-    ``at`` is in units of the step, inf without exit.
+    ``at`` is in units of the step, inf without exit. Only those with a finite ``at`` are tested, see `_may_leave`.
     """
     first = -1
     c, here, rates, data = samples[0], samples[1], samples[2], samples[3]
-    for j in range(len(d)):
-        _end_values(y, d[j], v[j], h, j, len(d), data)
+    for j in range(len(segment)):
+        if at[j] == np.inf:
+            continue
+        _end_values(y, d[owner[j]], v[owner[j]], h, owner[j], len(d), data)
+        if j >= len(d):
+            _subtract_level(nodes, levels, j, data)
         _apply(values, data, here)
         _apply(slopes, data, rates)
         _apply(dense, data, c)
@@ -742,6 +819,17 @@ def _first_exit(
         if at[j] < np.inf and (first < 0 or at[j] < at[first]):
             first = j
     return first
+
+
+@kernel
+def _subtract_level(nodes: Array, levels: Array, j: int, data: Array) -> None:
+    """Subtract a level and its slope at 0, the Gauss points and 1 from the values of `_end_values`."""
+    count = len(nodes) + 1
+    data[0] -= levels[j, 0]
+    data[count] -= levels[j, 1]
+    for i in range(count - 1):
+        data[1 + i] -= _level(levels, j, nodes[i])
+        data[count + 1 + i] -= _level_slope(levels, j, nodes[i])
 
 
 @kernel

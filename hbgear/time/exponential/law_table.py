@@ -2,8 +2,8 @@
 
     p(d, tau) = sum_i k_i(tau) (slope_i d + offset_i) + k1 d + k3 d^3      on the segment of d
 
-Every sum of piecewise-linear springs with periodic stiffness and of cubic springs has this form. Other laws are
-evaluated in Python.
+Every sum of piecewise-linear springs with periodic stiffness and of cubic springs has this form. A contact between
+teeth is such a spring of d - level(tau), whose segments are those of this distance. Other laws are evaluated in Python.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.laws.laws import Law, PiecewiseLinear, springs_of
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.mesh_contacts import MovingSpring, moving_springs_of
 from hbgear.mechanics.series.fourier import Series, to_complex
 from hbgear.time.exponential.segments import Bools, Integers
 
@@ -24,16 +25,20 @@ from hbgear.time.exponential.segments import Bools, Integers
 class LawTable:
     """Laws of m elements with S springs in total, padded to the same numbers of segments P and of harmonics.
 
+    J of the springs are contacts with a moving level. The segments are those of the m elements, then of the J contacts.
+
     Attributes
     ----------
     element : ndarray, shape (S,)
         Element of each spring.
+    contact : ndarray, shape (S,)
+        Number of the contact that a spring is, -1 for the others.
     slope, offset : ndarray, shape (S, P)
-        Line of a spring on each segment of its element.
+        Line of a spring on each segment of its element or contact.
     stiffness : ndarray, shape (S, L + 1)
         One-sided complex harmonics of k_i; zero if it has breakpoints, see `excitation`.
-    low, high : ndarray, shape (m, P)
-        Ends of the segments of each element.
+    low, high : ndarray, shape (m + J, P)
+        Ends of the segments of each element and contact.
     cubic : ndarray, shape (m, 2)
         Coefficients k1, k3.
     in_python : ndarray, shape (m,)
@@ -41,6 +46,7 @@ class LawTable:
     """
 
     element: Integers
+    contact: Integers
     slope: Array
     offset: Array
     stiffness: Array
@@ -52,18 +58,23 @@ class LawTable:
     @staticmethod
     def of(laws: Sequence[Law]) -> LawTable:
         """Return the table of laws in order."""
-        known = [springs_of(law) for law in laws]
+        known = [moving_springs_of(law) for law in laws]
         parts = [((), 0.0, 0.0) if part is None else part for part in known]
+        springs = [(j, one) for j, part in enumerate(parts) for one in part[0]]
+        element = np.array([j for j, _ in springs], dtype=int)
+        is_contact = np.array([_moves(one) for _, one in springs], dtype=bool)
+        contact = np.where(is_contact, np.cumsum(is_contact) - 1, -1).astype(int)
         edges = [_edges(law, part and part[0]) for law, part in zip(laws, known, strict=True)]
+        edges += [one.spring.breakpoints for _, one in springs if _moves(one)]
         P = max(map(len, edges)) + 1
-        low, high = np.full((2, len(laws), P), np.inf)
+        low, high = np.full((2, len(edges), P), np.inf)
         for j, inner in enumerate(edges):
             low[j, : len(inner) + 1], high[j, : len(inner)] = [-np.inf, *inner], inner
-        springs = [(j, spring) for j, part in enumerate(parts) for spring in part[0]]
         slope, offset = np.zeros((2, len(springs), P))
-        stiffness = np.zeros((len(springs), 1 + max([0, *(x.stiffness.order for _, x in springs)])), dtype=complex)
-        for i, (j, spring) in enumerate(springs):
-            on = [bisect_right(spring.corners, x) for x in (-np.inf, *edges[j])]
+        stiffness = np.zeros((len(springs), 1 + max([0, *(x.spring.stiffness.order for _, x in springs)])), complex)
+        for i, (j, (spring, _)) in enumerate(springs):
+            inner = edges[j if contact[i] < 0 else len(laws) + contact[i]]
+            on = [bisect_right(spring.corners, x) for x in (-np.inf, *inner)]
             start, changes, breakpoints = spring.ramps
             slope[i, : len(on)] = np.array(spring.slopes)[on]
             offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])[on]
@@ -71,13 +82,12 @@ class LawTable:
                 row = to_complex(spring.stiffness.row())
                 stiffness[i, : len(row)] = row
         cubic = np.array([part[1:] for part in parts]).reshape(len(laws), 2)
-        element = np.array([j for j, _ in springs], dtype=int)
         in_python = np.array([part is None for part in known], dtype=bool)
-        return LawTable(element, slope, offset, stiffness, low, high, cubic, in_python)
+        return LawTable(element, contact, slope, offset, stiffness, low, high, cubic, in_python)
 
     @staticmethod
     def stacked(tables: Sequence[LawTable]) -> LawTable:
-        """Return the table of several models, with a first axis in all fields but ``element`` and ``in_python``.
+        """Return the table of several models, with a first axis in all fields that are not equal for all models.
 
         Raises
         ------
@@ -85,16 +95,23 @@ class LawTable:
             If the laws are not of the same kinds, element by element.
         """
         L = max(table.stiffness.shape[1] for table in tables)
-        kinds = {(t.element.tobytes(), t.in_python.tobytes(), t.low.shape) for t in tables}
+        kinds = {(t.element.tobytes(), t.contact.tobytes(), t.in_python.tobytes(), t.low.shape) for t in tables}
         if len(kinds) > 1:
             raise ValueError("the models must have laws of the same kind, element by element")
         stiffness = [np.pad(t.stiffness, ((0, 0), (0, L - t.stiffness.shape[1]))) for t in tables]
         each = {
             name: np.array([getattr(t, name) for t in tables]) for name in ("slope", "offset", "low", "high", "cubic")
         }
-        return LawTable(tables[0].element, stiffness=np.array(stiffness), in_python=tables[0].in_python, **each)
+        first = tables[0]
+        return LawTable(first.element, first.contact, stiffness=np.array(stiffness), in_python=first.in_python, **each)
 
 
-def _edges(law: Law, springs: Sequence[PiecewiseLinear] | None) -> tuple[float, ...]:
-    """Return the breakpoints of the springs of a law, or of the law itself if it has no springs."""
-    return tuple(sorted({x for part in ([law] if springs is None else springs) for x in part.breakpoints}))
+def _moves(one: MovingSpring) -> bool:
+    return one.level is not None
+
+
+def _edges(law: Law, springs: Sequence[MovingSpring] | None) -> tuple[float, ...]:
+    """Return the constant breakpoints of the springs of a law, or of the law itself if it has no springs."""
+    if springs is None:
+        return tuple(sorted(law.breakpoints))
+    return tuple(sorted({x for one in springs if not _moves(one) for x in one.spring.breakpoints}))

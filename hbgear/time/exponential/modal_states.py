@@ -84,8 +84,8 @@ class StateBatch:
         Modal coordinates z of the stored modes minus the steady part: real parts, then imaginary parts.
     d, v : ndarray, shape (B, m)
         Element coordinates and their rates.
-    segment : ndarray, shape (B, m)
-        Index of the segment of the law of each element.
+    segment : ndarray, shape (B, m + J)
+        Index of the segment of the law of each element, and of each contact between teeth.
     """
 
     zeta: Array

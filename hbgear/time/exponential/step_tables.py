@@ -94,12 +94,13 @@ class Steps:
         """Return the steps of a plan with N cells a period, and breakpoints of the excitation or None."""
         from hbgear.time.exponential.kernels import fill, fold
 
-        (R, m, P), size, s = plan.low.shape, 2 * plan.poles.shape[1], len(method.lagrange)
+        (R, m), P, size, s = plan.kr.shape, plan.low.shape[2], 2 * plan.poles.shape[1], len(method.lagrange)
         n, r, (whole, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
         fill(plan, method, breakpoints, np.ones(R), work, whole)
         cost = size * n + 2 * r * n + r**3 + size * r
-        shape = (N, P**m, size + 1, n + size)
-        if R > 1 or not method.straight or size * (n + size) > cost or math.prod(shape) > _MAX_FOLDED_ENTRIES:
+        shape, has_contacts = (N, P**m, size + 1, n + size), plan.low.shape[1] > m
+        is_smaller = size * (n + size) <= cost and math.prod(shape) <= _MAX_FOLDED_ENTRIES
+        if R > 1 or not method.straight or has_contacts or not is_smaller:
             return Steps(plan, method, whole, np.empty((0, 0, 0, 0)), cost)
         folded = np.empty(shape)
         fold(plan, method, breakpoints, whole, work, folded)
@@ -141,4 +142,5 @@ def _allocate(plan: Any, method: Any, rows: int, cells: int) -> tuple[Any, Any]:
     from hbgear.time.exponential.kernels import allocate_tables, allocate_workspace
 
     sizes = len(method.lagrange), plan.kr.shape[1], plan.poles.shape[1]
-    return allocate_tables(rows, cells, *sizes, len(method.element)), allocate_workspace(1, *sizes)
+    contacts = plan.low.shape[1] - plan.kr.shape[1]
+    return allocate_tables(rows, cells, *sizes, len(method.element)), allocate_workspace(1, *sizes, contacts)
