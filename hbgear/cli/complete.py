@@ -12,6 +12,7 @@ from hbgear.cli.support import label_on_curve
 from hbgear.continuation.events.registry import optional_events
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.models import model_registry
+from hbgear.io.branches.npz import read
 from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
 from hbgear.mechanics.model_lookup import installed
 
@@ -74,7 +75,7 @@ def _special() -> list[tuple[str, hb.SpecialPoint]]:
     """Return the special points of all curves of the given file, with their labels on the command line."""
     file = next((word for word in _words() if word.endswith(".npz")), "")
     try:
-        branch = hb.load(file)
+        branch = read(file)
     except (OSError, ValueError):
         return []
     return [

@@ -26,6 +26,7 @@ from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import Omega_of, model_of
+from hbgear.io.branches.npz import read
 from hbgear.mechanics.fields import check_names, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:
@@ -320,7 +321,7 @@ def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None
 
 def load_with_problem(file: Path, name: str | None) -> hb.Branch:
     """Load a curve with its problem, which needs the metadata of the file and the model class of --model."""
-    return hb.load(file, problem=model_registry.rebuild_traced_problem(hb.load(file).meta, class_of(name)))
+    return hb.load(file, problem=model_registry.rebuild_traced_problem(read(file).meta, class_of(name)))
 
 
 def class_of(name: str | None) -> type[hb.mechanics.Model] | None:

@@ -65,10 +65,8 @@ def extend(
     >>> len(part), whole.message
     (10, 'Omega = 1.6 reached')
     """
-    if problem is None:  # a file stores the problem of a response curve, not of a curve of special points
-        problem = branch.problem if "curve" in branch.meta else branch.require_problem()
     if problem is None:
-        raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
+        problem = branch.continued_problem()
     if len(branch) < 2:
         raise ValueError(f"the branch has {len(branch)} points; its direction needs two: trace it again")
     if span is None:

@@ -106,10 +106,9 @@ def follow(
     >>> bool(folds["CP1"].parameters["zeta"] > 0.1)
     True
     """
+    branch = replace(branch, problem=branch.continued_problem())
     here = branch[point] if isinstance(point, str) else point
     assert isinstance(here, SpecialPoint)
-    if branch.problem is None:
-        raise ValueError("following needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     problem = as_problem(branch.problem)
     if isinstance(problem, SpecialPointProblem):
         raise ValueError("the branch is a curve of special points or limit cycles; follow a point of another curve")

@@ -8,6 +8,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from hbgear.common.argument_checks import checked_arguments
@@ -71,10 +72,9 @@ def switch(
     >>> doubled.problem.nu
     2
     """
+    branch = replace(branch, problem=branch.continued_problem())
     point = branch[label]
     assert isinstance(point, SpecialPoint)
-    if branch.problem is None:
-        raise ValueError("switching needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if span is None:
         span = (float(branch.values.min()), float(branch.values.max()))
     event = event_of(branch, point)

@@ -271,7 +271,7 @@ class BranchData:
         ValueError
             If the problem is unknown.
         """
-        problem = self._problem_or_none()
+        problem = self.rebuilt_problem() if self.problem is None else self.problem
         if problem is None:
             raise ValueError(
                 "this needs the problem of the branch, which is unknown; load the branch with "
@@ -279,14 +279,29 @@ class BranchData:
             )
         return problem
 
-    def _problem_or_none(self) -> Any:
-        """Return the problem, rebuilt from the header if necessary, or None."""
-        if self.problem is None and isinstance(layout := self.layout, RebuildsProblem):
-            return layout.problem_of(self.meta)
-        return self.problem
+    def continued_problem(self) -> Any:
+        """Return the problem of the equations of the curve, with which it or a branch of it is traced further.
+
+        A file stores the problem of a response curve, but not of a curve of special points.
+
+        Raises
+        ------
+        ValueError
+            If the problem is unknown.
+        """
+        if self.problem is None and "curve" in self.meta:
+            raise ValueError(
+                "this needs the problem of the curve of special points, which files do not store; load it with "
+                "hbgear.load(path, problem=...), or follow the special point again"
+            )
+        return self.require_problem()
+
+    def rebuilt_problem(self) -> Any:
+        """Return the problem that the header describes; None if its model is defined outside hbgear."""
+        return self.layout.problem_of(self.meta) if isinstance(self.layout, RebuildsProblem) else None
 
     @property
     def known_problem(self) -> Any:
         """Deprecated: use `require_problem`."""
         warn_renamed("Branch.known_problem", "require_problem()", stacklevel=3)
-        return self._problem_or_none()
+        return self.rebuilt_problem() if self.problem is None else self.problem

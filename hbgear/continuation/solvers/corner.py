@@ -1,11 +1,17 @@
-"""Step over a corner of a curve, at which the tangent is discontinuous because dR/dX is.
+"""Step over a corner of a curve, at which the tangent is discontinuous because derivatives of the equations are.
 
-    [dR_dX dR_dp] t = 0 at u + delta t_0      tangent t beyond the corner,   sign det [dR_dX dR_dp; t^T] as before
+dR/dX jumps where a friction slider begins to slip, or where a sampled law has a breakpoint. The derivatives of the
+equations of a special point jump where a contact begins, or have the slope of a square root there:
 
-dR/dX jumps where a friction slider begins to slip, or where a sampled law has a breakpoint, and the derivatives of the
-equations of a special point where a contact begins. The equations beyond the corner are those at a point a little
-further along the old tangent t_0. Their null vector is the new tangent. Its orientation is that of the curve, also if
-it turns by more than 90 degrees, so that the parameter turns back as at a fold.
+    g = y   for x <= 0,   g = y + b sqrt(x)   for x > 0          x distance beyond the grazing motion
+
+The curve g = 0 of folds arrives along y = 0 and leaves along y = -b sqrt(x), tangent to the boundary x = 0, or the
+other way round. x grows in the direction n of the largest change of the derivatives. A probe is moved beyond it: in
+the direction of the old tangent, or along n if that tangent lies in the boundary. There one Newton step at constant x
+predicts a point of the curve. The orientation is that of the curve, also if it turns by more than 90 degrees, so that
+the parameter turns back as at a fold:
+
+    sign det [dR_dX dR_dp; t^T] as before
 
 References
 ----------
@@ -15,28 +21,30 @@ piecewise smooth curves and their orientation.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.numerics.linear import bordered, norm, solve_signed
+from hbgear.continuation.numerics.linear import as_dense, bordered, norm, solve_signed
 from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
-from hbgear.continuation.stepping.status import ACCEPTED
 
 PROBE_DISTANCES = (1e2, 1e3, 1e4)
-"""Distances along the old tangent at which the equations beyond the corner are evaluated, over the smallest step. The
-last point lies within a few smallest steps before the corner."""
+"""Distances of the probes from the last point, over the smallest step. The last point lies within a few smallest steps
+before the corner."""
 
-MAX_DIRECTIONS = 2
-"""Largest number of directions of a step beyond a corner. Where the old tangent touches the boundary between the two
-sides, the probe may lie on the wrong one; the second direction is the tangent at the point that the first one finds."""
+SHORTEST_STEP = 10.0
+"""Shortest step beyond the corner, over the smallest step: a nearer point may lie on the boundary."""
 
-STEP_OVER_PROBE = 10.0
-"""Step beyond the corner over the distance of the probe, so that the distance to the corner is small in comparison."""
+LONGEST_STEP_OVER_ROOT = 5.0
+"""Longest step beyond the corner, over the square root of the distance of the probe: farther points may lie on another
+curve."""
 
 
 def step_over_corner(
@@ -71,55 +79,82 @@ def step_over_corner(
     tuple or None
         The point with its oriented direction, and the step; None if there is no such point.
     """
+    equations, onward = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
     for distance in PROBE_DISTANCES:
+        limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * (distance * smallest) ** 0.5, turn)
         delta = distance * smallest
         try:
-            found = _beyond(problem, u, tangent, orientation, scale, delta, turn, name, fixed, settings)
+            found = _beyond(equations, u, onward, orientation, scale, delta, limits)
         except (ValueError, NoConvergence, np.linalg.LinAlgError):  # ValueError of a model
             continue
         if found is not None:
-            return found, STEP_OVER_PROBE * delta
+            return found
     return None
+
+
+class _Equations(NamedTuple):
+    """Problem, continuation parameter, values of the other parameters, settings of the corrector."""
+
+    problem: Any
+    name: str
+    fixed: Mapping[str, float]
+    settings: NewtonSettings
+
+    def at(self, u: Array) -> Evaluation:
+        """Return the linearised equations at a point."""
+        return linearise(self.problem, u[:-1], self.name, {**self.fixed, self.name: float(u[-1])})
 
 
 def _beyond(
-    problem: Any, u: Array, tangent: Array, orientation: int, scale: Array, delta: float, turn: float, name: str,
-    fixed: Mapping[str, float], settings: NewtonSettings,
-) -> CorrectedPoint | None:  # fmt: skip
-    """Return the point beyond the corner with one distance of the probe; None if it is not on that side."""
-    from hbgear.continuation.stepping.kernels import accept_step, arclength_normal
+    equations: _Equations, u: Array, tangent: Array, orientation: int, scale: Array, delta: float,
+    limits: tuple[float, float, float],
+) -> tuple[CorrectedPoint, float] | None:  # fmt: skip
+    """Return the point beyond the corner with one distance of the probes, and its distance; None without one.
 
-    probe, normal = u + delta * tangent / norm(tangent / scale), np.empty(len(u))
-    arclength_normal(tangent, scale, normal)
-    now = linearise(problem, probe[:-1], name, {**fixed, name: float(probe[-1])})
-    last = np.zeros((len(u), 1))
-    last[-1] = 1.0
-    direction, sign = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), last)
-    onward: Array = direction[:, 0] * (sign * orientation or 1)
-    onward = onward / norm(onward / scale)
-    step, limits = STEP_OVER_PROBE * delta, np.array([turn, np.inf])
-    for _ in range(MAX_DIRECTIONS):
-        arclength_normal(onward, scale, normal)
-        predicted = u + step * onward
-        point = _corrected(problem, predicted, normal, name, fixed, settings)
-        at, reached = np.append(point.solution.X, point.solution.value), np.array(point.direction)
-        if accept_step(at, reached, predicted, u, onward, scale, step, limits)[0] == ACCEPTED:
-            return CorrectedPoint(point.solution, reached, point.orientation)
-        if point.orientation != orientation:
-            break
-        onward = reached / norm(reached / scale)
+    limits : shortest and longest step, and largest angle [deg] between the step and the direction of the curve.
+    """
+    n = _largest_change(equations, u, u + delta * tangent, scale)
+    for direction in (tangent, n, -n):
+        with suppress(NoConvergence, np.linalg.LinAlgError):
+            found = _from_probe(equations, u, u + delta * direction, n, scale)
+            reached = found.direction * (found.orientation * orientation or 1)
+            chord = np.append(found.solution.X, found.solution.value) - u
+            length, size = norm(chord / scale), norm(reached / scale)
+            cosine = float((chord / scale) @ (reached / scale)) / (length * size)
+            if limits[0] <= length <= limits[1] and cosine >= math.cos(math.radians(limits[2])):
+                return CorrectedPoint(found.solution, reached / size, orientation), length
     return None
 
 
-def _corrected(
-    problem: Any, predicted: Array, normal: Array, name: str, fixed: Mapping[str, float], settings: NewtonSettings
-) -> CorrectedPoint:
-    """Return the solution near a predicted point, first with step halving at a fixed parameter if necessary.
+def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array) -> Array:
+    """Return the direction in which the change of the derivatives between two points is largest, of unit length."""
+    here, there = (
+        np.column_stack([as_dense(now.dR_dX), now.dR_dp]) * scale for now in (equations.at(u), equations.at(probe))
+    )
+    sizes = np.linalg.norm(there - here, axis=1)
+    row: Array = (there - here)[np.argmax(sizes)]
+    return row * scale / (float(sizes.max()) or 1.0)
 
-    The slope of a square root, as of a contact that begins, lets Newton's method oscillate between both sides.
+
+def _from_probe(equations: _Equations, u: Array, probe: Array, n: Array, scale: Array) -> CorrectedPoint:
+    """Return the point of the curve that one Newton step from the probe, in the plane across n, predicts."""
+    from hbgear.continuation.stepping.kernels import arclength_normal
+
+    normal, now = np.empty(len(u)), equations.at(probe)
+    arclength_normal(n, scale, normal)
+    step = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), np.append(now.R, 0.0)[:, None])[0][:, 0]
+    arclength_normal(probe - step - u, scale, normal)
+    return _corrected(equations, probe - step, normal)
+
+
+def _corrected(equations: _Equations, predicted: Array, normal: Array) -> CorrectedPoint:
+    """Return the solution near a predicted point, if necessary after Newton's method with step halving.
+
+    The slope of a square root lets Newton's method oscillate between both sides of the corner.
     """
     from hbgear.continuation.stepping.kernels import POLISH_ABOVE
 
+    problem, name, fixed, settings = equations
     try:
         return correct(problem, predicted, normal, name, fixed, settings, POLISH_ABOVE)
     except NoConvergence:

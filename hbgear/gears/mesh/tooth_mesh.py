@@ -123,9 +123,14 @@ class ToothMesh:
 
         The period has the number of meshes after which the errors of the teeth repeat.
         """
-        meshes = self.meshes
-        scaled = [flank.scaled(1 / self.stiffness, 1 / length) for flank in self.flanks_with_errors(meshes)]
-        return mesh_contacts(scaled, meshes)
+        return _contacts(self, length)
+
+
+@lru_cache(maxsize=16)  # a change of the damping or of the units of a model leaves them
+def _contacts(mesh: ToothMesh, length: float) -> MeshContacts:
+    meshes = mesh.meshes
+    scaled = [flank.scaled(1 / mesh.stiffness, 1 / length) for flank in mesh.flanks_with_errors(meshes)]
+    return mesh_contacts(scaled, meshes)
 
 
 def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> ToothMesh:

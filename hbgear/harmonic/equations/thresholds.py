@@ -20,6 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import roots_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
+from hbgear.mechanics.laws.mesh_contacts import ToothContact, contacts_of
 from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real, waves
 
@@ -34,6 +35,10 @@ EDGE_SLOPE_STEP = 1e-6
 
 LEVEL_TOLERANCE = 1e-9
 """Distance from a level, relative to the largest coefficient, at which an extremum lies at the instant it is passed."""
+
+
+PHASE_STEP = 1e-9
+"""Distance from a breakpoint [rad] at which the stiffness on both of its sides is evaluated."""
 
 
 # ---- friction sliders
@@ -153,10 +158,12 @@ def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
 def nearest_threshold(evaluator: Evaluator, X: Array, Omega: float) -> float:
     """Return the least distance of a motion X (n,) from a threshold of its laws; inf without any.
 
-    Thresholds are contact at a local extremum of a displacement, zero force at a local extremum of the force of a
-    clipped contact, an edge of a vector law, and the first slip.
+    Thresholds are contact at a local extremum of a displacement, contact between teeth where their stiffness or gap has
+    a breakpoint, zero force at a local extremum of the force of a clipped contact, an edge of a vector law, and the
+    first slip.
     """
-    distances = [_nearest_breakpoint(evaluator, X), _nearest_clip(evaluator, X, Omega / evaluator.nu)]
+    distances = [_nearest_breakpoint(evaluator, X), _nearest_level(evaluator, X)]
+    distances.append(_nearest_clip(evaluator, X, Omega / evaluator.nu))
     margins = *edge_extremes(evaluator, X[None])[0], *slip_margins(evaluator, X[None])[0]
     return float(np.abs([*distances, *margins]).min())
 
@@ -179,6 +186,8 @@ def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
     """Return the least distance of a local extremum of a displacement from a breakpoint of its law; inf without any."""
     least, rows, N = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.N
     for j in np.unique(evaluator.element):
+        if contacts_of(evaluator.system.elements[j].law):
+            continue
         displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
         slope = gap_samples(displacement, kept, evaluator.nu, rows[j], N, 1)
         after = np.roll(slope, -1)
@@ -189,3 +198,45 @@ def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
         distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
         least = min(least, float(np.abs(distances).min(initial=math.inf)))
     return least
+
+
+def _nearest_level(evaluator: Evaluator, X: Array) -> float:
+    """Return the least distance of an extremum of a displacement from the level of a contact; inf without contacts.
+
+    The distance is also that at breakpoints of stiffness and level, at which the contact may begin or end.
+    """
+    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
+    for j, element in enumerate(evaluator.system.elements):
+        for contact in contacts_of(element.law):
+            theta = np.concatenate([_extrema(evaluator, j, rows[j], contact), _corners(contact, evaluator.nu)])
+            tau = evaluator.nu * theta
+            exists = np.maximum(contact.stiffness(tau - PHASE_STEP), contact.stiffness(tau + PHASE_STEP)) > 0
+            least = min(
+                least, float(np.abs(_above(evaluator, j, rows[j], contact, theta[exists])).min(initial=math.inf))
+            )
+    return least
+
+
+def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, theta: Array, order: int = 0) -> Array:
+    """Return the displacement of element j above the level of a contact, or a derivative, at basis phases theta."""
+    nu = evaluator.nu
+    out: Array = evaluator.gap(j, row, theta, order) - nu**order * contact.level(nu * theta, order)
+    return out
+
+
+def _extrema(evaluator: Evaluator, j: int, row: Array, contact: ToothContact) -> Array:
+    """Return the phases at which the displacement above a level has an extremum and a slope on both sides of it."""
+    theta = 2 * np.pi / evaluator.N * np.arange(evaluator.N)
+    slope = _above(evaluator, j, row, contact, theta, 1)
+    after = np.roll(slope, -1)
+    turns = np.flatnonzero((slope < 0) != (after < 0))
+    theta = theta[turns] + 2 * np.pi / evaluator.N * slope[turns] / (slope[turns] - after[turns])
+    first, second = (_above(evaluator, j, row, contact, theta, order) for order in (1, 2))
+    out: Array = theta - first / np.where(second == 0, math.inf, second)
+    return out
+
+
+def _corners(contact: ToothContact, nu: int) -> Array:
+    """Return the basis phases of the breakpoints of a contact."""
+    out: Array = (np.array(contact.phases) + 2 * np.pi * np.arange(nu)[:, None]).ravel() / nu
+    return out

@@ -13,6 +13,7 @@ import dataclasses
 import io
 import json
 import os
+import warnings
 from typing import Any
 
 import numpy as np
@@ -138,12 +139,13 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     path : str or path-like
         Path of the .npz file.
     problem : HarmonicBalance or other problem, optional
-        The problem of the curve, needed to continue it; by default it is rebuilt from the file where possible.
+        The problem of the curve. By default it is rebuilt from the file, unless its model is defined outside hbgear, or
+        the branch is a curve of special points.
 
     Returns
     -------
     Branch
-        The saved branch with the same numbers.
+        The saved branch with the same numbers, and its problem, with which it can be followed, extended and validated.
 
     Raises
     ------
@@ -165,11 +167,37 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     >>> bool(np.array_equal(again.X, curve.X))
     True
     """
+    branch = read(path)
+    if problem is not None:
+        return _with_problem(branch, problem)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the model, which were shown when the curve was traced
+        return _with_own_problem(branch)
+
+
+def read(path: str | os.PathLike[str]) -> Branch:
+    """Read a branch without its problem.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the .npz file.
+
+    Returns
+    -------
+    Branch
+        The saved branch.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As of `load`.
+    """
     if not os.path.exists(path):  # Path.exists raises if the name is too long
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a saved branch")
     try:
         with archive_of(path) as archive:
-            return _with_problem(_branch_in(archive), problem)
+            return _branch_in(archive)
     except _Newer as newer:
         raise ValueError(f"'{path}' {newer}") from None
     except (OSError, ValueError, MemoryError) as error:
@@ -192,6 +220,13 @@ def unpacked(data: bytes, problem: Any = None) -> Branch:
 
 def _with_problem(branch: Branch, problem: Any) -> Branch:
     others = tuple(_with_problem(other, problem) for other in branch.others)
+    return dataclasses.replace(branch, problem=problem, others=others)
+
+
+def _with_own_problem(branch: Branch) -> Branch:
+    """Return a branch and the other curves of its span, each with the problem that its header describes."""
+    others = tuple(_with_own_problem(other) for other in branch.others)
+    problem = None if "curve" in branch.meta else branch.rebuilt_problem()
     return dataclasses.replace(branch, problem=problem, others=others)
 
 

@@ -215,7 +215,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def scaled(self, stiffness: float, length: float) -> MeshContacts:
         """Return the contacts with stiffness and levels times factors."""
-        return self.changed(lambda k: k.scaled(stiffness), lambda level: level.scaled(length))
+        return _scaled(self, stiffness, length)
 
     def changed(self, stiffness: Callable[[Phased], Phased], level: Callable[[Phased], Phased]) -> MeshContacts:
         """Return the contacts with changed functions of the phase, such as shifted ones."""
@@ -345,6 +345,11 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
         at = _union([one.at for both in functions for one in both])
         return at, _common_rows(functions, at), np.array([float(c.side) for c in self.contacts])
+
+
+@lru_cache(maxsize=32)  # a drawn pair assembles its model for each value of a parameter
+def _scaled(law: MeshContacts, stiffness: float, length: float) -> MeshContacts:
+    return law.changed(lambda k: k.scaled(stiffness), lambda level: level.scaled(length))
 
 
 @lru_cache(maxsize=32)  # a model assembles its system for each motion that is evaluated
