@@ -222,8 +222,8 @@ def test_a_tolerance_of_multipliers_that_cannot_be_met(pair):
 def test_a_saved_curve_is_checked_with_the_model_of_its_header(pair, tmp_path):
     pair.save(tmp_path / "pair.npz")
     loaded = hb.load(tmp_path / "pair.npz")
-    assert loaded.problem is None
-    assert validate(loaded, [40], 1e-5).ok
+    assert loaded.problem.model == pair.problem.model
+    assert validate(loaded, [40], 1e-5).ok and validate(replace(loaded, problem=None), [40], 1e-5).ok
 
 
 def test_curves_in_another_parameter():

@@ -55,7 +55,7 @@ def test_from_a_file_with_more_harmonics(problem, whole, tmp_path):
     part = hb.load(tmp_path / "part.npz")
     assert_same(extend(part), whole)
     with pytest.raises(ValueError, match="needs the problem"):
-        extend(dataclasses.replace(part, meta={}))
+        extend(dataclasses.replace(part, meta={}, problem=None))
     curve = extend(part, problem=HarmonicBalance(hb.SpurPair(), 20))
     assert curve.layout.harmonics == 20 and curve.problem.H == 20
     np.testing.assert_allclose(curve.amplitude("rms")[: len(part)], part.amplitude("rms"), rtol=1e-14)

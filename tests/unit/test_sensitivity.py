@@ -15,6 +15,7 @@ from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
 )
 from hbgear.continuation.solvers.newton import refine, solve
 from hbgear.harmonic.bifurcations.extremum import EXTREMA
+from hbgear.io.branches.npz import read
 
 CLOSE = 1e-6  # relative tolerance of a derivative
 LEAST = 1e-8  # absolute tolerance, relative to Omega per unit of the parameter: rounding of the differences
@@ -317,10 +318,10 @@ def test_event_of_a_user(spur):
 def test_points_know_their_problem(spur, tmp_path):
     path = tmp_path / "curve.npz"
     spur.save(path)
-    bare, known = hb.load(path), hb.load(path, problem=spur.problem)
+    bare, known, given = read(path), hb.load(path), hb.load(path, problem=spur.problem)
     with pytest.raises(ValueError, match=r"LP1 does not know its problem; take it from the curve, as curve\['LP1'\]"):
         hb.analysis.sensitivity(bare["LP1"])
-    for curve in (known, pickle.loads(pickle.dumps(spur))):
+    for curve in (known, given, pickle.loads(pickle.dumps(spur))):
         again = hb.analysis.sensitivity(curve["LP1"], ["zeta"])
         assert again.of() == pytest.approx(hb.analysis.sensitivity(spur["LP1"], ["zeta"]).of(), rel=1e-9)
         assert hb.analysis.sensitivity(curve.jumps()[0], ["zeta"]).parameters == ("zeta",)

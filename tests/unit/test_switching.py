@@ -134,5 +134,5 @@ def test_nothing_leaves_at_a_fold():
 
 
 def test_a_branch_without_its_problem(curve):
-    with pytest.raises(ValueError, match="switching needs the problem; load the branch with load"):
-        switch(replace(curve, problem=None), "PD1")
+    with pytest.raises(ValueError, match="needs the problem of the branch, which is unknown; load the branch with"):
+        switch(replace(curve, problem=None, meta={}), "PD1")

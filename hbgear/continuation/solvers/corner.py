@@ -42,7 +42,7 @@ before the corner."""
 SHORTEST_STEP = 10.0
 """Shortest step beyond the corner, over the smallest step: a nearer point may lie on the boundary."""
 
-LONGEST_STEP_OVER_ROOT = 5.0
+LONGEST_STEP_OVER_ROOT = 10.0
 """Longest step beyond the corner, over the square root of the distance of the probe: farther points may lie on another
 curve."""
 

@@ -133,11 +133,10 @@ class ContinuationLoop:
         Beyond the corner steps begin to be counted again.
         """
         state = self.state
-        found, state.step, _ = self._stepper().over_corner(state.last, state.scale, state.step)
-        path = Points([state.last, *found])
-        self.first_after_corner = len(state.points)
-        kept = self.ends.points_before_retrace(path)
-        return Points(path[: kept + 1]), f"{STALLED_STEPS} steps in succession were close to the smallest size"
+        found = self._stepper().over_corner(state.last, state.scale, state.step)
+        state.step, self.first_after_corner = found.step, len(state.points)
+        path = Points([state.last, *found.points])
+        return path, f"{STALLED_STEPS} steps in succession were close to the smallest size"
 
     def _stepper(self) -> Stepper:
         """Return the predictor and corrector of the present problem."""
@@ -153,15 +152,19 @@ class ContinuationLoop:
         most = min(steps.max_points - len(state.points), setup.batch_size)
         while True:
             tried = state.step
-            points, state.step, reason = stepper.stride(last, state.scale, state.solution_scale, tried, most)
+            points, state.step, reason, is_beyond_corner = stepper.stride(
+                last, state.scale, state.solution_scale, tried, most
+            )
             path = Points([last[0], *points])
+            if is_beyond_corner:
+                return path, reason
             kept = self.ends.points_before_retrace(path)
             if kept < len(points):
                 shorter = max(0.5 * points[kept].step, steps.min_step)
                 path, reason, state.step = Points(path[: kept + 1]), _RETRACED, shorter
             if len(path) == 1 and (point := self.ends.at_range_boundary(tried)):
                 return Points([last[0], point]), ""
-            if len(path) > 1 or state.step >= tried or reason != _RETRACED:  # a step over a corner is not shortened
+            if len(path) > 1 or state.step >= tried or reason != _RETRACED:
                 return path, reason
 
     def _special_point_ahead(self) -> LocatedEvent | None:

@@ -36,11 +36,14 @@ class StepResult(NamedTuple):
         Next step size.
     reason : str
         Reason why the last attempt failed; empty if it did not.
+    is_beyond_corner : bool
+        Whether the point lies beyond a corner, from which a curve may go on next to its earlier points.
     """
 
     points: list[CurvePoint]
     step: float
     reason: str
+    is_beyond_corner: bool = False
 
 
 MIN_PARAMETER_COMPONENT = 0.1
@@ -167,7 +170,7 @@ class Stepper:
         (solution, direction, orientation), step = found
         numbers = [step, orientation, solution.iterations, solution.residual]
         row = np.concatenate([solution.X, [solution.value], direction, numbers])
-        return StepResult(self._points(row[None], before, scale), step, "")
+        return StepResult(self._points(row[None], before, scale), step, "", True)
 
     def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""

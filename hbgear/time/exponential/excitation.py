@@ -72,6 +72,13 @@ class Excitation:
         """True if there are breakpoints or contacts."""
         return self.contacts > 0 or any(map(len, self.phases))
 
+    def levels(self, of: Integers, Omega: Array) -> tuple[Array, Array]:
+        """Return levels and rates (R, m + J) at tau = 0 for rows of systems ``of`` at Omega (R,); 0 for elements."""
+        m = self.kinks[0].shape[1]
+        rows = np.zeros((len(of), m + self.contacts, 4))
+        rows[:, m:] = self.rows[of, self.rows.shape[1] - self.contacts :, 0]
+        return rows[..., 0], Omega[:, None] * rows[..., 1]
+
     def cells(self, least: int) -> int:
         """Return the number of cells of the period, at least ``least``.
 

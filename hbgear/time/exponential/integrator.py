@@ -97,6 +97,16 @@ def _required_steps(structure: LinearStructure, system: System, Omega: float) ->
     return max(float(2 * np.pi * contact_frequency / (0.6 * Omega)), 5.0 * max(orders))
 
 
+def _check_laws(systems: Sequence[System]) -> None:
+    """Raise ValueError if a law is not integrated by the method."""
+    laws = [part for system in systems for element in system.elements for part in element.law.parts]
+    if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
+        raise ValueError(
+            "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
+            "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
+        )
+
+
 class ExponentialIntegrator:
     """Exponential method for B motions, each with its own state and optionally with its own model and Omega.
 
@@ -130,12 +140,7 @@ class ExponentialIntegrator:
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        laws = [part for system in self.systems for element in system.elements for part in element.law.parts]
-        if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
-            raise ValueError(
-                "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
-                "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
-            )
+        _check_laws(self.systems)
         self.structures = [
             LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
         ]
@@ -212,7 +217,7 @@ class ExponentialIntegrator:
         plan = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss_nodes(self.s)
         straight = not (table.in_python.any() or table.cubic[..., 1].any())
-        data = (table.element, table.contact, self._owners(), table.in_python, straight, np.append(x, 1.0), lagrange)
+        data = (table.element, table.contact, table.owner, table.in_python, straight, np.append(x, 1.0), lagrange)
         method = Method(*data, *dense(self.s))
         breakpoints = None
         if self.excitation.any:
@@ -220,11 +225,6 @@ class ExponentialIntegrator:
             ends = self.excitation.step_ends(self.N, self.of, self.Omega)
             breakpoints = Breakpoints(*packed((*functions, *ends, kr, c)))
         return Plan(*packed(plan)), Method(*packed(method)), breakpoints
-
-    def _owners(self) -> Integers:
-        """Return the element (m + J,) of each row of segments: of each element, and of each contact."""
-        contacts: Integers = self.table.element[self.table.contact >= 0]
-        return np.concatenate([np.arange(self.m), contacts])
 
     def _packed_modes(self) -> tuple[Array, Array, Array]:
         """Return poles (R, q), output (R, 2 m, q) and input (R, q, m) of the stored modes, padded with zeros."""
@@ -285,16 +285,8 @@ class ExponentialIntegrator:
         zeta = z - self.z
         y = (self._output @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._piecewise_displacements()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
-        level, rate, owner = *self._levels(), self.method.owner
+        (level, rate), owner = self.excitation.levels(self.of, self.Omega), self.table.owner
         return StateBatch(zeta, d, v, segment_at(self.plan.high, d[:, owner] - level, v[:, owner] - rate))
-
-    def _levels(self) -> tuple[Array, Array]:
-        """Return level and rate (rows, m + J) at tau = 0 of the segments; 0 for elements."""
-        level, rate = np.zeros((2, self.rows, len(self.method.owner)))
-        J = self.excitation.contacts
-        rows = self.excitation.rows[self.of, -J:, 0] if J else np.zeros((self.rows, 0, 4))
-        level[:, self.m :], rate[:, self.m :] = rows[..., 0], self.Omega[:, None] * rows[..., 1]
-        return level, rate
 
     def _piecewise_displacements(self) -> Array:
         """Return e and e' (rows, 2 m) at tau = 0 of the elements whose e has breakpoints; 0 for the others."""

@@ -85,6 +85,11 @@ class LawTable:
         in_python = np.array([part is None for part in known], dtype=bool)
         return LawTable(element, contact, slope, offset, stiffness, low, high, cubic, in_python)
 
+    @property
+    def owner(self) -> Integers:
+        """Element (m + J,) of each row of segments: of each element, and of each contact."""
+        return np.concatenate([np.arange(len(self.in_python)), self.element[self.contact >= 0]])
+
     @staticmethod
     def stacked(tables: Sequence[LawTable]) -> LawTable:
         """Return the table of several models, with a first axis in all fields that are not equal for all models.
