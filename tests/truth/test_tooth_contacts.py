@@ -208,3 +208,22 @@ def test_a_fluctuating_torque_is_a_field_of_a_pair():
     ten = problem_of("R1", 40).evaluate(X, Omega=Omega)[0]
     X[0] += 1.0  # displacements of the pair are zero in the middle of the backlash
     np.testing.assert_allclose(hb.HarmonicBalance(pair, 40).evaluate(X, Omega=Omega)[0], ten, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_folds_of_a_drawn_pair_pass_grazing_contacts_of_teeth():
+    """Over the damping three folds meet motions at which a pair of teeth begins to touch: corners of their curves.
+
+    Beyond them they are the folds of a curve traced there, to rounding; one of them has turned back before.
+    """
+    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief="12 um") for z in (25, 40)]
+    model = hb.gears.DrawnPair(hb.GearPair(*gears, backlash="80 um"), 200.0, 0.04)
+    curve, other = (hb.trace(hb.HarmonicBalance(model.replace(damping=z), 16), "Omega", model.default_span)
+                    for z in (0.04, 0.034))  # fmt: skip
+    true = np.array([p.parameters["Omega"] for one in other.curves for p in one.special if p.kind == "LP"])
+    for label in ("LP2", "LP3", "LP4"):
+        folds = hb.follow(curve, label, "damping", (0.04, 0.034))
+        assert folds.status is hb.Status.REACHED_END
+        assert np.abs(true - folds.tracked["Omega"][-1]).min() < 1e-10
+        if label != "LP2":
+            assert any(point.kind == "CP" for point in folds.special)
