@@ -29,7 +29,7 @@ from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_S
 
 _MAX_BREAKPOINT_MISS = 1e-9  # distance of the end of a step from a breakpoint, relative to 1 + |breakpoint|;
 # the error it causes is quadratic in it
-_MAX_SEGMENTS_PER_CELL = 24  # segments passed within one cell, after which the rest of the cell is one step
+_MAX_SEGMENTS_PER_CELL = 24  # segments passed by one element within one cell, after which its rest is one step
 _MAX_LENGTH_CORRECTIONS = 3  # corrections of the length of a step that ends on a breakpoint
 _MAX_NEWTON_ITERATIONS = 30  # of the implicit equations of a step; three are typical
 
@@ -718,7 +718,8 @@ def _finish_step(segment: Integers, at: Array, side: Integers, progress: Integer
         progress[_SEGMENTS_PASSED] += 1
     if 1.0 - span[0] > 1e-12:
         span[1] = 1.0 - span[0]
-        progress[_TARGET] = _TO_EXIT if progress[_SEGMENTS_PASSED] < _MAX_SEGMENTS_PER_CELL else _TO_END
+        most = _MAX_SEGMENTS_PER_CELL * len(segment)
+        progress[_TARGET] = _TO_EXIT if progress[_SEGMENTS_PASSED] < most else _TO_END
         return False
     progress[_CELL] += 1
     progress[_TARGET], progress[_SEGMENTS_PASSED], progress[_IS_DIVIDED] = _TO_EXIT, 0, 0
