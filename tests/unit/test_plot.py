@@ -1,5 +1,6 @@
 """Figures show the data of the branch. The curves are closed-form one-harmonic resonance curves."""
 
+import dataclasses
 import subprocess
 import sys
 from itertools import pairwise
@@ -677,8 +678,8 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
         fold = rebuilt(
             b, parameter=parameter, values=grid, fixed={}, tracked={"Omega": np.linspace(0.8, 0.9, 5)}, X=b.X[:5],
             multipliers=b.multipliers[:5], iterations=b.iterations[:5], residual=b.residual[:5], regime=b.regime[:5],
-            error=b.error[:5], step=b.step[:5], modulus_error=b.modulus_error[:5], special=(), jump_records=(),
-            meta=meta,
+            error=b.error[:5], step=b.step[:5], modulus_error=b.modulus_error[:5], jump_records=(), meta=meta,
+            special=(dataclasses.replace(b.special[0], index=2, parameters={parameter: grid[2], "Omega": 0.85}),),
         )  # fmt: skip
         arm = Arm(grid, fold.tracked["Omega"], 1)
         return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
@@ -688,6 +689,9 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
     assert (axes.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
     per_unit = float(hb.gears.DoubleHelicalPair().scales.pinion_speed(1.0))
     np.testing.assert_allclose(axes.lines[0].get_ydata(), per_unit * np.linspace(0.8, 0.9, 5), rtol=1e-12)
+    drawn(axes)
+    texts = [text.get_text() for text in axes.texts]
+    assert f"1400, {float(f'{0.85 * per_unit:.4g}'):.0f} r/min" in texts
     axes = drawn_map("k_mean")
     assert not axes.child_axes and "Omega" in axes.get_ylabel()
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.text.digits import short
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
@@ -102,7 +103,7 @@ def _mark(
         (symbol,) = ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white",
                             label=legend_entry(point), gid=point.label)  # fmt: skip
         if with_values:
-            text = "{:.5g}, {:.4g}".format(*at) + unit
+            text = f"{short(at[0], 5)}, {short(at[1], 4)}{unit}"
             labels_of(ax).add(symbol, 0, text, text, True, (0, 1))
 
 
