@@ -271,7 +271,7 @@ class BranchData:
         ValueError
             If the problem is unknown.
         """
-        problem = self.rebuilt_problem() if self.problem is None else self.problem
+        problem = self._problem_or_none()
         if problem is None:
             raise ValueError(
                 "this needs the problem of the branch, which is unknown; load the branch with "
@@ -300,8 +300,12 @@ class BranchData:
         """Return the problem that the header describes; None if its model is defined outside hbgear."""
         return self.layout.problem_of(self.meta) if isinstance(self.layout, RebuildsProblem) else None
 
+    def _problem_or_none(self) -> Any:
+        """Return the problem, rebuilt from the header if necessary, or None."""
+        return self.rebuilt_problem() if self.problem is None else self.problem
+
     @property
     def known_problem(self) -> Any:
         """Deprecated: use `require_problem`."""
         warn_renamed("Branch.known_problem", "require_problem()", stacklevel=3)
-        return self.rebuilt_problem() if self.problem is None else self.problem
+        return self._problem_or_none()

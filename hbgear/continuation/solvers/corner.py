@@ -66,7 +66,7 @@ def step_over_corner(
     smallest : float
         Smallest step size, at which the usual step failed.
     turn : float
-        Largest angle [deg] between the tangent beyond the corner and that of the new point.
+        Largest angle [deg] between the step to the new point and the direction of the curve there.
     name : str
         Name of the continuation parameter.
     fixed : mapping of str to float
@@ -81,8 +81,8 @@ def step_over_corner(
     """
     equations, onward = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
     for distance in PROBE_DISTANCES:
-        limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * (distance * smallest) ** 0.5, turn)
         delta = distance * smallest
+        limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * math.sqrt(delta), turn)
         try:
             found = _beyond(equations, u, onward, orientation, scale, delta, limits)
         except (ValueError, NoConvergence, np.linalg.LinAlgError):  # ValueError of a model

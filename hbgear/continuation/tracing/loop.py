@@ -164,7 +164,7 @@ class ContinuationLoop:
                 path, reason, state.step = Points(path[: kept + 1]), _RETRACED, shorter
             if len(path) == 1 and (point := self.ends.at_range_boundary(tried)):
                 return Points([last[0], point]), ""
-            if len(path) > 1 or state.step >= tried or reason != _RETRACED:
+            if len(path) > 1 or state.step >= tried or reason != _RETRACED:  # the smallest step is not shortened
                 return path, reason
 
     def _special_point_ahead(self) -> LocatedEvent | None:

@@ -13,6 +13,8 @@ this instant, which moves with the motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -184,19 +186,12 @@ def _nearest_clip(evaluator: Evaluator, X: Array, omega: float) -> float:
 
 def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
     """Return the least distance of a local extremum of a displacement from a breakpoint of its law; inf without any."""
-    least, rows, N = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.N
+    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
     for j in np.unique(evaluator.element):
-        if contacts_of(evaluator.system.elements[j].law):
-            continue
-        displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
-        slope = gap_samples(displacement, kept, evaluator.nu, rows[j], N, 1)
-        after = np.roll(slope, -1)
-        turns = np.flatnonzero((slope < 0) != (after < 0))
-        theta = 2 * np.pi / N * (turns + slope[turns] / (slope[turns] - after[turns]))
-        first, second = (evaluator.gap(j, rows[j], theta, order) for order in (1, 2))
-        theta = theta - first / np.where(second == 0, math.inf, second)
-        distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
-        least = min(least, float(np.abs(distances).min(initial=math.inf)))
+        if not contacts_of(evaluator.system.elements[j].law):
+            theta = _extrema(_slope_samples(evaluator, j, rows[j]), partial(evaluator.gap, j, rows[j]))
+            distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
+            least = min(least, float(np.abs(distances).min(initial=math.inf)))
     return least
 
 
@@ -205,15 +200,19 @@ def _nearest_level(evaluator: Evaluator, X: Array) -> float:
 
     The distance is also that at breakpoints of stiffness and level, at which the contact may begin or end.
     """
-    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
+    least, rows, nu = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.nu
+    grid = 2 * np.pi / evaluator.N * np.arange(evaluator.N)
     for j, element in enumerate(evaluator.system.elements):
-        for contact in contacts_of(element.law):
-            theta = np.concatenate([_extrema(evaluator, j, rows[j], contact), _corners(contact, evaluator.nu)])
-            tau = evaluator.nu * theta
-            exists = np.maximum(contact.stiffness(tau - PHASE_STEP), contact.stiffness(tau + PHASE_STEP)) > 0
-            least = min(
-                least, float(np.abs(_above(evaluator, j, rows[j], contact, theta[exists])).min(initial=math.inf))
-            )
+        contacts = contacts_of(element.law)
+        if not contacts:
+            continue
+        slope = _slope_samples(evaluator, j, rows[j])
+        for contact in contacts:
+            above = partial(_above, evaluator, j, rows[j], contact)
+            extrema = _extrema(slope - nu * contact.level(nu * grid, 1), above)
+            theta = np.concatenate([extrema, _corners(contact, nu)])
+            exists = np.maximum(*(contact.stiffness(nu * theta + x) for x in (-PHASE_STEP, PHASE_STEP))) > 0
+            least = min(least, float(np.abs(above(theta[exists])).min(initial=math.inf)))
     return least
 
 
@@ -224,14 +223,26 @@ def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, thet
     return out
 
 
-def _extrema(evaluator: Evaluator, j: int, row: Array, contact: ToothContact) -> Array:
-    """Return the phases at which the displacement above a level has an extremum and a slope on both sides of it."""
-    theta = 2 * np.pi / evaluator.N * np.arange(evaluator.N)
-    slope = _above(evaluator, j, row, contact, theta, 1)
+def _slope_samples(evaluator: Evaluator, j: int, row: Array) -> Array:
+    """Return the derivative of displacement j in theta at N equal steps of the period, (N,)."""
+    displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
+    return gap_samples(displacement, kept, evaluator.nu, row, evaluator.N, 1)
+
+
+def _extrema(slope: Array, gap: Callable[..., Array]) -> Array:
+    """Return the phases of the extrema of a gap, by one Newton step from the changes of sign of its sampled slope.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (N,)
+        Its slope at N equal steps of the period.
+    gap : callable
+        ``gap(theta, order)`` returns derivatives at phases theta.
+    """
     after = np.roll(slope, -1)
     turns = np.flatnonzero((slope < 0) != (after < 0))
-    theta = theta[turns] + 2 * np.pi / evaluator.N * slope[turns] / (slope[turns] - after[turns])
-    first, second = (_above(evaluator, j, row, contact, theta, order) for order in (1, 2))
+    theta = 2 * np.pi / len(slope) * (turns + slope[turns] / (slope[turns] - after[turns]))
+    first, second = (gap(theta, order) for order in (1, 2))
     out: Array = theta - first / np.where(second == 0, math.inf, second)
     return out
 

@@ -22,7 +22,7 @@ from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
-from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
 from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
 
 
@@ -192,7 +192,7 @@ def _level_table(
     displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
 ) -> tuple[Pieced, np.ndarray, np.ndarray]:
     """Return w of a moving level, and `PiecewiseExcitation.broken` and `PiecewiseExcitation.idle` of its segments."""
-    w = (level.repeated(nu) if isinstance(level, Pieced) else _level_segments(level, nu)).scaled(-1.0)
+    w = (level.repeated(nu) if isinstance(level, Pieced) else pieces_of(level, nu)).scaled(-1.0)
     if displacement.corners:
         w = w.plus(_segments_of(displacement, nu).scaled(-1.0))
     k = [_segments_of(one, nu) for one in stiffness]
@@ -217,11 +217,6 @@ def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
 
 _JUMP_ROUNDING = 1e-10
 """Jump of a level or stiffness, relative to its largest value [-], that is attributed to rounding."""
-
-
-def _level_segments(level: Phased, nu: int) -> Pieced:
-    """Return a level as a piecewise polynomial over the basis period."""
-    return level.pieces(nu) if isinstance(level, Periodic) else ONE.scaled(level.mean)
 
 
 @lru_cache(maxsize=64)
@@ -312,7 +307,7 @@ def _stiffness_segments(
     k = _segments_of(stiffness, nu)
     w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
-        w = w.plus(_level_segments(level, nu).scaled(-1.0))
+        w = w.plus(pieces_of(level, nu).scaled(-1.0))
     pulled = k.times(w)
     if level is None:
         k = k.on(pulled.at)

@@ -14,6 +14,7 @@ import io
 import json
 import os
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -169,10 +170,10 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     """
     branch = read(path)
     if problem is not None:
-        return _with_problem(branch, problem)
+        return _with_problem(branch, lambda _: problem)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the model, which were shown when the curve was traced
-        return _with_own_problem(branch)
+        return _with_problem(branch, lambda one: None if "curve" in one.meta else one.rebuilt_problem())
 
 
 def read(path: str | os.PathLike[str]) -> Branch:
@@ -215,19 +216,13 @@ def unpacked(data: bytes, problem: Any = None) -> Branch:
     ValueError
         If they are damaged.
     """
-    return _with_problem(_branch_in(Archive(io.BytesIO(data))), problem)
+    return _with_problem(_branch_in(Archive(io.BytesIO(data))), lambda _: problem)
 
 
-def _with_problem(branch: Branch, problem: Any) -> Branch:
-    others = tuple(_with_problem(other, problem) for other in branch.others)
-    return dataclasses.replace(branch, problem=problem, others=others)
-
-
-def _with_own_problem(branch: Branch) -> Branch:
-    """Return a branch and the other curves of its span, each with the problem that its header describes."""
-    others = tuple(_with_own_problem(other) for other in branch.others)
-    problem = None if "curve" in branch.meta else branch.rebuilt_problem()
-    return dataclasses.replace(branch, problem=problem, others=others)
+def _with_problem(branch: Branch, problem_of: Callable[[Branch], Any]) -> Branch:
+    """Return a branch and the other curves of its span, each with its problem."""
+    others = tuple(_with_problem(other, problem_of) for other in branch.others)
+    return dataclasses.replace(branch, problem=problem_of(branch), others=others)
 
 
 class _Newer(ValueError):

@@ -27,8 +27,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear, springs_of
 from hbgear.mechanics.series.fourier import Series, is_listed
-from hbgear.mechanics.series.periodic import Periodic, Phased
-from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, as_cubic
+from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
+from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, as_cubic
 
 
 @dataclass(frozen=True)
@@ -253,9 +253,9 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
             return self
         k = [
             one.stiffness if not any(map(_is_set, (a, b))) else _joined(
-                _pieces(one.stiffness)
-                .plus(_pieces(a).scaled(one.side * own.lever))
-                .plus(_pieces(b).scaled(one.side * own.lever_slope))
+                pieces_of(one.stiffness)
+                .plus(pieces_of(a).scaled(one.side * own.lever))
+                .plus(pieces_of(b).scaled(one.side * own.lever_slope))
             )
             for one, a, b in zip(self.contacts, own.across, own.slide, strict=True)
         ]  # fmt: skip
@@ -295,9 +295,9 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         nothing = (Series(),) * len(contacts)
         across, slide = (nothing, nothing) if own is None else (own.across, own.slide)
         functions = [
-            [_pieces(one.level) for one in contacts],
-            [_pieces(one.stiffness).scaled(float(one.side)) for one in contacts],
-            *([_pieces(one) for one in some] for some in (across, slide)),
+            [pieces_of(one.level) for one in contacts],
+            [pieces_of(one.stiffness).scaled(float(one.side)) for one in contacts],
+            *([pieces_of(one) for one in some] for some in (across, slide)),
         ]
         at = _union([one.at for some in functions for one in some])
         return at, _common_rows(functions, at), np.array([float(one.side) for one in contacts])
@@ -342,7 +342,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     @cached_property
     def _table(self) -> tuple[Array, Array, Array]:
         """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level, and sides (J,)."""
-        functions = [[_pieces(c.stiffness) for c in self.contacts], [_pieces(c.level) for c in self.contacts]]
+        functions = [[pieces_of(c.stiffness) for c in self.contacts], [pieces_of(c.level) for c in self.contacts]]
         at = _union([one.at for both in functions for one in both])
         return at, _common_rows(functions, at), np.array([float(c.side) for c in self.contacts])
 
@@ -437,8 +437,8 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
     It jumps where a contact begins or ends. Where no contact exists, it is larger than all levels by their range.
     """
     some = [contact for contact in contacts if contact.side == side]
-    levels = [_pieces(contact.level).scaled(float(side)) for contact in some]
-    exists = [_pieces(contact.stiffness) for contact in some]
+    levels = [pieces_of(contact.level).scaled(float(side)) for contact in some]
+    exists = [pieces_of(contact.stiffness) for contact in some]
     at = _union([x.at for x in (*levels, *exists)])
     rows = np.array([as_cubic(x.rows_at(at)) for x in levels])
     present = np.array([np.any(x.rows_at(at) != 0.0, axis=1) for x in exists])
@@ -492,11 +492,6 @@ def _union(beginnings: Sequence[Array]) -> Array:
     """Return all beginnings of segments, ascending, without those that are equal to rounding."""
     both = np.unique(np.concatenate(beginnings))
     return both[np.diff(both, prepend=-np.inf) > 1e-12]
-
-
-def _pieces(function: Phased) -> Pieced:
-    """Return a function without harmonics as piecewise polynomials."""
-    return function.pieces() if isinstance(function, Periodic) else ONE.scaled(function.mean)
 
 
 _SLOPES = {1: (0.0, 1.0), -1: (1.0, 0.0)}

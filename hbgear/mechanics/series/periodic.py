@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.series.fourier import Series, real_numbers, to_real
-from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, derivatives, extremes, moments, shift_origin
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, derivatives, extremes, moments, shift_origin
 
 MOST_PIECES = 2_000
 """Largest number of segments of a function: a measured mesh cycle has a few hundred samples."""
@@ -342,6 +342,11 @@ class Periodic:  # numpydoc ignore=PR02
 
 Phased: TypeAlias = Series | Periodic
 """Prescribed periodic function of the phase, with or without breakpoints."""
+
+
+def pieces_of(function: Phased, nu: int = 1) -> Pieced:
+    """Return a function without harmonics as piecewise polynomials over nu of its periods, see `Periodic.pieces`."""
+    return function.pieces(nu) if isinstance(function, Periodic) else ONE.scaled(function.mean)
 
 
 def described(function: Phased) -> dict[str, Any]:

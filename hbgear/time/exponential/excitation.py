@@ -17,8 +17,8 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.mesh_contacts import moving_springs_of
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.periodic import Periodic, Phased
-from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced
+from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
+from hbgear.mechanics.series.piecewise_polynomial import TURN
 from hbgear.time.exponential.segments import Integers
 
 _MAX_COMMON_CELLS = 600
@@ -54,7 +54,8 @@ class Excitation:
         """Return the tables of systems with the same numbers of springs and elements."""
         each = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
-        pieces = [[_pieces(f) for f in (*functions, *levels)] for functions, levels in each]
+        pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] + list(map(pieces_of, levels))
+                  for functions, levels in each]  # fmt: skip
         P = max((len(piece.at) for one in pieces for piece in one if piece), default=1)
         Q, contacts = len(pieces[0]), len(each[0][1])
         at, rows = np.full((len(each), Q, P), np.inf), np.zeros((len(each), Q, P, 4))
@@ -64,7 +65,6 @@ class Excitation:
                 if piece:
                     at[i, q, : len(piece.at)] = piece.at
                     rows[i, q, : len(piece.at), : piece.rows.shape[1]] = piece.rows
-        rows[:, Q - contacts :, 0, 0] += [[_mean_of_constant(level) for level in levels] for _, levels in each]
         return Excitation(at, rows, contacts, phases, tuple(map(_kinks, systems, phases)))
 
     @property
@@ -153,16 +153,6 @@ def _functions(system: System) -> tuple[list[Phased], list[Phased]]:
     springs = [one for part in parts if part for one in part[0]]
     functions = [*(one.spring.stiffness for one in springs), *(element.displacement for element in system.elements)]
     return functions, [one.level for one in springs if one.level is not None]
-
-
-def _pieces(function: Phased) -> Pieced | None:
-    """Return the polynomials of a function; None without breakpoints."""
-    return function.pieces() if isinstance(function, Periodic) else None
-
-
-def _mean_of_constant(level: Phased) -> float:
-    """Return the value of a constant level, 0 for one with breakpoints."""
-    return 0.0 if isinstance(level, Periodic) else level.mean
 
 
 def _phases(system: System) -> Array:

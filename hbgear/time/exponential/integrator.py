@@ -285,7 +285,7 @@ class ExponentialIntegrator:
         zeta = z - self.z
         y = (self._output @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._piecewise_displacements()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
-        (level, rate), owner = self.excitation.levels(self.of, self.Omega), self.table.owner
+        (level, rate), owner = self.excitation.levels(self.of, self.Omega), self.method.owner
         return StateBatch(zeta, d, v, segment_at(self.plan.high, d[:, owner] - level, v[:, owner] - rate))
 
     def _piecewise_displacements(self) -> Array:

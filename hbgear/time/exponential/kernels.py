@@ -535,9 +535,7 @@ def add_piecewise(
     m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
     springs = k.shape[2] - m
     for q in range(springs + m):
-        middle, segment = unit * (x + 0.5 * length), 0
-        while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= middle:
-            segment += 1
+        segment = _segment_of(at, r, q, unit * (x + 0.5 * length))
         a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
         for i in range(len(nodes)):
             y = unit * (x + length * nodes[i]) - at[r, q, segment]
@@ -554,16 +552,24 @@ def add_piecewise(
 
 
 @kernel
+def _segment_of(at: Array, r: int, q: int, tau: float) -> int:
+    """Return the segment of function q of row r that contains a phase."""
+    segment = 0
+    while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= tau:
+        segment += 1
+    return segment
+
+
+@kernel
 def _set_levels(
     breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
 ) -> None:  # fmt: skip
     """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
     at, rows, unit = breakpoints.at, breakpoints.rows, 2 * np.pi / N
-    middle, width = unit * (x + 0.5 * length), unit * length
+    width = unit * length
     for j in range(m, len(levels)):
-        q, segment = springs + j, 0
-        while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= middle:
-            segment += 1
+        q = springs + j
+        segment = _segment_of(at, r, q, unit * (x + 0.5 * length))
         a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
         y = unit * x - at[r, q, segment]
         levels[j, 0] = a + y * (b + y * (f + y * g))
