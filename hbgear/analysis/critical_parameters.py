@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -111,6 +112,14 @@ class CriticalParameter:
     message: str = ""
 
 
+class Cusp(NamedTuple):
+    """Cusp of a fold curve, the fold curve, and True if the jump exists below the value of the cusp."""
+
+    point: SpecialPoint
+    folds: Branch
+    jump_below: bool
+
+
 @checked_arguments(parameter="the name of a parameter, such as 'zeta'")
 def critical_parameter(
     model: Model | HarmonicBalance,
@@ -164,6 +173,34 @@ def critical_parameter(
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
+    ending = Termination()
+    cusps: list[Cusp] = []
+    try:
+        find_cusps(problem, parameter, frequencies, cusps, progress)
+    except KeyboardInterrupt as error:
+        if not cusps:
+            raise
+        ending.record_error(error, f"after {len(cusps)} of the points where a jump appears or vanishes")
+    own = problem.value_of(parameter)
+    point, fold, below = min(cusps, key=lambda cusp: abs(cusp.point.parameters[parameter] - own))
+    others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in cusps if p is not point]
+    return CriticalParameter(
+        parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others),
+        ending.status, ending.message_with_advice,
+    )  # fmt: skip
+
+
+def find_cusps(
+    problem: HarmonicBalance, parameter: str, frequencies: tuple[float, float] | None, found: list[Cusp],
+    progress: ProgressCallback | None = None,
+) -> None:  # fmt: skip
+    """Append the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
+
+    Raises
+    ------
+    NoFoldError
+        If no cusp is found.
+    """
     own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []
@@ -180,21 +217,9 @@ def critical_parameter(
         report_progress(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
         slope = slope or _steepest_slope(curve)
-        found: list[tuple[SpecialPoint, Branch, bool]] = []
-        ending = Termination()
-        try:
-            _find_cusps(problem, parameter, curve, followed, found, progress)
-        except KeyboardInterrupt as error:
-            if not found:
-                raise
-            ending.record_error(error, f"after {len(found)} of the points where a jump appears or vanishes")
+        _follow_to_cusps(problem, parameter, curve, followed, found, progress)
         if found:
-            point, fold, below = min(found, key=lambda f: abs(f[0].parameters[parameter] - own))
-            others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in found if p is not point]
-            return CriticalParameter(
-                parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others),
-                ending.status, ending.message_with_advice,
-            )  # fmt: skip
+            return
     raise NoFoldError(
         f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
         f"to {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
@@ -216,14 +241,14 @@ def _count_folds(curve: Branch) -> str:
     return f"{count} folds" if count else "no fold"
 
 
-def _find_cusps(
-    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch],
-    found: list[tuple[SpecialPoint, Branch, bool]], progress: ProgressCallback | None,
+def _follow_to_cusps(
+    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], found: list[Cusp],
+    progress: ProgressCallback | None,
 ) -> None:  # fmt: skip
     """Follow the folds of a response curve to cusps.
 
-    Each cusp is appended to `found` with its fold curve and True if the jump exists below the cusp. Each fold curve is
-    appended to `followed`; folds on a fold curve of this list are skipped.
+    Each cusp is appended to `found`. Each fold curve is appended to `followed`; folds on a fold curve of this list are
+    skipped.
     """
     own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     reach = _MAX_PARAMETER_RATIO * (abs(own) or 1.0)
@@ -249,7 +274,8 @@ def _find_cusps(
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind in TURNING_KINDS and p.located), None)
             if cusp is not None:
-                found.append((cusp, fold, bool(fold.values[0] < cusp.parameters[parameter])))
+                # with the value on the fold curve: `cusp` may have the one of more harmonics
+                found.append(Cusp(cusp, fold, bool(fold.values[0] < fold.values[cusp.index])))
                 break
 
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
+from hbgear.analysis.critical_parameters import Cusp as FoundCusp
+from hbgear.analysis.critical_parameters import NoFoldError, find_cusps
 from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint
 from hbgear.analysis.parameter_sensitivity.units import measured_along
 from hbgear.common.argument_checks import checked_arguments
@@ -41,8 +42,17 @@ MAX_STEPS = 25
 STEP_TOLERANCE = 2e-4
 """Relative change of the parameters at which the search has converged."""
 
+SAME_CUSP = 1e-6
+"""Relative difference of the values of two cusps [-] up to which they are one."""
+
+SHARE_OF_PEAKS = 0.7
+"""Height of a peak over the highest one [-] from which a step takes account of it; see `MAX_RELATIVE_STEP`."""
+
 MAX_RELATIVE_STEP = 0.3
 """Largest relative change of a parameter in one step; the linearization is not valid for larger changes."""
+
+
+WITHOUT_CHANGE = "the design reaches the goal without a change"
 
 
 @dataclass(frozen=True)
@@ -149,7 +159,7 @@ class _Relocated:
 class Cusp:
     """Cusp in a parameter.
 
-    ``side`` is +1 if the jump exists below it, else -1; ``start`` are the relative changes of its design.
+    ``side`` is +1 if the jump exists below it, else -1; ``start`` are the relative changes of the design of ``point``.
     """
 
     name: str
@@ -163,22 +173,32 @@ _Constraint = tuple[float, dict[str, float]]  # c and its derivatives by paramet
 
 @dataclass(frozen=True)
 class Slack:
-    """Values c (S,) of the design and a sample, derivatives (S, A) by the relative changes, and the required c."""
+    """Values c (K, S) for K cusps or peaks, of the design and a sample, and their derivatives (K, S, A).
+
+    ``slopes`` are derivatives by the relative changes, and ``required`` (K,) are the least values of c.
+    """
 
     c: Array
     slopes: Array
-    required: float
+    required: Array
+
+    @property
+    def excess(self) -> Array:
+        """Smallest c less the required c, of the design and the sample (S,)."""
+        least: Array = (self.c - self.required[:, None]).min(axis=0)
+        return least
 
     @property
     def shortfall(self) -> float:
-        """Difference between the required and the smallest c."""
-        return self.required - float(self.c.min())
+        """Largest difference between the required c and c."""
+        return -float(self.excess.min())
 
     def kept(self, share: float) -> Slack:
         """Return the design and a share of the sample, the ones closest to the goal."""
-        count = math.ceil(share * (len(self.c) - 1) - 1e-9)
-        best = np.append(0, 1 + np.argsort(-self.c[1:], kind="stable")[:count])
-        return Slack(self.c[best], self.slopes[best], self.required)
+        excess = self.excess[1:]
+        count = math.ceil(share * len(excess) - 1e-9)
+        best = np.append(0, 1 + np.argsort(-excess, kind="stable")[:count])
+        return Slack(self.c[:, best], self.slopes[:, best], self.required)
 
 
 class Search:
@@ -190,18 +210,18 @@ class Search:
     ) -> None:  # fmt: skip
         self.problem, self.goal, self.names, self.own, self.span = problem, goal, names, own, span
         self.spread, self.progress = spread, progress
+        self._start = problem.model.parameters | problem.model.entries
         self.steps = 0
         self.last = np.zeros(len(names))
         self.message = ""
-        self.slack = Slack(np.array([math.nan]), np.zeros((1, len(names))), 0.0)
-        self.cusp: Cusp | None = None
+        self.slack = Slack(np.full((1, 1), math.nan), np.zeros((1, 1, len(names))), np.zeros(1))
+        self.cusps: list[Cusp] = []
 
     def values(self, u: Array, deviations: Mapping[str, float] | None = None) -> dict[str, float]:
         """Return the values of the parameters at relative changes, with added deviations."""
         out = {name: float(a * (1.0 + x)) for name, a, x in zip(self.names, self.own, u, strict=True)}
-        start = self.problem.model.parameters | self.problem.model.entries
         for name, deviation in (deviations or {}).items():
-            out[name] = out.get(name, start[name]) + deviation
+            out[name] = out.get(name, self._start[name]) + deviation
         return out
 
     def balance(self, u: Array, deviations: Mapping[str, float] | None = None) -> HarmonicBalance:
@@ -214,6 +234,11 @@ class Search:
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
         """Return relative changes that reach the goal, or the nearest ones within the bounds."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
+            return self._run(u, low, high)
+
+    def _run(self, u: Array, low: Array, high: Array) -> Array:
         for _ in range(MAX_STEPS):
             self.last = u
             slack = self._slack(u)
@@ -225,59 +250,86 @@ class Search:
                 text = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
                 self.progress(Progress(math.nan, f"{text}: {-self.slack.shortfall:+.3g}"))
             if not u.any() and self.slack.shortfall <= 0:
-                self.message = "the design reaches the goal without a change"
+                self.message = WITHOUT_CHANGE
                 return u
             new = smallest_change(self.slack, u, low, high)
             step = np.clip(new - u, -MAX_RELATIVE_STEP, MAX_RELATIVE_STEP)
-            if np.abs(step).max() < STEP_TOLERANCE:
-                if self.cusp is None or not (self.cusp.start - u).any():
-                    self.message = f"{self.steps} steps"
-                    return new
-                self.cusp = None  # repeat the search: another cusp may be nearer now
+            if np.abs(step).max() < STEP_TOLERANCE and not self._add_cusps(u):
+                self.message = f"{self.steps} steps"
+                return new
             u = u + step
         self.message = f"no convergence after {MAX_STEPS} steps"
         return u
 
     def _slack(self, u: Array) -> Slack | None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
-            return self._of_cusp(u) if self.goal.kind == "no jumps" else self._of_peak(u)
+        return self._of_cusps(u) if self.goal.kind == "no jumps" else self._of_peaks(u)
 
-    def _of_cusp(self, u: Array) -> Slack | None:
-        """Return the slack beyond the cusp in a parameter.
+    def _of_cusps(self, u: Array) -> Slack | None:
+        """Return the slack beyond all cusps known, or None without any.
 
-        The cusp of the last step is relocated; if this fails, a cusp is searched.
+        A removed jump leaves others, and its cusp must stay removed: otherwise the search could alternate between two
+        cusps. Cusps are searched if none is known, or none of them can be relocated.
         """
-        found = None
-        if self.cusp is not None:
+        found = self._relocated_cusps(u)
+        if not found and self._add_cusps(u):
+            found = self._relocated_cusps(u)
+        return self._slack_of(found) if found else None
+
+    def _relocated_cusps(self, u: Array) -> list[list[_Constraint]]:
+        """Return the constraints of all cusps; cusps that are not found for this design are dropped."""
+        kept: list[Cusp] = []
+        out: list[list[_Constraint]] = []
+        for cusp in self.cusps:
             with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
-                found = self._relocated(self.cusp.point, self.cusp.name, self.cusp.start, u)
-        cusp = self.cusp
-        if cusp is None or found is None:
-            self.cusp = cusp = self._find_cusp(u)
-            if cusp is None:
-                return None
-            found = self._relocated(cusp.point, cusp.name, u, u)
-        name, own = cusp.name, (self.problem.model.parameters | self.problem.model.entries)[cusp.name]
+                out.append(self._constraints(cusp, u))
+                kept.append(cusp)
+        self.cusps = kept
+        return out
+
+    def _constraints(self, cusp: Cusp, u: Array) -> list[_Constraint]:
+        """Return the distance beyond a cusp in its parameter for the design and each deviation of the sample."""
+        name, own = cusp.name, self._start[cusp.name]
         value, unit = self.values(u).get(name, own), cusp.side / abs(own)
 
         def constraint(at: _Relocated) -> _Constraint:
             rates = {name: unit, **{other: -unit * slope for other, slope in at.slopes.items()}}
             return unit * (value + at.deviations.get(name, 0.0) - at.value), rates
 
-        return self._slack_of([constraint(at) for at in found])
+        return [constraint(at) for at in self._relocated(cusp.point, name, cusp.start, u)]
 
-    def _find_cusp(self, u: Array) -> Cusp | None:
-        """Return the cusp in the named parameter, or in the first parameter that has one."""
-        problem = self.balance(u)
+    def _add_cusps(self, u: Array) -> bool:
+        """Search the cusps of the design in the named parameter, or in the first parameter that has one.
+
+        Returns True if one of them was not known.
+        """
+        if self.goal.kind != "no jumps" or any(not (cusp.start - u).any() for cusp in self.cusps):
+            return False
+        problem, known = self.balance(u), len(self.cusps)
         for name in [self.goal.parameter] if self.goal.parameter else self.names:
             with suppress(NoFoldError, NoConvergence):
-                cusp = critical_parameter(problem, name, frequencies=self.span)
-                return Cusp(name, 1.0 if cusp.jump_below else -1.0, cusp.point, u)
-        return None
+                found: list[FoundCusp] = []
+                find_cusps(problem, name, self.span, found)
+                for cusp in found:
+                    self._add(Cusp(name, 1.0 if cusp.jump_below else -1.0, cusp.point, u))
+                break
+        return len(self.cusps) > known
 
-    def _of_peak(self, u: Array) -> Slack:
-        """Return the slack below the limit, relative to it."""
+    def _add(self, cusp: Cusp) -> None:
+        """Append a cusp unless a known one has the same value for its design."""
+        value = cusp.point.parameters[cusp.name]
+        for known in self.cusps:
+            if known.name == cusp.name and known.side == cusp.side:
+                with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+                    at = self._relocated(known.point, known.name, known.start, cusp.start)[0]
+                    if abs(at.value - value) <= SAME_CUSP * abs(value):
+                        return
+        self.cusps.append(cusp)
+
+    def _of_peaks(self, u: Array) -> Slack:
+        """Return the slack of the highest peaks below the limit, relative to it.
+
+        Lower peaks than the highest one count, because a change may exchange them.
+        """
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
         every = curve.curves
@@ -288,15 +340,18 @@ class Search:
                 "no highest peak; start from a design with bounded motions, such as one with more damping"
             )
         tops = [
-            top for one in every for top in peaks(one, goal.measure, goal.element, share=0.99, accuracy=None)
+            top for one in every for top in peaks(one, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
         ]  # fmt: skip
         if not tops:
             raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
-        top = max(tops, key=lambda point: point.amplitude(goal.measure, goal.element))
-        return self._slack_of([
-            (1.0 - at.amplitude / goal.limit, {name: -rate / goal.limit for name, rate in at.amplitude_slopes.items()})
-            for at in self._relocated(top, "Omega", u, u)
-        ])  # fmt: skip
+
+        def constraint(at: _Relocated) -> _Constraint:
+            rates = {name: -rate / goal.limit for name, rate in at.amplitude_slopes.items()}
+            return 1.0 - at.amplitude / goal.limit, rates
+
+        heights = [top.amplitude(goal.measure, goal.element) for top in tops]
+        high = [top for top, height in zip(tops, heights, strict=True) if height >= SHARE_OF_PEAKS * max(heights)]
+        return self._slack_of([[constraint(at) for at in self._relocated(top, "Omega", u, u)] for top in high])
 
     def _relocated(self, point: SpecialPoint, parameter: str, start: Array, u: Array) -> list[_Relocated]:
         """Return the special point of the design at u and of each deviation of the sample.
@@ -332,14 +387,15 @@ class Search:
             dict(zip(names, rates.tolist(), strict=True)),
         )  # fmt: skip
 
-    def _slack_of(self, found: Sequence[_Constraint]) -> Slack:
+    def _slack_of(self, found: Sequence[Sequence[_Constraint]]) -> Slack:
         """Return the slack with derivatives by the relative changes and the reserve for the scatter."""
-        rates = found[0][1]
-        reserve = self.spread.sigmas * math.sqrt(
-            sum((rates[name] * s) ** 2 for name, s in self.spread.deviations.items())
-        )
-        slopes = np.array([[rates[name] for name in self.names] for _, rates in found]) * self.own
-        return Slack(np.array([c for c, _ in found]), slopes, max(GOAL_MARGIN, self.goal.margin) + reserve)
+
+        def reserve(rates: Mapping[str, float]) -> float:
+            return self.spread.sigmas * math.hypot(*(rates[name] * s for name, s in self.spread.deviations.items()))
+
+        slopes = np.array([[[rates[name] for name in self.names] for _, rates in row] for row in found]) * self.own
+        required = [max(GOAL_MARGIN, self.goal.margin) + reserve(row[0][1]) for row in found]
+        return Slack(np.array([[c for c, _ in row] for row in found]), slopes, np.array(required))
 
 
 def smallest_change(slack: Slack, u: Array, low: Array, high: Array) -> Array:
@@ -351,13 +407,15 @@ def smallest_change(slack: Slack, u: Array, low: Array, high: Array) -> Array:
     from scipy.optimize import lsq_linear
 
     n = len(u)
-    G = np.concatenate([slack.slopes, np.eye(n), -np.eye(n)])
-    h = np.concatenate([slack.required - slack.c + slack.slopes @ u, low, -high])
+    slopes = slack.slopes.reshape(-1, n)
+    missing = slack.required[:, None] - slack.c
+    G = np.concatenate([slopes, np.eye(n), -np.eye(n)])
+    h = np.concatenate([missing.ravel() + slopes @ u, low, -high])
     size = np.linalg.norm(G, axis=1)
     E = np.vstack([G.T, h]) / np.where(size, size, 1.0)
     y = lsq_linear(E, np.append(np.zeros(n), 1.0), (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
     r = E @ y - np.append(np.zeros(n), 1.0)
     if -r[n] > 1e-10:
         return np.asarray(np.clip(-r[:n] / r[n], low, high))
-    worst = slack.slopes[int(np.argmin(slack.c))]
+    worst = slopes[int(np.argmax(missing))]
     return np.where(worst > 0, high, np.where(worst < 0, low, 0.0))

@@ -37,7 +37,7 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.bounds import bounds_of
-from hbgear.design.goal_search import GOAL_MARGIN, Goal, Search, Spread
+from hbgear.design.goal_search import GOAL_MARGIN, WITHOUT_CHANGE, Goal, Search, Spread
 from hbgear.design.studies.samples import Grid, Sample
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
@@ -183,12 +183,24 @@ def redesign(
     ending = Termination()
     u = np.zeros(len(names))
     try:
-        u = search.run(u, low, high)
+        if _is_reached_by_design(search, u):
+            search.message = WITHOUT_CHANGE
+        else:
+            u = search.run(u, low, high)
         ending.record_end(Status.REACHED_END, search.message)
     except KeyboardInterrupt as error:
         u = search.last
         ending.record_error(error, f"after {search.steps} steps")
     return _result(search, u, ending)
+
+
+def _is_reached_by_design(search: Search, u: Array) -> bool:
+    """Return whether the design has no jumps and needs no distance from them.
+
+    A fold may leave the span at the value of a parameter where no cusp exists.
+    """
+    margins = search.goal.margin or search.spread.deviations or search.spread.sample
+    return search.goal.kind == "no jumps" and not margins and not _traced_shortfall(search, u, {})[1]
 
 
 def _bounds(
@@ -262,14 +274,14 @@ def _shortfall_text(search: Search, short: float) -> str:
     """Return the shortfall as a text."""
     if search.goal.kind != "no jumps":
         return "motions grow without bound" if math.isinf(short) else f"the highest peak is {short:.2%} above the limit"
-    more = "" if search.cusp is None else f": {search.cusp.name} would have to change by {short:.2%} more"
+    more = f": {search.cusps[0].name} would have to change by {short:.2%} more" if search.cusps else ""
     return f"jumps remain{more}"
 
 
 def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
     """Trace the curve with deviations of parameters; return it and the shortfall, 0 if the goal is reached.
 
-    For a goal with a margin, the curve at this distance toward the cusp must not have jumps either.
+    For a goal with a margin, the curve at this distance toward the cusps must not have jumps either.
     """
     goal = search.goal
     with warnings.catch_warnings():
@@ -281,11 +293,10 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
             top = math.inf if any(one.asymptotes for one in every) else float(top)
             return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
-        if not jumps and goal.margin and search.cusp is not None:
-            name = search.cusp.name
-            unit = search.cusp.side * abs((search.problem.model.parameters | search.problem.model.entries)[name])
+        for name, side in {(cusp.name, cusp.side) for cusp in search.cusps} if goal.margin else ():
+            unit = side * abs((search.problem.model.parameters | search.problem.model.entries)[name])
             toward_cusp = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
-            jumps = _jumps(trace(search.balance(u, toward_cusp), "Omega", search.span))
+            jumps = jumps or _jumps(trace(search.balance(u, toward_cusp), "Omega", search.span))
     shortfall = search.slack.shortfall  # nan if there is no value at which they vanish
     return curve, (shortfall if math.isnan(shortfall) else max(GOAL_MARGIN, shortfall)) if jumps else 0.0
 

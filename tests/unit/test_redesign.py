@@ -126,8 +126,8 @@ def test_a_margin_is_verified_by_a_trace_toward_the_cusp(name, side):
     spread = Spread({}, 2.0, (), 1.0)
     for margin, expected in ((0.05, 0.0), (0.09, 0.0), (0.11, short), (0.15, short)):
         search = Search(problem, hb.design.no_jumps(margin), (name,), np.array([own]), span, spread, None)
-        search.cusp = Cusp(name, side, cusp.point, np.zeros(1))
-        search.slack = Slack(np.array([margin - short]), np.ones((1, 1)), margin)
+        search.cusps = [Cusp(name, side, cusp.point, np.zeros(1))]
+        search.slack = Slack(np.array([[margin - short]]), np.ones((1, 1, 1)), np.array([margin]))
         curve, missed = _traced_shortfall(search, np.zeros(1), {})
         assert missed == pytest.approx(expected, rel=1e-12) and not curve.jumps()
 
@@ -175,15 +175,83 @@ def test_the_nearest_point_of_several_half_planes():
     low, high = np.array([-0.5, -0.4]), np.array([0.6, 0.5])
     grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.6, 441), np.linspace(-0.4, 0.5, 361), indexing="ij"), -1)
     for _ in range(20):
-        slack = Slack(rng.normal(0, 0.1, 3), rng.normal(size=(3, 2)), 0.05)
+        slack = Slack(rng.normal(0, 0.1, (3, 1)), rng.normal(size=(3, 1, 2)), np.full(3, 0.05))
+        c, slopes = slack.c[:, 0], slack.slopes[:, 0]
         u = rng.uniform(-0.1, 0.1, 2)
         found = smallest_change(slack, u, low, high)
-        good = ((grid - u) @ slack.slopes.T + slack.c >= slack.required).all(axis=-1)
+        good = ((grid - u) @ slopes.T + c >= slack.required).all(axis=-1)
         if not good.any():
             assert (np.isclose(found, low) | np.isclose(found, high)).all()
             continue
-        assert ((found - u) @ slack.slopes.T + slack.c >= slack.required - 1e-9).all()
+        assert ((found - u) @ slopes.T + c >= slack.required - 1e-9).all()
         assert np.linalg.norm(found) <= np.linalg.norm(grid, axis=-1)[good].min() + 1e-9
+
+
+@hb.mechanics.model(default_span=(0.7, 1.4))
+def absorber(tuning: float = 0.9, ratio: float = 0.1):
+    """Mass with a tuned mass damper of a twentieth of its mass."""
+    k, c = 0.05 * tuning**2, 0.1 * ratio
+    spring = hb.Element([1.0, 0.0], hb.Cubic(1e-12), name="x")
+    load = hb.Load(cosine={1: [1.0, 0.0]})
+    return hb.System([[1, 0], [0, 0.05]], [[c + 1e-9, -c], [-c, c]], [[1 + k, -k], [-k, k]], [spring], load)
+
+
+@pytest.mark.parametrize("factor", [1.05, 1.02, 1.01])
+def test_two_peaks_of_an_absorber(factor):
+    """A stiffer absorber lowers one peak and raises the other.
+
+    Both peaks of the result are at the limit, and no absorber at a smaller distance has lower peaks. The smallest limit
+    is close to the height sqrt((2 + mu) / mu) of equal peaks, Den Hartog (1985), Mechanical Vibrations, section 3.3.
+    """
+    limit = factor * np.sqrt((2 + 0.05) / 0.05)
+    found = hb.design.redesign(
+        hb.HarmonicBalance(absorber(), 1), hb.design.peak_below(limit, "pp2"), ["tuning", "ratio"]
+    )
+    assert found.reached and found.steps <= 8
+    Omega = np.linspace(0.7, 1.4, 4001)[:, None, None]
+
+    def height(tuning, ratio):
+        """Return the largest amplitude of the mass in closed form for arrays of parameters."""
+        k, c = 0.05 * tuning**2, 0.1 * ratio
+        absorbed = k + 1j * c * Omega
+        force = absorbed * -0.05 * Omega**2 / (absorbed - 0.05 * Omega**2)
+        return np.abs(1 / (1 - Omega**2 + force))
+
+    response = height(np.array([[found.values["tuning"]]]), np.array([[found.values["ratio"]]]))[:, 0, 0]
+    tops = response[1:-1][(response[1:-1] > response[:-2]) & (response[1:-1] > response[2:])]
+    assert tops == pytest.approx([limit, limit], rel=3e-3) and max(tops) <= limit
+    angle = np.linspace(0, 2 * np.pi, 181)
+    u = 0.97 * found.distance * np.array([np.cos(angle), np.sin(angle)])
+    near = height(0.9 * (1 + u[:1]), 0.1 * (1 + u[1:]))
+    assert near.max(axis=0).min() > limit
+
+
+class _TwoHalfPlanes(Search):
+    """Search whose cusps are two straight lines x + 2 y = 0.3 and 2 x + y = 0.3, found in turn, one in each search."""
+
+    searches = 0
+
+    def _relocated_cusps(self, u):
+        lines = [(u @ a - 0.3, {"x": a[0], "y": a[1]}) for a in np.array([[1.0, 2.0], [2.0, 1.0]])]
+        return [[lines[i]] for i in self.cusps]
+
+    def _add_cusps(self, u):
+        new = self.searches % 2
+        self.searches += 1
+        if new in self.cusps:
+            return False
+        self.cusps.append(new)
+        return True
+
+
+def test_cusps_found_one_after_the_other_remain():
+    """The search ends at the corner of two half-planes and not at the nearest point of one of them."""
+    problem = hb.HarmonicBalance(hb.Duffing(), 1)
+    search = _TwoHalfPlanes(problem, hb.design.no_jumps(), ("x", "y"), np.ones(2), (0.5, 1.5),
+                            Spread({}, 2.0, (), 1.0), None)  # fmt: skip
+    u = search.run(np.zeros(2), np.full(2, -1.0), np.full(2, 1.0))
+    assert u == pytest.approx([(0.3 + 1e-3) / 3] * 2, abs=1e-6)
+    assert search.steps < 8 and search.message.endswith("steps")
 
 
 def test_nothing_to_do():
@@ -236,3 +304,21 @@ def test_command(tmp_path, capsys):
     assert "give --margin or --peak" in capsys.readouterr().err
     assert run(*said, "--free", "zeta=0.04") == 2
     assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err
+
+
+def test_a_fold_outside_the_span():
+    """With an amplitude of the error of 0.05 the pair does not jump between Omega = 0.8 and 1.4, and with 0.02 it does.
+
+    The cusp between them, at 0.0125, does not matter to the design.
+    """
+    problem = hb.HarmonicBalance(hb.SpurPair(), 2)
+    found = hb.design.redesign(problem, hb.design.no_jumps(), ["e[0]"], span=(1.4, 0.8))
+    assert found.reached and found.distance == 0 and found.curve.jumps() == ()
+    lower = hb.HarmonicBalance(hb.SpurPair(e=(0.02,)), 2)
+    assert hb.trace(lower, "Omega", (1.4, 0.8)).jumps()
+    changed = hb.design.redesign(lower, hb.design.no_jumps(), ["e[0]"], span=(1.4, 0.8))
+    assert changed.reached and changed.values["e[0]"] == pytest.approx(0.01248, rel=3e-3)
+    # with two harmonics the fold curve ends below the cusp, which is located with more of them
+    below = hb.analysis.critical_parameter(hb.HarmonicBalance(hb.SpurPair(e=(0.01243,)), 2), "e[0]",
+                                           frequencies=(1.4, 0.8))  # fmt: skip
+    assert below.value == pytest.approx(0.012482, abs=1e-6) and not below.jump_below

@@ -72,7 +72,8 @@ class Branch(BranchData, BranchFacade):
     others : tuple of Branch
         Other curves that cover the rest of the span; see ``cover`` of `trace`.
     modulus_error : ndarray, shape (P,)
-        Estimated error of the largest modulus of the multipliers, nan where the modulus is far from 1.
+        Estimated difference of the largest modulus of the multipliers from that of the nearest true motion, nan where
+        the modulus is far from 1. Next to a fold the true motion at the same parameter may differ by more.
     full_motion : FullMotion or None
         All coordinates, read from a file whose model cannot be rebuilt.
 
