@@ -29,7 +29,7 @@ Fakhfakh & Haddar (2009), Eur. J. Mech. A 28, 461-468 (several pairs of teeth in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import ceil, cos, pi
 from typing import Any, Literal
@@ -163,7 +163,7 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
     ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
     gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
-    grid, compliance, depths = _teeth_over_path(pair)
+    grid, compliance, depths = _teeth_over_path(_without_errors(pair))
     teeth, depth = np.interp(s, grid, compliance), [np.interp(s, grid, one) for one in depths]
     cos_helix = cos(pair.pinion.base_helix_angle)
     rho = np.abs(s * (pair.tangent_length - s) / pair.tangent_length) / cos_helix
@@ -175,10 +175,21 @@ def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fracti
 
 
 @lru_cache(maxsize=8)
+def _without_errors(pair: GearPair) -> GearPair:
+    """Return the pair without backlash, modifications and errors, on which the compliance of teeth does not depend."""
+    pinion, wheel = (
+        replace(gear, tip_relief=0.0, tip_relief_length=None, crowning=0.0, runout=0.0, pitch_errors=())
+        for gear in (pair.pinion, pair.wheel)
+    )
+    backlash = None if pair.backlash is None else 0.0
+    return replace(pair, pinion=pinion, wheel=wheel, backlash=backlash, pitch_error=0.0, misalignment=0.0)
+
+
+@lru_cache(maxsize=8)
 def _teeth_over_path(pair: GearPair) -> tuple[Array, Array, tuple[Array, Array]]:
     """Return positions on the path of contact, the compliance of both teeth there, and the depth of each tooth.
 
-    They are cached, because they do not depend on the torque.
+    They are cached, because they do not depend on the torque, and on the errors that `_without_errors` omits.
     """
     grid = np.linspace(*pair.path, PATH_POINTS)
     teeth, depth = np.zeros(PATH_POINTS), []

@@ -252,7 +252,8 @@ class Periodic:  # numpydoc ignore=PR02
     @cached_property
     def mean(self) -> float:
         """Mean value over the period."""
-        return float(moments(self._rows, self._widths, 1).real.sum() / TURN)
+        powers = np.arange(1, self._rows.shape[1] + 1)
+        return float(np.sum(self._rows / powers * self._widths[:, None] ** powers) / TURN)
 
     @property
     def varies(self) -> bool:
