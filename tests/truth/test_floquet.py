@@ -14,13 +14,17 @@ from cross.shooting import integrate, state
 from machines import cantilever
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
+from hbgear.continuation.solvers.newton import solve
 from hbgear.gears import DoubleHelicalPair
-from hbgear.harmonic.equations.motion import with_driven_harmonics
+from hbgear.harmonic.equations.motion import truncation_error, with_driven_harmonics
 from hbgear.harmonic.multipliers import constant_flow
 from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
 from hbgear.harmonic.structure.modes import SymmetricPair
-from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series
+from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series, SpeedTerms
 from hbgear.mechanics.series.fourier import evaluate
+
+EXCITED = Series(cosine=(0.2, 0.1, 0.05, 0.03, 0.02, 0.01), sine=(0, 0, 0, 0, 0, 0.04))
+"""Prescribed displacement with six harmonics."""
 
 
 @dataclass(frozen=True)
@@ -398,6 +402,55 @@ def test_multipliers_of_one_mode_are_the_eigenvalues_of_lapack(rng):
     A[7, 0, 1] = np.nan
     with pytest.raises(ValueError, match="the monodromy matrix is not finite"):
         _eigenvalues(A)
+
+
+@pytest.mark.parametrize(("nu", "gyroscopic"), [(1, 0.0), (2, 0.0), (1, 0.2)])
+def test_an_excitation_above_the_harmonics(nu, gyroscopic):
+    """The response of a linear system to loads and prescribed displacements of truncated orders, in closed form.
+
+    A law k d with k = 0.6 is a contact that never opens. The error of the motion is the rms of this response.
+    """
+    k, c, Omega, H = 0.6, 0.05, 0.7, 4 * nu
+    w = np.array([1.0, -0.5])
+    M, C, K = np.diag([1.0, 1.5]), np.array([[0.1, -0.02], [-0.02, 0.1]]), np.array([[2.0, -0.5], [-0.5, 3.0]])
+    element = Element(w, PiecewiseLinear((-50.0,), (0.0, k)), name="d", displacement=EXCITED, damping=c)
+    load = Load(cosine={1: [0.3, 0.0], 6: [0.02, 0.05]}, sine={7: [0.03, 0.01]}, power=2)
+    G = np.array([[0.0, gyroscopic], [-gyroscopic, 0.0]])
+    problem = HarmonicBalance(System(M, C, K, [element], load, speed=SpeedTerms(G) if gyroscopic else None), H, nu=nu)
+    X, compiled = np.zeros(problem.layout.width), problem.compiled({}).at(Omega)
+    wide = with_driven_harmonics(compiled, X[None], np.array([Omega]))[0]
+    damping = C + Omega * G + c * np.outer(w, w)
+    truncated = []
+    for order in range(5, 9):
+        s, e = 1j * order * Omega, 0j
+        if order <= 6:
+            e = EXCITED.cosine[order - 1] - 1j * EXCITED.sine[order - 1]
+        F = Omega**2 * (load.cosine.get(order, 0 * w) - 1j * np.array(load.sine.get(order, 0 * w)))
+        D = s**2 * M + s * damping + K + k * np.outer(w, w)
+        d = w @ np.linalg.solve(D, F + w * (k + c * s) * e) - e
+        truncated.append(d)
+        at = 2 * nu * order
+        assert wide[at - 1] - 1j * wide[at] == pytest.approx(d, abs=1e-13)
+    error = truncation_error(compiled, X, Omega)
+    assert error == pytest.approx(np.sqrt(0.5 * np.sum(np.abs(truncated) ** 2)), rel=1e-9)
+
+
+@pytest.mark.parametrize("Omega", [0.8, 1.1])
+def test_multipliers_with_an_excitation_above_the_harmonics(Omega):
+    """Eight harmonics of a pair whose error has orders 1 and 12: multipliers and error, against 64 harmonics.
+
+    Without order 12 the multipliers differ by 0.07.
+    """
+    model = SpurPair(zeta=0.05, F_m=0.1, e=(0.15, *([0.0] * 10), 0.01))
+    rough, fine = HarmonicBalance(model, 8), HarmonicBalance(model, 64)
+    X = rough.start(Omega)
+    true = solve(fine, fine.resized(X), {"Omega": Omega}).X
+    beyond = np.sqrt(0.5 * np.sum(true[17:] ** 2))
+    assert rough.observe(X, Omega=Omega)["error"] == pytest.approx(beyond, rel=0.03)
+    exact = fine.multipliers(true, Omega=Omega)
+    plain = floquet_multipliers(rough.compiled({}), X[None], np.array([Omega]))[0]
+    assert np.abs(plain - exact).max() > 0.06
+    assert np.abs(rough.multipliers(X, Omega=Omega) - exact).max() < 0.015
 
 
 @pytest.mark.parametrize("name", CURVES)

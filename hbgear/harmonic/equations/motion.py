@@ -1,7 +1,8 @@
 """Quantities of a periodic motion: forces, coordinates, contact regime, clearances, truncation and sampling errors.
 
     force of element j     f_k + i k (Omega / nu) c_j d_k          (law and damper)
-    truncation error       delta d_k = -G_k f_k                    for the force harmonics that the balance leaves out
+    truncation error       delta d_k = -G_k f_k                    for the harmonics of forces and of the excitation
+                                                                   that the balance leaves out
     error of resolution    delta X = -J_fine^-1 R_fine(X)
 
 Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
@@ -161,7 +162,10 @@ def shortest_intervals(evaluator: Evaluator, X: Array) -> Array:
 
 
 def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array:
-    """Return motions X (P, n) with the truncated harmonics up to 2H that their forces drive, (P, m (4H + 1))."""
+    """Return motions X (P, n) with the truncated harmonics up to 2H that forces and excitation drive, (P, m (4H + 1)).
+
+    Prescribed displacements with breakpoints are complete in X.
+    """
     from hbgear.harmonic.equations.diagnostic_kernels import driven_response, truncated_force_harmonics
 
     evaluator.length(X)
@@ -171,18 +175,42 @@ def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array
     truncated_force_harmonics(evaluator.packed, X, Omega, f)
     for forces in evaluator.python_forces:
         forces.add_truncated(X, Omega, left, f)
+    unstated = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
+    excitation = evaluator.receptance.truncated
+    if not unstated.size and evaluator.structure.modal and excitation is None:
+        out = _with_zeros(evaluator, X)
+        driven_response(evaluator.packed.linear, Omega, f, out)
+        return out
+    direct = None if excitation is None else excitation.response(evaluator.structure, Omega, f)
+    beyond = _stiffness_beyond_reference(evaluator, X, unstated) if unstated.size else None
+    return _with_harmonics(evaluator, X, _response_to_forces(evaluator, Omega, f, beyond, direct))
+
+
+def with_excited_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array:
+    """Return motions X (P, n) with the response of the linear structure to the truncated orders of the excitation.
+
+    Without such orders they are X, else all harmonics up to 2H, (P, m (4H + 1)).
+    """
+    excitation = evaluator.receptance.truncated
+    if excitation is None:
+        return X
+    X, Omega = evaluator.spread(X), writable(Omega)
+    f = np.zeros((len(X), evaluator.m, len(evaluator.packed.linear.left)), dtype=complex)
+    direct = excitation.response(evaluator.structure, Omega, f)
+    return _with_harmonics(evaluator, X, _response_to_forces(evaluator, Omega, f, None, direct))
+
+
+def _with_zeros(evaluator: Evaluator, X: Array) -> Array:
+    """Return motions with all harmonics up to 2H, of which the truncated ones are zero."""
     rows = np.zeros((len(X), evaluator.m, 4 * evaluator.H + 1))
     rows[..., : 2 * evaluator.H + 1] = X.reshape(len(X), evaluator.m, -1)
-    out = rows.reshape(len(X), -1)
-    unstated = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
-    if unstated.size:
-        rows[..., places(left)] = _response_to_forces(
-            evaluator, Omega, f, _stiffness_beyond_reference(evaluator, X, unstated)
-        )
-    elif evaluator.structure.modal:
-        driven_response(evaluator.packed.linear, Omega, f, out)
-    else:
-        rows[..., places(left)] = _response_to_forces(evaluator, Omega, f)
+    return rows.reshape(len(X), -1)
+
+
+def _with_harmonics(evaluator: Evaluator, X: Array, truncated: Array) -> Array:
+    """Return motions with given truncated harmonics (P, m, 2L)."""
+    out = _with_zeros(evaluator, X)
+    out.reshape(len(X), evaluator.m, -1)[..., places(evaluator.packed.linear.left)] = truncated
     return out
 
 
@@ -233,10 +261,13 @@ def _stiffness_beyond_reference(evaluator: Evaluator, X: Array, elements: np.nda
     return out
 
 
-def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
+def _response_to_forces(
+    evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None, direct: ComplexArray | None
+) -> Array:
     """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
 
-    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default.
+    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default. direct (P, m, L) :
+    displacements of the elements without forces, zero by default.
     """
     ratio = evaluator.packed.linear.left / evaluator.nu
     G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
@@ -248,6 +279,8 @@ def _response_to_forces(evaluator: Evaluator, Omega: Array, f: ComplexArray, bey
         known = w * ratio <= evaluator.structure.highest
         G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
     delta = G @ f.transpose(0, 2, 1)[..., None]
+    if direct is not None:
+        delta -= direct.transpose(0, 2, 1)[..., None]
     if beyond is not None:
         delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
     delta = delta[..., 0].transpose(0, 2, 1)

@@ -42,7 +42,8 @@ from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
-from hbgear.harmonic.equations.motion import shortest_intervals
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.motion import shortest_intervals, with_excited_harmonics
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.harmonic.multipliers.multiplier_error import (
@@ -472,12 +473,16 @@ MAX_CORRECTION = 0.05
 def _plain_multipliers(
     problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]
 ) -> ComplexArray:
-    """Return multipliers (k, r) of motions X (k, n) at values (k,) of a parameter, without the driven harmonics."""
+    """Return multipliers (k, r) of motions X (k, n) at values (k,) of a parameter, without driven harmonics above H."""
+
+    def plain(evaluator: Evaluator, X: Array, Omega: Array) -> ComplexArray:
+        return floquet_multipliers(evaluator, with_excited_harmonics(evaluator, X, Omega), Omega)
+
     if name == "Omega":
-        return floquet_multipliers(problem.compiled(dict(parameters)), X, values)
+        return plain(problem.compiled(dict(parameters)), X, values)
     Omega = np.array([parameters["Omega"]])
     each = [problem.compiled({**parameters, name: value}) for value in values.tolist()]
-    return np.array([floquet_multipliers(one, x[None], Omega)[0] for one, x in zip(each, X, strict=True)])
+    return np.array([plain(one, x[None], Omega)[0] for one, x in zip(each, X, strict=True)])
 
 
 def _modulus(mu: ComplexArray) -> Any:

@@ -23,6 +23,7 @@ Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https:/
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +75,56 @@ class _LoadPart(NamedTuple):
     amplitudes: ComplexArray
 
 
+class TruncatedExcitation(NamedTuple):
+    """Loads, and prescribed displacements without breakpoints, of orders that are not unknowns.
+
+    Attributes
+    ----------
+    ratio : ndarray, shape (L,)
+        Orders of Omega.
+    loads : list of _LoadPart
+        Loads; ``at`` is the index of the order.
+    displacements : ndarray, shape (m, L)
+        Amplitudes of the prescribed displacements.
+    """
+
+    ratio: Array
+    loads: list[_LoadPart]
+    displacements: ComplexArray
+
+    @classmethod
+    def of(cls, system: System, orders: np.ndarray, nu: int) -> TruncatedExcitation | None:
+        """Return the excitation of basis harmonics ``orders`` (L,), or None without any."""
+        index = {k: i for i, k in enumerate(orders.tolist())}
+        e = np.zeros((len(system.elements), len(orders)), dtype=complex)
+        for own, element in zip(e, system.elements, strict=True):
+            if not element.displacement.corners:
+                c = to_complex(element.displacement.row(element.displacement.order)).tolist()
+                for order in [k for k in range(len(c)) if k * nu in index]:
+                    own[index[order * nu]] = c[order]
+        loads = _load_parts(system, nu, index)
+        return cls(orders / nu, loads, e) if loads or e.any() else None
+
+    def response(self, structure: LinearStructure, Omega: Array, f: ComplexArray) -> ComplexArray:
+        """Return W^T D^-1 F_k - e_k (P, m, L), and add -(kr + i w c) e_k of springs and dampers to f (P, m, L)."""
+        out = np.tile(-self.displacements, (len(Omega), 1, 1))
+        for one, forces, w in zip(out, f, Omega.tolist(), strict=True):
+            here = structure.at(w)
+            forces -= (here.kr[:, None] + 1j * w * self.ratio * here.c[:, None]) * self.displacements
+            for load in self.loads:
+                q = here.solve(w * self.ratio[load.at], load.amplitudes[:, None])[:, 0]
+                one[:, load.at] += w**load.power * (here.W.T @ q)
+        return out
+
+
+def _load_parts(system: System, nu: int, index: Mapping[int, int]) -> list[_LoadPart]:
+    """Return the harmonics of all loads whose basis harmonic is a key of ``index``."""
+    return [
+        _LoadPart(load.power, index[order * nu], amplitudes)
+        for load in system.loads for order, amplitudes in load.complex(system.n).items() if order * nu in index
+    ]  # fmt: skip
+
+
 class Receptance:
     """Linear part of the balance for harmonics 0..H of the basis frequency Omega / nu, or a selection of them.
 
@@ -90,8 +141,10 @@ class Receptance:
 
     Attributes
     ----------
-    numbers : PackedLinearPart
+    packed : PackedLinearPart
         Arrays for kernels, without poles if the receptances are computed by direct solutions.
+    truncated : TruncatedExcitation or None
+        Excitation up to 2H of orders that are not unknowns.
     """
 
     def __init__(
@@ -104,16 +157,12 @@ class Receptance:
             c = to_complex(stretch(element.displacement.row(H // nu), nu))
             e[: len(c), j] = c
         self.e = np.ascontiguousarray(e[self.k])
-        index = {k: i for i, k in enumerate(self.k.tolist())}
-        self._loads: list[_LoadPart] = []
-        for load in system.loads:
-            for order, amplitudes in load.complex(system.n).items():
-                if order * nu in index:
-                    self._loads.append(_LoadPart(load.power, index[order * nu], amplitudes))
+        self._loads = _load_parts(system, nu, {k: i for i, k in enumerate(self.k.tolist())})
         self.packed = self._pack(np.arange(structure.m), structure.modal)
         self._independent = (
             self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
         )
+        self.truncated = TruncatedExcitation.of(system, self.packed.left, nu)
 
     def _pack(self, own: np.ndarray, modal: bool) -> PackedLinearPart:
         """Return the arrays for kernels of the elements ``own``, with the poles of the structure if ``modal``."""
