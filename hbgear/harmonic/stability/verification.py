@@ -42,8 +42,7 @@ from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
-from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.harmonic.equations.motion import shortest_intervals, with_excited_harmonics
+from hbgear.harmonic.equations.motion import shortest_intervals, with_driven_harmonics, with_excited_harmonics
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.harmonic.multipliers.multiplier_error import (
@@ -114,8 +113,8 @@ def verify_multipliers(
 
     def differences(rows: np.ndarray) -> Difference:
         """Return the difference of the multipliers of some points from a second set."""
-        plain = _plain_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
-        return difference_of(multipliers[rows], plain)
+        other = _other_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
+        return difference_of(multipliers[rows], other)
 
     errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime[reachable], differences)
     distance = np.abs(_modulus(multipliers) - 1.0)
@@ -425,8 +424,8 @@ def _stability_at(problem: Any, X: Array, name: str, at: Mapping[str, float], ex
     expected : parity of the real multipliers beyond +1 that the motion must have to lie on the right side of a fold.
     """
     mu, value = problem.multipliers(X, **at), np.array([at[name]])
-    plain = _plain_multipliers(problem, X[None], name, value, at)
-    error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], plain))[0])
+    other = _other_multipliers(problem, X[None], name, value, at)
+    error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], other))[0])
     parity = Parity.of(problem, name, value, at)
     return _Stability(mu, error, parity.agrees(problem, X, at, mu, expected))
 
@@ -470,19 +469,43 @@ MAX_CORRECTION = 0.05
 """Distance of a motion from its prediction by the tangent, relative to its size, up to which it lies on the curve."""
 
 
-def _plain_multipliers(
+def _other_multipliers(
     problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]
 ) -> ComplexArray:
-    """Return multipliers (k, r) of motions X (k, n) at values (k,) of a parameter, without driven harmonics above H."""
+    """Return a second set of multipliers (k, r) of motions X (k, n) at values (k,) of a parameter.
 
-    def plain(evaluator: Evaluator, X: Array, Omega: Array) -> ComplexArray:
-        return floquet_multipliers(evaluator, with_excited_harmonics(evaluator, X, Omega), Omega)
-
+    They lack the driven harmonics above H, and their motions have one more Newton step, in which these harmonics act
+    back on the others.
+    """
+    here = [{**parameters, name: value} for value in values.tolist()]
+    Omega = np.array([at["Omega"] for at in here])
+    if problem.selection is None and problem.refined_problem is not None:
+        X, Omega = corrected_motions(problem, X, here)
     if name == "Omega":
-        return plain(problem.compiled(dict(parameters)), X, values)
-    Omega = np.array([parameters["Omega"]])
-    each = [problem.compiled({**parameters, name: value}) for value in values.tolist()]
-    return np.array([plain(one, x[None], Omega)[0] for one, x in zip(each, X, strict=True)])
+        compiled = problem.compiled(dict(parameters))
+        return floquet_multipliers(compiled, with_excited_harmonics(compiled, X, Omega), Omega)
+    each = zip([problem.compiled(at) for at in here], X[:, None], Omega[:, None], strict=True)
+    return np.array([floquet_multipliers(one, with_excited_harmonics(one, x, w), w)[0] for one, x, w in each])
+
+
+def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]]) -> tuple[Array, Array]:
+    """Return motions X (k, n) and Omega (k,) after a Newton step with the harmonics up to 2H that they drive.
+
+    The step is the shortest one of [dR/dX, dR/dOmega] delta = -R, with the residual R of the kept harmonics at the
+    motion with driven harmonics: the nearest motion, which next to a fold has another Omega.
+    """
+    motions, Omega = X.copy(), np.array([at["Omega"] for at in here])
+    kept = 2 * problem.H + 1
+    for i, (x, at) in enumerate(zip(X, here, strict=True)):
+        w = at["Omega"]
+        wide = with_driven_harmonics(problem.compiled(dict(at)), x[None], np.array([w]))[0]
+        R = problem.refined_problem.evaluate(wide, **at)[0].reshape(problem.m, -1)[:, :kept].ravel()
+        now = linearise(problem, x, "Omega", at)
+        scale = np.append(np.full(len(x), problem.solution_norm(x) or 1.0), w)
+        step = -scale * np.linalg.lstsq(np.column_stack([now.dR_dX, now.dR_dp]) * scale, R, rcond=None)[0]
+        motions[i] += step[:-1]
+        Omega[i] += step[-1]
+    return motions, Omega
 
 
 def _modulus(mu: ComplexArray) -> Any:
