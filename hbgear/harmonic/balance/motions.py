@@ -266,10 +266,10 @@ class PeriodicMotions(HarmonicEquations):
     ) -> None:  # fmt: skip
         """Verify the stability of motions; see `hbgear.harmonic.stability.verification`.
 
-        The error of the complex multipliers is estimated from a second set without the truncated harmonics. Where it
-        reaches the unit circle, or the sign of a determinant contradicts the number of real multipliers beyond +1, the
-        motion is refined: exactly in its switching times if laws are piecewise linear, else with up to eight times the
-        harmonics, as far as ``work`` allows.
+        The error of the complex multipliers is estimated from those of a corrected motion. Where it reaches the unit
+        circle, or the sign of a determinant contradicts the number of real multipliers beyond +1, the motion is
+        refined: exactly in its switching times if laws are piecewise linear, else with up to eight times the harmonics,
+        as far as ``work`` allows.
         """
         if not isinstance(self.compiled({}).structure, MeasuredStructure):
             verify_multipliers(self, X, name, values, seen, parameters, work)

@@ -5,9 +5,10 @@
 
 For every point of a curve:
 
-1. **Error estimate.** The multipliers are computed with the harmonics H < k <= 2H that the forces of the motion excite.
-   A second set is computed without these harmonics. The error is estimated from the difference of the two sets of
-   complex numbers (`multiplier_error`), also where a complex pair may become two real multipliers. This is done only
+1. **Error estimate.** The multipliers are computed with the harmonics H < k <= 2H that the forces of the motion and the
+   excitation drive. A second set is computed without those driven by forces, of a motion with one more Newton step in
+   which they act back on the others (`corrected_motions`). The error is estimated from the difference of the two sets
+   of complex numbers (`multiplier_error`), also where a complex pair may become two real multipliers. This is done only
    where it can matter: where the relative error of the motion, times ten thousand, is large enough for a multiplier to
    reach the unit circle. To save work the second set is computed for every eighth of these points only. Between them
    the difference is taken to be proportional to the error of the motion. Points whose multipliers come within ten times
@@ -492,19 +493,23 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
     """Return motions X (k, n) and Omega (k,) after a Newton step with the harmonics up to 2H that they drive.
 
     The step is the shortest one of [dR/dX, dR/dOmega] delta = -R, with the residual R of the kept harmonics at the
-    motion with driven harmonics: the nearest motion, which next to a fold has another Omega.
+    motion with driven harmonics: the nearest motion, which next to a fold has another Omega. The change of Omega over
+    Omega weighs as much as that of the motion over its size.
     """
     motions, Omega = X.copy(), np.array([at["Omega"] for at in here])
     kept = 2 * problem.H + 1
     for i, (x, at) in enumerate(zip(X, here, strict=True)):
         w = at["Omega"]
         wide = with_driven_harmonics(problem.compiled(dict(at)), x[None], np.array([w]))[0]
-        R = problem.refined_problem.evaluate(wide, **at)[0].reshape(problem.m, -1)[:, :kept].ravel()
+        R = problem.refined_problem.residual(wide, **at).reshape(problem.m, -1)[:, :kept].ravel()
         now = linearise(problem, x, "Omega", at)
-        scale = np.append(np.full(len(x), problem.solution_norm(x) or 1.0), w)
-        step = -scale * np.linalg.lstsq(np.column_stack([now.dR_dX, now.dR_dp]) * scale, R, rcond=None)[0]
-        motions[i] += step[:-1]
-        Omega[i] += step[-1]
+        try:
+            step, drift = solve_linear(now.dR_dX, np.column_stack([-R, -now.dR_dp])).T
+        except np.linalg.LinAlgError:
+            continue
+        change = -(step @ drift) / (drift @ drift + (problem.solution_norm(x) / w) ** 2)
+        motions[i] += step + change * drift
+        Omega[i] += change
     return motions, Omega
 
 
