@@ -3,7 +3,12 @@
     min_a  sum_i (a_i / a_i0 - 1)^2     with  c(a) >= 0,   low <= a <= high
 
 The steps of `hbgear.design.least_change`: c and its derivatives for the design and each deviation of a sample, and the
-nearest point of the half-spaces of the linearized c.
+nearest point of the half-spaces of the linearized c within a box around the last design. If the half-spaces do not meet
+in the box, the smallest c is maximized. The box shrinks if a step does not improve the design.
+
+References
+----------
+Fletcher & Leyffer (2002), Mathematical Programming 91, 239-269, https://doi.org/10.1007/s101070100244, for the filter.
 """
 
 from __future__ import annotations
@@ -42,6 +47,9 @@ MAX_STEPS = 25
 STEP_TOLERANCE = 2e-4
 """Relative change of the parameters at which the search has converged."""
 
+SAME_SHORTFALL = 1e-9
+"""Shortfall [-] below which the linearized goal is reached."""
+
 SAME_CUSP = 1e-6
 """Relative difference of the values of two cusps [-] up to which they are one."""
 
@@ -51,6 +59,8 @@ SHARE_OF_PEAKS = 0.7
 MAX_RELATIVE_STEP = 0.3
 """Largest relative change of a parameter in one step; the linearization is not valid for larger changes."""
 
+REJECTED_STEP_FACTOR = 0.25
+"""Largest relative change of the next step over that of a step that does not improve the design."""
 
 WITHOUT_CHANGE = "the design reaches the goal without a change"
 
@@ -193,6 +203,10 @@ class Slack:
         """Largest difference between the required c and c."""
         return -float(self.excess.min())
 
+    def predicted(self, step: Array) -> float:
+        """Return the shortfall after a step, to first order."""
+        return -float((self.c + self.slopes @ step - self.required[:, None]).min())
+
     def kept(self, share: float) -> Slack:
         """Return the design and a share of the sample, the ones closest to the goal."""
         excess = self.excess[1:]
@@ -239,27 +253,51 @@ class Search:
             return self._run(u, low, high)
 
     def _run(self, u: Array, low: Array, high: Array) -> Array:
+        radius, slack = MAX_RELATIVE_STEP, self._evaluated(u)
+        accepted: list[tuple[float, float]] = []
         for _ in range(MAX_STEPS):
-            self.last = u
-            slack = self._slack(u)
             if slack is None:
                 self.message = "there is no jump to remove" if not u.any() else "the jump vanished during the search"
                 return u
-            self.slack, self.steps = slack.kept(self.spread.share), self.steps + 1
-            if self.progress is not None:
-                text = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
-                self.progress(Progress(math.nan, f"{text}: {-self.slack.shortfall:+.3g}"))
-            if not u.any() and self.slack.shortfall <= 0:
+            self.slack, self.last = slack, u
+            if not u.any() and slack.shortfall <= 0:
                 self.message = WITHOUT_CHANGE
                 return u
-            new = smallest_change(self.slack, u, low, high)
-            step = np.clip(new - u, -MAX_RELATIVE_STEP, MAX_RELATIVE_STEP)
-            if np.abs(step).max() < STEP_TOLERANCE and not self._add_cusps(u):
+            accepted.append(_rating(slack, u))
+            new = smallest_change(slack, u, np.maximum(low, u - radius), np.minimum(high, u + radius))
+            length = float(np.abs(new - u).max())
+            if length >= STEP_TOLERANCE:
+                trial = self._trial(new)
+                if trial is None or _improves(_rating(trial, new), accepted, slack.predicted(new - u)):
+                    u, slack, radius = new, trial, min(2.0 * radius, MAX_RELATIVE_STEP)
+                else:
+                    radius = REJECTED_STEP_FACTOR * length
+            elif self._add_cusps(u):
+                slack, radius, accepted = self._evaluated(u), MAX_RELATIVE_STEP, []
+            else:
                 self.message = f"{self.steps} steps"
                 return new
-            u = u + step
         self.message = f"no convergence after {MAX_STEPS} steps"
-        return u
+        return self.last
+
+    def _trial(self, u: Array) -> Slack | None:
+        """Return the slack, infinitely short of the goal if it cannot be computed, or None without a jump."""
+        try:
+            return self._evaluated(u)
+        except (NoConvergence, ValueError, np.linalg.LinAlgError):
+            return Slack(np.full((1, 1), -math.inf), np.zeros((1, 1, len(u))), np.zeros(1))
+
+    def _evaluated(self, u: Array) -> Slack | None:
+        """Return the slack of the design and the required share of the sample, or None without a jump."""
+        self.steps += 1
+        slack = self._slack(u)
+        if slack is None:
+            return None
+        slack = slack.kept(self.spread.share)
+        if self.progress is not None:
+            text = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
+            self.progress(Progress(math.nan, f"{text}: {-slack.shortfall:+.3g}"))
+        return slack
 
     def _slack(self, u: Array) -> Slack | None:
         return self._of_cusps(u) if self.goal.kind == "no jumps" else self._of_peaks(u)
@@ -398,24 +436,41 @@ class Search:
         return Slack(np.array([[c for c, _ in row] for row in found]), slopes, np.array(required))
 
 
+def _rating(slack: Slack, u: Array) -> tuple[float, float]:
+    """Return the shortfall, at least zero, and the distance from the design."""
+    return max(slack.shortfall, 0.0), float(np.linalg.norm(u))
+
+
+def _improves(rating: tuple[float, float], accepted: Sequence[tuple[float, float]], predicted: float) -> bool:
+    """Return whether a design improves the accepted ones, given the ratings and its predicted shortfall.
+
+    If the step reaches the linearized goal, the shortfall or the distance must be smaller than that of each accepted
+    design, the condition of a filter. Otherwise the shortfall must be smaller than that of the last one.
+    """
+    if predicted > SAME_SHORTFALL:
+        return rating[0] < accepted[-1][0]
+    return all(rating[0] < shortfall or rating[1] < distance for shortfall, distance in accepted)
+
+
 def smallest_change(slack: Slack, u: Array, low: Array, high: Array) -> Array:
     """Return the least change v with c + c' (v - u) >= required for each c, within the bounds.
 
     This is the least distance problem of Lawson and Hanson, solved by nonnegative least squares. If no change within
-    the bounds suffices, the result maximizes the smallest c.
+    the bounds suffices, all required values are lowered by the least number with which one does.
     """
-    from scipy.optimize import lsq_linear
+    from scipy.optimize import linprog, lsq_linear
 
     n = len(u)
     slopes = slack.slopes.reshape(-1, n)
-    missing = slack.required[:, None] - slack.c
+    least = (slack.required[:, None] - slack.c).ravel() + slopes @ u
+    lowered = np.append(np.zeros(n), 1.0)
+    relaxed = linprog(lowered, np.column_stack([-slopes, -np.ones(len(slopes))]), -least,
+                      bounds=[*zip(low, high, strict=True), (0.0, None)])  # fmt: skip
     G = np.concatenate([slopes, np.eye(n), -np.eye(n)])
-    h = np.concatenate([missing.ravel() + slopes @ u, low, -high])
+    h = np.concatenate([least - relaxed.x[n], low, -high])
     size = np.linalg.norm(G, axis=1)
     E = np.vstack([G.T, h]) / np.where(size, size, 1.0)
-    y = lsq_linear(E, np.append(np.zeros(n), 1.0), (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
-    r = E @ y - np.append(np.zeros(n), 1.0)
-    if -r[n] > 1e-10:
-        return np.asarray(np.clip(-r[:n] / r[n], low, high))
-    worst = slopes[int(np.argmax(missing))]
-    return np.where(worst > 0, high, np.where(worst < 0, low, 0.0))
+    y = lsq_linear(E, lowered, (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
+    r = E @ y - lowered
+    nearest = -r[:n] / r[n] if -r[n] > 1e-10 else relaxed.x[:n]
+    return np.asarray(np.clip(nearest, low, high))

@@ -6,7 +6,8 @@
     peak below L:  c = 1 - A*(a) / L
 
 c is linearized with the derivatives of cusps and peaks (`hbgear.analysis.parameter_sensitivity`). The nearest point of
-the resulting half-spaces is the next iterate, until it converges. A trace verifies the result.
+the resulting half-spaces is the next iterate, until it converges (`hbgear.design.goal_search`). If no values reach the
+goal, the smallest c is maximized. A trace verifies the result.
 
 With a scatter s of parameters, c must be positive by k standard deviations, k (sum_i (dc/da_i s_i)^2)^(1/2). With a
 sample of deviations there is one c for each of them, computed from its own cusp or peak. All of them, or a given share,

@@ -170,7 +170,7 @@ def test_a_peak_below_its_limit_for_a_sample():
 
 
 def test_the_nearest_point_of_several_half_planes():
-    """Against a grid search; if no point within the bounds lies in all of them, the result is on a bound."""
+    """Against a grid search; if no point within the bounds lies in all of them, the smallest excess is largest."""
     rng = np.random.default_rng(5)
     low, high = np.array([-0.5, -0.4]), np.array([0.6, 0.5])
     grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.6, 441), np.linspace(-0.4, 0.5, 361), indexing="ij"), -1)
@@ -179,11 +179,15 @@ def test_the_nearest_point_of_several_half_planes():
         c, slopes = slack.c[:, 0], slack.slopes[:, 0]
         u = rng.uniform(-0.1, 0.1, 2)
         found = smallest_change(slack, u, low, high)
-        good = ((grid - u) @ slopes.T + c >= slack.required).all(axis=-1)
+        excess = ((grid - u) @ slopes.T + c - slack.required).min(axis=-1)
+        good, reached = excess >= 0, ((found - u) @ slopes.T + c - slack.required).min()
+        assert reached == pytest.approx(-slack.predicted(found - u), abs=1e-12)
         if not good.any():
-            assert (np.isclose(found, low) | np.isclose(found, high)).all()
+            assert (
+                excess.max() - 1e-9 <= reached < excess.max() + 0.01 and (found >= low).all() and (found <= high).all()
+            )
             continue
-        assert ((found - u) @ slopes.T + c >= slack.required - 1e-9).all()
+        assert reached >= -1e-9
         assert np.linalg.norm(found) <= np.linalg.norm(grid, axis=-1)[good].min() + 1e-9
 
 
@@ -194,6 +198,14 @@ def absorber(tuning: float = 0.9, ratio: float = 0.1):
     spring = hb.Element([1.0, 0.0], hb.Cubic(1e-12), name="x")
     load = hb.Load(cosine={1: [1.0, 0.0]})
     return hb.System([[1, 0], [0, 0.05]], [[c + 1e-9, -c], [-c, c]], [[1 + k, -k], [-k, k]], [spring], load)
+
+
+def absorber_height(Omega, tuning, ratio):
+    """Return the amplitude of the mass of `absorber` in closed form."""
+    k, c = 0.05 * tuning**2, 0.1 * ratio
+    absorbed = k + 1j * c * Omega
+    force = absorbed * -0.05 * Omega**2 / (absorbed - 0.05 * Omega**2)
+    return np.abs(1 / (1 - Omega**2 + force))
 
 
 @pytest.mark.parametrize("factor", [1.05, 1.02, 1.01])
@@ -208,22 +220,30 @@ def test_two_peaks_of_an_absorber(factor):
         hb.HarmonicBalance(absorber(), 1), hb.design.peak_below(limit, "pp2"), ["tuning", "ratio"]
     )
     assert found.reached and found.steps <= 8
-    Omega = np.linspace(0.7, 1.4, 4001)[:, None, None]
-
-    def height(tuning, ratio):
-        """Return the largest amplitude of the mass in closed form for arrays of parameters."""
-        k, c = 0.05 * tuning**2, 0.1 * ratio
-        absorbed = k + 1j * c * Omega
-        force = absorbed * -0.05 * Omega**2 / (absorbed - 0.05 * Omega**2)
-        return np.abs(1 / (1 - Omega**2 + force))
-
-    response = height(np.array([[found.values["tuning"]]]), np.array([[found.values["ratio"]]]))[:, 0, 0]
+    Omega = np.linspace(0.7, 1.4, 4001)
+    response = absorber_height(Omega, found.values["tuning"], found.values["ratio"])
     tops = response[1:-1][(response[1:-1] > response[:-2]) & (response[1:-1] > response[2:])]
     assert tops == pytest.approx([limit, limit], rel=3e-3) and max(tops) <= limit
     angle = np.linspace(0, 2 * np.pi, 181)
     u = 0.97 * found.distance * np.array([np.cos(angle), np.sin(angle)])
-    near = height(0.9 * (1 + u[:1]), 0.1 * (1 + u[1:]))
+    near = absorber_height(Omega[:, None], 0.9 * (1 + u[0]), 0.1 * (1 + u[1]))
     assert near.max(axis=0).min() > limit
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.95, 0.8])
+@pytest.mark.parametrize("bounds", [{}, {"tuning": (0.85, 0.92)}])
+def test_a_limit_below_the_smallest_height_of_an_absorber(factor, bounds):
+    """The result has the smallest height of all absorbers, from a grid of the closed form; steps are halved near it."""
+    limit = factor * np.sqrt((2 + 0.05) / 0.05)
+    problem = hb.HarmonicBalance(absorber(), 1)
+    found = hb.design.redesign(problem, hb.design.peak_below(limit, "pp2"), ["tuning", "ratio"], bounds)
+    tunings = np.linspace(0.91, 0.92, 11) if bounds else np.linspace(0.9519, 0.9529, 41)
+    ratios = np.linspace(0.138, 0.141, 31) if bounds else np.linspace(0.125, 0.13, 41)
+    Omega = np.linspace(0.8, 1.2, 2001)[:, None, None]
+    smallest = absorber_height(Omega, tunings[:, None], ratios).max(axis=0).min()
+    assert not found.reached and found.steps <= 20 and found.message.startswith(f"{found.steps} steps")
+    assert found.curve.amplitude("pp2").max() == pytest.approx(smallest, rel=1e-4)
+    assert found.short == pytest.approx(smallest / limit - 1, abs=1e-4)
 
 
 class _TwoHalfPlanes(Search):
