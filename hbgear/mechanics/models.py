@@ -128,6 +128,11 @@ class Model(ABC):
         return ()
 
     @property
+    def mesh_names(self) -> Sequence[str]:
+        """Names of the elements that are meshes of teeth. Default: those of `sharing`; () means the first element."""
+        return self.sharing
+
+    @property
     def orders(self) -> Mapping[str, float]:
         """Frequencies of rotations and meshes over Omega, by name. Default: ``{"Omega": 1}``."""
         return {"Omega": 1.0}

@@ -1,6 +1,7 @@
 """Trains as files, on the command line and as figures."""
 
 import math
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -9,10 +10,20 @@ import scipy
 from typer.testing import CliRunner
 
 import hbgear as hb
+from hbgear.analysis.quantities.engineering_quantities import forces_along
 from hbgear.cli.app import app
-from hbgear.cli.commands.machine_report import contact_lost, without_stable_motion
+from hbgear.cli.commands.machine_report import (
+    contact_lost,
+    factor_text,
+    jumps_possible,
+    recommendation,
+    resonances,
+    show_speeds,
+    without_stable_motion,
+)
 from hbgear.io.machines.train_file import TrainFileError, is_train, read_train
 from hbgear.mechanics.models import describe
+from hbgear.mechanics.structures.scales import Scales
 
 TEXT = """balance = "out"
 
@@ -190,6 +201,55 @@ def test_speeds_are_safe_only_with_stable_motions_and_contact_in_all_meshes(file
     text = " ".join(result.output.split())
     assert result.exit_code == 0 and "no stable motion of the mesh period: " in text, text
     assert "where motions of twice the period leave: hbgear switch FILE LABEL" in text
+
+
+@pytest.mark.slow
+def test_safe_speeds_and_resonances_of_all_meshes_of_a_planetary_set(capsys):
+    """Against forces of all meshes over a period: a mesh without force at some phase has lost its contact.
+
+    The ring loses contact where the sun does not.
+    """
+    model = hb.gears.PlanetarySet()
+    curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.75, 1.25))
+    forces = forces_along(curve, model.mesh_names)[1]
+    smallest = np.array([[force.min() for force in each] for each in forces])
+    speeds = np.asarray(model.scales.pinion_speed(curve.values))
+    separated = np.flatnonzero((smallest[:, 4:] <= 0).any(axis=1))
+    assert len(separated) > 20 and (smallest[:, :4] > 0).all()
+    low, high = speeds[separated].min(), speeds[separated].max()
+    assert contact_lost(model, curve) == [(pytest.approx(low, rel=2e-3), pytest.approx(high, rel=2e-3))]
+    factors = np.array([[force.max() / force.mean() for force in each] for each in forces])
+    factors[~np.asarray(curve.stable)] = 0.0
+    largest = max(resonances(model, curve), key=lambda one: one.factor)
+    assert largest.mesh.startswith("ring") and largest.factor == pytest.approx(factors.max(), rel=0.02)
+    show_speeds(model, curve)
+    shown = " ".join(capsys.readouterr().out.split())
+    found = re.search(r"loss of contact is possible: (\d+) to (\d+) r/min", shown)
+    assert [float(x) for x in found.groups()] == pytest.approx([low, high], rel=2e-3) and "linear" not in shown
+    for jump in curve.jumps():
+        at = min(range(len(curve)), key=lambda i: np.linalg.norm(curve.X[i] - jump.before.X))
+        assert float(factor_text(model, jump.before, 5)) == pytest.approx(
+            max(force.max() / force.mean() for force in forces[at]), rel=1e-3
+        )
+
+
+class HardeningPair(hb.Duffing):
+    """Duffing oscillator with units, which jumps without a breakpoint of its law."""
+
+    scales = Scales(1000.0, 1e-5, 1e4, 20.0)
+
+
+def test_jumps_without_loss_of_contact_are_no_safe_speeds(capsys):
+    """Between both folds of a Duffing oscillator two motions are stable."""
+    model = HardeningPair()
+    curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (0.6, 1.6))
+    low, high = sorted(float(model.scales.pinion_speed(jump.value)) for jump in curve.jumps())
+    assert jumps_possible(model, curve, []) == [(pytest.approx(low), pytest.approx(high))]
+    assert jumps_possible(model, curve, [(0.0, 2 * high)]) == []
+    show_speeds(model, curve)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"jumps without loss of contact: {low:.0f} to {high:.0f} r/min" in shown and "linear" not in shown
+    assert recommendation(model, curve) == f"recommendation: avoid {low:.0f} to {high:.0f} r/min"
 
 
 EPICYCLIC = """[epicyclic]

@@ -1,13 +1,14 @@
 """Report on the speeds of a machine: resonances, jumps, safe ranges, critical speeds and a recommendation.
 
-resonance      largest dynamic transmission error of stable motions between its minima
-safe range     speeds at which all known motions keep the teeth in contact
+resonance      largest dynamic transmission error of a mesh, of stable motions, between its minima
+safe range     speeds at which all known motions are stable and keep the teeth in contact
 critical speed n = 60 f / order of a natural frequency f, for the orders of the mesh and of the shafts
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,6 +46,8 @@ class Resonance:
 
     Attributes
     ----------
+    mesh : int or str
+        Mesh by number or name.
     point : Point
         Motion.
     speed : float
@@ -59,6 +62,7 @@ class Resonance:
         Whether the motion is the last one before a jump.
     """
 
+    mesh: int | str
     point: hb.Point
     speed: float
     transmission_error: float
@@ -68,24 +72,39 @@ class Resonance:
 
 
 def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
-    """Return the resonances of a curve and of the other curves of its range, the lowest speed first."""
+    """Return the resonances of a curve and of the other curves of its range, the lowest speed first.
+
+    Of resonances of several meshes at the same speed, the one with the largest dynamic factor is returned.
+    """
+    every = [one for branch in curve.curves for name in _meshes(model) for one in _of_mesh(model, branch, name)]
+    found: list[Resonance] = []
+    for one in sorted(every, key=lambda one: np.nan_to_num(-one.factor)):
+        if all(one.mesh == other.mesh or abs(one.speed - other.speed) > SAME_PEAK * one.speed for other in found):
+            found.append(one)
+    return sorted(found, key=lambda one: one.speed)
+
+
+def _meshes(model: hb.mechanics.Model) -> Sequence[int | str]:
+    """Return the names of the meshes of a model, or the number of the first element."""
+    return model.mesh_names or [0]
+
+
+def _of_mesh(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> Iterator[Resonance]:
+    """Yield the resonances of a mesh along a branch."""
     scales = model.scales
     assert scales is not None
-    found = []
-    for branch in curve.curves:
-        size = Ordinate("dte").along(branch)
-        stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
-        jumps = [jump.value for jump in branch.jumps()]
-        for i in _peaks(size, stable):
-            ends = any(abs(branch.values[i] - value) < SAME_PEAK * value for value in jumps)
-            if i in (0, len(branch) - 1) and not ends:
-                continue  # the range ends there, not the resonance
-            point = branch[i]
-            one = hb.analysis.machine_quantities(point)
-            speed = float(scales.pinion_speed(point.parameters["Omega"]))
-            found.append(Resonance(point, speed, float(size[i]), float(one["dynamic factor"][0]),
-                                   abs(float(one["force, largest"][0])), ends))  # fmt: skip
-    return sorted(found, key=lambda one: one.speed)
+    size = Ordinate("dte", mesh).along(branch)
+    stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
+    jumps = [jump.value for jump in branch.jumps()]
+    for i in _peaks(size, stable):
+        ends = any(abs(branch.values[i] - value) < SAME_PEAK * value for value in jumps)
+        if i in (0, len(branch) - 1) and not ends:
+            continue  # the range ends there, not the resonance
+        point = branch[i]
+        one = hb.analysis.machine_quantities(point, mesh)
+        speed = float(scales.pinion_speed(point.parameters["Omega"]))
+        yield Resonance(mesh, point, speed, float(size[i]), float(one["dynamic factor"][0]),
+                        abs(float(one["force, largest"][0])), ends)  # fmt: skip
 
 
 def _peaks(size: Array, stable: Array) -> list[int]:
@@ -113,7 +132,7 @@ def _peaks(size: Array, stable: Array) -> list[int]:
 
 def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
     """Return the ranges of the pinion speed [r/min] in which a known motion loses the contact of teeth of a mesh."""
-    names = getattr(model, "sharing", None) or [0]
+    names = _meshes(model)
 
     def lost(branch: hb.Branch) -> Array:
         layout, regime = layout_of(branch), np.asarray(branch.regime)
@@ -125,13 +144,31 @@ def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
 
 def without_stable_motion(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
     """Return the ranges of the pinion speed [r/min] in which no stable motion of the period of the curve is known."""
-    stable: Ranges = []
-    for branch in curve.curves:
-        if branch.stable is None:
-            return []
-        stable += _speed_ranges(model, branch, np.asarray(branch.stable, bool))
-    found = outside(merged(stable), *_speed_span(model, curve))
-    return [(low, high) for low, high in found if high - low > SHORTEST_RANGE * high]
+    if any(branch.stable is None for branch in curve.curves):
+        return []
+    return _longer(outside(_with_stability(model, curve, True), *_speed_span(model, curve)))
+
+
+def jumps_possible(model: hb.mechanics.Model, curve: hb.Branch, known: Ranges) -> Ranges:
+    """Return the ranges of the pinion speed [r/min] with unstable motions, between folds, outside known ranges.
+
+    The motions on both sides of an unstable one coexist, and jumps lead from one to the other.
+    """
+    unstable = _with_stability(model, curve, False)
+    return _longer(part for low, high in unstable for part in outside(known, low, high))
+
+
+def _with_stability(model: hb.mechanics.Model, curve: hb.Branch, stable: bool) -> Ranges:
+    """Return the ranges of the pinion speed [r/min] in which a stable, or an unstable motion is known."""
+    known = [branch for branch in curve.curves if branch.stable is not None]
+    return merged(
+        part for branch in known for part in _speed_ranges(model, branch, np.asarray(branch.stable, bool) == stable)
+    )
+
+
+def _longer(ranges: Iterable[tuple[float, float]]) -> Ranges:
+    """Return the ranges that are longer than `SHORTEST_RANGE`."""
+    return [(low, high) for low, high in ranges if high - low > SHORTEST_RANGE * high]
 
 
 def _speed_span(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[float, float]:
@@ -221,22 +258,25 @@ def show_speeds(
 
 def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
     assert model.scales is not None
+    several = len(_meshes(model)) > 1
     rows = [
         [f"{one.speed:.0f}", f"{float(model.scales.mesh_frequency(one.point.parameters['Omega'])):.0f}",
-         _known(one.factor), rounded(one.transmission_error, 3), f"{one.force:.0f}",
-         "before a jump" if one.ends else ""]
+         *([str(one.mesh)] if several else []), _known(one.factor), rounded(one.transmission_error, 3),
+         f"{one.force:.0f}", "before a jump" if one.ends else ""]
         for one in resonances(model, curve)
     ]  # fmt: skip
     for branch in curve.curves:
         if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
             end = branch.asymptotes.get("last", float(branch.values[-1]))
             speeds = [float(of(end)) for of in (model.scales.pinion_speed, model.scales.mesh_frequency)]
-            rows.append([*(f"{x:.0f}" for x in speeds), *["unbounded"] * 3, "more damping would limit it"])
+            mesh = ["-"] if several else []
+            rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
     rows.sort(key=lambda row: float(row[0]))
     if rows:
-        headers = ["pinion r/min", "mesh Hz", "dynamic factor", "transmission error [um]", "largest force [N]", ""]
-        title = "resonances of the mesh; the transmission error is half peak to peak"
-        print_table(headers, rows, title)
+        headers = ["pinion r/min", "mesh Hz", *(["mesh"] if several else []), "dynamic factor",
+                   "transmission error [um]", "largest force [N]", ""]  # fmt: skip
+        of = ", with the mesh of the largest dynamic factor" if several else " of the mesh"
+        print_table(headers, rows, f"resonances{of}; the transmission error is half peak to peak")
     else:
         print_text("no resonance in this range of speeds")
 
@@ -276,6 +316,7 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
     headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
                "after"]  # fmt: skip
     title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
+    title += " with the largest one" if len(_meshes(model)) > 1 else ""
     if pair is not None:
         headers.append("K_v")
         title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
@@ -293,14 +334,18 @@ def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) ->
     low, high = _speed_span(model, curve)
     lost = merged([*contact_lost(model, curve), *others])
     unknown = without_stable_motion(model, curve)
-    if not lost and not unknown:
+    avoided = merged([*lost, *unknown])
+    jumps = jumps_possible(model, curve, avoided)
+    if not avoided and not jumps:
         print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
         return
-    safe = outside(merged([*lost, *unknown]), low, high)
+    safe = outside(merged([*avoided, *jumps]), low, high)
     print_text(f"safe speeds, at which the teeth stay in contact and nothing jumps: "
                f"{speeds_text(safe) if safe else f'none from {low:.0f} to {high:.0f} r/min'}")  # fmt: skip
     if lost:
         print_text(f"loss of contact is possible: {speeds_text(lost)}")
+    if jumps:
+        print_text(f"jumps without loss of contact: {speeds_text(jumps)}")
     if unknown:
         others_text = "" if others else "; motions of other periods are not computed"
         print_text(f"no stable motion of the mesh period: {speeds_text(unknown)}{others_text}")
@@ -330,13 +375,14 @@ def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
 
 
 def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
-    """Return the dynamic factor at a point; "-" without a point or a static force."""
+    """Return the largest dynamic factor of the meshes at a point; "-" without a point or a static force."""
     if point is None:
         return "-"
-    try:
-        return rounded(hb.analysis.dynamic_factor(model, point), digits)
-    except ValueError:
-        return "-"
+    factors = []
+    for name in _meshes(model):
+        with suppress(ValueError):
+            factors.append(hb.analysis.dynamic_factor(model, point, name))
+    return rounded(max(factors), digits) if factors else "-"
 
 
 def recommendation(
@@ -364,9 +410,10 @@ def recommendation(
         The sentence.
     """
     lost = merged([*contact_lost(model, curve), *(others or []), *without_stable_motion(model, curve)])
+    avoided = merged([*lost, *jumps_possible(model, curve, lost)])
     found = [one for one in resonances(model, curve) if np.isfinite(one.factor)]
-    if lost:
-        text = f"avoid {speeds_text(lost)}"
+    if avoided:
+        text = f"avoid {speeds_text(avoided)}"
     elif found:
         worst = max(found, key=lambda one: one.factor)
         text = f"no speed has to be avoided because of jumps; the dynamic factor is largest at {worst.speed:.0f} r/min"
