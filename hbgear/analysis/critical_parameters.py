@@ -85,9 +85,10 @@ class CriticalParameter:
     folds : Branch
         Fold curve with the cusp.
     jump_below : bool
-        True if the jump exists below the value, False if above.
+        True if the jump exists below the value, False if above. Other jumps may remain on the other side: see
+        ``others``.
     others : tuple of tuple of float
-        Value and Omega of further cusps.
+        Value and Omega of further cusps, at which other jumps appear or vanish.
     status : Status
         Complete if all folds of the response curve were followed. If not, another cusp may be nearer.
     message : str
@@ -132,8 +133,8 @@ def critical_parameter(
     """Find the value of a parameter at which a jump appears or vanishes, nearest to the value of the model.
 
     The response curve of the model is searched for folds. If it has none, response curves at values with increasing
-    distance on both sides are searched, within the range of the parameter. Each fold is followed in the parameter to a
-    cusp, or over five times the value of the model, and towards zero to a hundredth of the value.
+    distance on both sides are searched, within the range of the parameter. Each fold is followed in the parameter to
+    its cusps, or over five times the value of the model, and towards zero to a hundredth of the value.
 
     Parameters
     ----------
@@ -195,6 +196,8 @@ def find_cusps(
     progress: ProgressCallback | None = None,
 ) -> None:  # fmt: skip
     """Append the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
+
+    Cusps of one fold curve follow each other in its order.
 
     Raises
     ------
@@ -272,11 +275,18 @@ def _follow_to_cusps(
             )
             fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
             followed.append(fold)
-            cusp = next((p for p in fold.special if p.kind in TURNING_KINDS and p.located), None)
-            if cusp is not None:
-                # with the value on the fold curve: `cusp` may have the one of more harmonics
-                found.append(Cusp(cusp, fold, bool(fold.values[0] < fold.values[cusp.index])))
+            cusps = [p for p in fold.special if p.kind in TURNING_KINDS and p.located]
+            found += [Cusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps]
+            if cusps:
                 break
+
+
+def _is_maximum(fold: Branch, index: int) -> bool:
+    """Return whether the parameter is larger at a cusp than next to it on the fold curve.
+
+    The value of the special point may be the one of more harmonics.
+    """
+    return bool(fold.values[max(index - 1, 0) : index + 2].min() < fold.values[index])
 
 
 def _steepest_slope(curve: Branch) -> str:

@@ -347,7 +347,8 @@ class Search:
             with suppress(NoFoldError, NoConvergence):
                 found: list[FoundCusp] = []
                 find_cusps(problem, name, self.span, found)
-                for cusp in found:
+                nearest = [cusp for i, cusp in enumerate(found) if not i or cusp.folds is not found[i - 1].folds]
+                for cusp in nearest:  # of each fold curve; those behind it matter once its jump is removed
                     self._add(Cusp(name, 1.0 if cusp.jump_below else -1.0, cusp.point, u))
                 break
         return len(self.cusps) > known

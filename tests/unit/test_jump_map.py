@@ -178,6 +178,23 @@ def test_found_from_a_model_without_a_jump(in_zeta):
     assert found.value == pytest.approx(in_zeta.value, abs=1e-8) and found.jump_below
 
 
+@pytest.mark.slow
+def test_all_cusps_of_a_fold_curve_are_found():
+    """Two cusps of one fold curve of a pair with tip relief, against the folds of curves at dampings around them."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="15 um") for z in (25, 40)]
+    problem = HarmonicBalance(hb.gears.DrawnPair(hb.GearPair(*gears, backlash="80 um"), 200.0, 0.04), 8)
+    found = critical_parameter(problem, "damping")
+    assert found.jump_below and found.value == pytest.approx(0.04673, rel=1e-3)
+    ((last, Omega),) = found.others
+    folds = [
+        [point.parameters["Omega"] for point in curve.special if point.kind == "LP"]
+        for zeta in (0.999 * found.value, 1.001 * found.value, 0.999 * last, 1.001 * last)
+        for curve in [trace(problem, "Omega", (1.0, 0.8), at={"damping": zeta}, stability=False)]
+    ]
+    assert [len(each) for each in folds] == [4, 2, 2, 0]
+    assert folds[2] == pytest.approx([Omega] * 2, rel=1e-3)
+
+
 def test_load_and_error_matter_by_their_ratio():
     """While no tooth touches on its back the equation is homogeneous in F_m, e and x - b: e_crit / F_m = e / F_crit."""
     error = critical_parameter(PAIR, "e_scale", harmonics=8, **NEAR)

@@ -173,8 +173,7 @@ def critical(
         OmegaAxis.of(problem.model_at({parameter: found.value}), dimensionless),
         unit_after(problem.model, parameter),
     )
-    print(f"{parameter} = {text_at(found.point, parameter)}{unit}: a jump exists {side} this value, none just on the "
-          "other side")  # fmt: skip
+    print(f"{parameter} = {text_at(found.point, parameter)}{unit}: a jump exists {side} this value and vanishes at it")
     Omega = found.point.parameters["Omega"]
     print(f"it appears at {across.text(Omega) if across.is_speed else 'Omega = ' + text_at(found.point, 'Omega')}")
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
