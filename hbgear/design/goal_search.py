@@ -23,13 +23,13 @@ import numpy as np
 
 from hbgear.analysis.critical_parameters import Cusp as FoundCusp
 from hbgear.analysis.critical_parameters import NoFoldError, find_cusps
-from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint
+from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedMotion, RelocatedPoint
 from hbgear.analysis.parameter_sensitivity.units import measured_along
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
-from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
@@ -114,6 +114,8 @@ def no_jumps(margin: float = 0.0, parameter: str = "") -> Goal:
 @checked_arguments()
 def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Goal:
     """Return the goal that the highest peak of an amplitude, a measure of `Branch.amplitude`, is at most a limit.
+
+    Amplitudes at the ends of the span may not be larger either.
 
     Raises
     ------
@@ -365,9 +367,9 @@ class Search:
         self.cusps.append(cusp)
 
     def _of_peaks(self, u: Array) -> Slack:
-        """Return the slack of the highest peaks below the limit, relative to it.
+        """Return the slack of the highest peaks and of the ends of the span below the limit, relative to it.
 
-        Lower peaks than the highest one count, because a change may exchange them.
+        Lower ones than the highest one count, because a change may exchange them.
         """
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
@@ -378,11 +380,10 @@ class Search:
                 f"redesign: motions grow without bound towards Omega = {unbounded[0]:.6g}, so that {goal.measure} has "
                 "no highest peak; start from a design with bounded motions, such as one with more damping"
             )
-        tops = [
+        tops: list[Point] = [
             top for one in every for top in peaks(one, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
         ]  # fmt: skip
-        if not tops:
-            raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
+        tops += [one[i] for one in every for i in (0, -1) if one.values[i] in self.span]
 
         def constraint(at: _Relocated) -> _Constraint:
             rates = {name: -rate / goal.limit for name, rate in at.amplitude_slopes.items()}
@@ -392,15 +393,16 @@ class Search:
         high = [top for top, height in zip(tops, heights, strict=True) if height >= SHARE_OF_PEAKS * max(heights)]
         return self._slack_of([[constraint(at) for at in self._relocated(top, "Omega", u, u)] for top in high])
 
-    def _relocated(self, point: SpecialPoint, parameter: str, start: Array, u: Array) -> list[_Relocated]:
-        """Return the special point of the design at u and of each deviation of the sample.
+    def _relocated(self, point: Point, parameter: str, start: Array, u: Array) -> list[_Relocated]:
+        """Return the special point, or the motion at an end of the span, at u and for each deviation of the sample.
 
         ``start`` are the relative changes of the design of ``point``. A deviation for which the point is not found has
         its first-order estimate.
         """
         every = (*self.names, *self.spread.deviations, *self.spread.names)
         names = [name for name in dict.fromkeys(every) if name != parameter]
-        again, old, new = RelocatedPoint(point, names), self.values(start), self.values(u)
+        again = (RelocatedPoint if isinstance(point, SpecialPoint) else RelocatedMotion)(point, names)
+        old, new = self.values(start), self.values(u)
         changes = {name: new[name] - old[name] for name in new}
         first = self._at(again, point, names, changes, {})
         out = [first]
@@ -412,7 +414,7 @@ class Search:
         return out
 
     def _at(
-        self, again: RelocatedPoint, point: SpecialPoint, names: Sequence[str], changes: Mapping[str, float],
+        self, again: RelocatedPoint | RelocatedMotion, point: Point, names: Sequence[str], changes: Mapping[str, float],
         deviations: Mapping[str, float],
     ) -> _Relocated:  # fmt: skip
         U, here = again.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))

@@ -3,7 +3,7 @@
     min_a  sum_i (a_i / a_i0 - 1)^2     with  c(a) >= 0,   low <= a <= high
 
     no jump:       c = +-(q - q*(a)) / q0 - margin   beyond the cusp q* of the folds of a jump, in a parameter q
-    peak below L:  c = 1 - A*(a) / L
+    peak below L:  c = 1 - A*(a) / L                     A* at a peak or at an end of the span
 
 c is linearized with the derivatives of cusps and peaks (`hbgear.analysis.parameter_sensitivity`). The nearest point of
 the resulting half-spaces is the next iterate, until it converges (`hbgear.design.goal_search`). If no values reach the
@@ -161,7 +161,7 @@ def redesign(
     KeyError
         If the model has no such parameter.
     ValueError
-        If a parameter is zero, bounds do not contain the value of the model, or its curve has no peak in the span.
+        If a parameter is zero, bounds do not contain the value of the model, or its motions grow without bound.
 
     References
     ----------

@@ -143,6 +143,9 @@ def test_quantities_without_a_band(curve):
     duffing = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
     with pytest.raises(ValueError, match="Duffing does not know its units"):
         hb.design.response_band(duffing, {"zeta": 0.001}, length="um")
+    over_damping = hb.trace(curve.problem, "zeta", (0.05, 0.06), at={"Omega": 1.2})
+    with pytest.raises(ValueError, match="the curve is over zeta, so unit = 'mesh Hz' has no meaning"):
+        hb.design.response_band(over_damping, {"b": 0.1}, unit="mesh Hz")
     folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
     with pytest.raises(ValueError, match="a band needs a response curve"):
         hb.design.response_band(folds, {"b": 0.1})

@@ -246,6 +246,34 @@ def test_a_limit_below_the_smallest_height_of_an_absorber(factor, bounds):
     assert found.short == pytest.approx(smallest / limit - 1, abs=1e-4)
 
 
+def test_the_largest_amplitude_at_an_end_of_the_span():
+    """Below both peaks of an absorber the amplitude increases to the end of the span, against its closed form."""
+    problem, (before,) = hb.HarmonicBalance(absorber(), 1), absorber_height(np.array([0.8]), 0.9, 0.1)
+    found = hb.design.redesign(
+        problem, hb.design.peak_below(0.95 * before, "pp2"), ["tuning", "ratio"], span=(0.5, 0.8)
+    )
+    assert found.reached and found.steps <= 8
+    (after,) = absorber_height(np.array([0.8]), found.values["tuning"], found.values["ratio"])
+    assert after == pytest.approx(0.95 * before, rel=2e-3) and after <= 0.95 * before
+    angle = np.linspace(0, 2 * np.pi, 721)
+    u = 0.98 * found.distance * np.array([np.cos(angle), np.sin(angle)])
+    assert absorber_height(0.8, 0.9 * (1 + u[0]), 0.1 * (1 + u[1])).min() > 0.95 * before
+
+
+def test_a_sample_of_amplitudes_at_an_end_of_the_span():
+    """The required share of a sample is below the limit at the end of the span, as single curves confirm."""
+    drawn = hb.design.latin_hypercube(10, e_scale=("normal", 0.0, 0.02))
+    goal, span = hb.design.peak_below(0.17), (1.4, 1.0)
+    found = hb.design.redesign(PAIR, goal, ["e_scale"], span=span, tolerances=drawn)
+    heights = []
+    for row in drawn.rows():
+        other = PAIR.model.replace(e_scale=found.values["e_scale"] + row["e_scale"])
+        curve = hb.trace(hb.HarmonicBalance(other, 5), "Omega", span, stability=False)
+        heights.append(curve.amplitude("pp2"))
+    assert found.reached and found.share == 1.0 and all(each.argmax() == len(each) - 1 for each in heights)
+    assert max(each[-1] for each in heights) == pytest.approx(0.17, rel=2e-3)
+
+
 class _TwoHalfPlanes(Search):
     """Search whose cusps are two straight lines x + 2 y = 0.3 and 2 x + y = 0.3, found in turn, one in each search."""
 

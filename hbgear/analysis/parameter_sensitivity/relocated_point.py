@@ -1,4 +1,4 @@
-"""Special point as a function of some parameters of its model."""
+"""Special point, or motion at a constant parameter of its branch, as a function of some parameters of its model."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import (
     Slopes,
+    of_solution,
     of_special,
 )
 from hbgear.continuation.results.point import Point
@@ -87,3 +88,31 @@ class RelocatedPoint:
 
 _MAX_CHANGE_RATIO = 5.0
 """Largest change of a point over its prediction of first order; a larger one belongs to another point."""
+
+
+class RelocatedMotion:
+    """Motion at a constant parameter of its branch as a function of some parameters, with the methods of a point.
+
+    Parameters
+    ----------
+    point : Point
+        Motion that is not a fold.
+    names : sequence of str
+        Names of the parameters that change.
+    """
+
+    def __init__(self, point: Point, names: Sequence[str]) -> None:
+        self._problem, self._here, self._parameter = problem_and_parameters(point)
+        self._names = parameter_names(self._problem, self._here, self._parameter, names)
+        self._X = point.X
+        self._slopes = of_solution(self._problem, self._X, self._here, self._names).X
+
+    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+        """Return the derivatives of the unknowns at a motion of `solved`."""
+        return of_solution(self._problem, U[:-1], here, self._names)
+
+    def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
+        """Solve for the motion with changed parameters; see `RelocatedPoint.solved`."""
+        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        X = solve(self._problem, self._X + changes @ self._slopes, here, self._parameter).X
+        return np.append(X, here[self._parameter]), here

@@ -187,6 +187,10 @@ def response_band(
     length = length if length is not None else MICROMETRE if physical and dimension_of(measure) == 1 else ""
     if unit not in FREQUENCIES:
         raise ValueError(f"response_band: unit = {quoted(unit)}{did_you_mean(unit, FREQUENCIES)}")
+    if unit != "Omega" and branch.parameter != "Omega":
+        raise ValueError(
+            f"response_band: the curve is over {branch.parameter}, so unit = {quoted(unit)} has no meaning"
+        )
     names, covariance = _covariance(scatter)
     for name in names:
         problem.check_parameter(name)
