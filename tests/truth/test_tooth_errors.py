@@ -100,6 +100,18 @@ def test_gaps_of_an_eccentric_gear():
         np.testing.assert_allclose(found, exact, atol=1e-12)  # the ring moves off the pinion, then along its rotation
 
 
+def test_gaps_of_displaced_teeth():
+    """An arc f of the reference circle turns the base circle by f d_b / d; both teeth of a pair add up."""
+    errors = [[9e-6 * (p == 3) for p in range(20)], [-2e-6 * (p == 3) for p in range(30)]]
+    gears = [hb.gears.Gear(len(f), "3 mm", "20 mm", helix_angle=h, pitch_errors=f)
+             for f, h in zip(errors, (0.3, -0.3), strict=True)]  # fmt: skip
+    base = gears[1].base_diameter / gears[1].reference_diameter
+    for side in (1, -1):
+        found = pair_gaps(hb.GearPair(*gears, backlash="80 um"), side, 60)
+        exact = {3: 7e-6, 23: 9e-6, 33: -2e-6, 43: 9e-6}
+        assert found == pytest.approx({p: side * base * f for p, f in exact.items()}, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_motion_of_a_drawing_closes_under_integration():
     """Teeth with run-out, pitch errors and loss of contact, integrated pair by pair from the state of the balance."""
@@ -192,7 +204,7 @@ def test_run_out_in_files(tmp_path):
     [
         ({"pitch_errors": "5 um"}, "pitch_errors = '5 um' must be a sequence with one length for each tooth"),
         ({"pitch_errors": ["5 um", "0 um"]}, "pitch_errors has 2 values for 20 teeth; give one for each tooth"),
-        ({"pitch_errors": [5.0] + [0.0] * 19}, "has the value 5 m, beyond any machine"),
+        ({"pitch_errors": [1e-6] * 19 + [5.0]}, "has the value 5 m, beyond any machine"),
         ({"pitch_errors": [float("nan")] + [0.0] * 19}, "pitch_errors"),
         ({"runout": "20 N"}, "runout = '20 N' must be a quantity in m"),
     ],

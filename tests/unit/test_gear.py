@@ -2,7 +2,9 @@
 
 import dataclasses
 import re
-from math import acos, atan, cos, degrees, pi, radians, sin, sqrt, tan
+import warnings
+from contextlib import nullcontext
+from math import acos, atan, cos, degrees, hypot, pi, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from hbgear.gears.drawing.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
+from hbgear.gears.drawing.interference import Engagement
 from hbgear.gears.drawing.tooth import Tooth
 
 
@@ -185,7 +188,35 @@ def test_undercut_is_a_warning_and_shortens_the_path():
         p = pair(12, 40)
     start = sqrt(p.pinion.form_diameter**2 - p.pinion.base_diameter**2) / 2
     assert p.path[0] == start > p.engagement.tip_contact
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut"):
+        swapped = pair(40, 12)
+    assert swapped.path == pytest.approx([p.tangent_length - s for s in p.path[::-1]], rel=1e-12)
     assert p.mesh(50.0).stiffness.mean < 0.95 * pair(17, 40).mesh(50.0).stiffness.mean
+
+
+@pytest.mark.parametrize(("alpha", "beta", "z", "x"), [(20, 0, 12, 0.0), (28, 25, 8, -0.3), (16, 10, 20, -0.1)])
+def test_advised_shift_and_number_of_teeth_avoid_undercut(alpha, beta, z, x):
+    """With the advised shift the involute begins at the base circle, and the trochoid ends there."""
+    fields = {"pressure_angle": radians(alpha), "helix_angle": radians(beta)}
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut") as caught:
+        gear(z, profile_shift=x, **fields)
+    shift, teeth = re.search(r"at least ([\d.]+), or (\d+) teeth", str(caught[0].message)).groups()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        least, more = gear(z, profile_shift=float(shift), **fields), gear(int(teeth), profile_shift=x, **fields)
+        wider = gear(z, profile_shift=float(shift) + 0.2, **fields)
+    assert least.form_diameter == pytest.approx(least.base_diameter, abs=2e-8)  # the shift has three decimals
+    for one in (least, more, wider):
+        assert 2 * one.fillet(2)[0][-1] == pytest.approx(one.form_diameter, rel=1e-9)
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut"):
+        gear(int(teeth) - 1, profile_shift=x, **fields)
+
+
+def test_largest_rounding_of_the_rack():
+    """The tip of the rack is one arc, whose centre is in the middle of its tooth; a pointed tip has no rounding."""
+    tip = gear(30, dedendum=1.4, fillet_radius=0.6).rack_tip
+    assert abs(tip.E) < 1e-15 and 0.3 * 3e-3 < tip.rho < 0.6 * 3e-3
+    assert gear(60, profile_shift=1.5, addendum=0.3, dedendum=2.5).rack_fillet == 0.0
 
 
 def test_published_tips_of_shifted_gears():
@@ -260,6 +291,50 @@ def test_default_rings_mesh_or_are_refused_for_a_true_reason(z_1, z_2, deep):
         assert overlap_with_the_ring(p.pinion, p.wheel, a) < 1e-7 and p.contact_ratio >= 1
 
 
+@pytest.mark.parametrize(("which", "other"), [
+    (0, {"addendum": 1.2}), (1, {"addendum": 1.2}), (0, {"internal": True, "addendum": 0.9, "tip_alteration": 0.0}),
+])  # fmt: skip
+def test_tips_that_touch_below_the_involute(which, other):
+    """The straight flank ends at a depth h; there the line of action is at (r - h, h cot(alpha)) from the axis."""
+    short, long = gear(20), gear(60, **other)
+    sign, alpha, h = long.sign, radians(20), 3e-3 * (1.25 - 0.38 * (1 - sin(radians(20))))
+    a, r = 30e-3 * (3 + sign), 30e-3
+    tip = long.tip_diameter_used / 2
+    at = brentq(lambda y: hypot(sign * a - r + y, y / tan(alpha)) - tip, 0.0, r * sin(alpha) ** 2)
+    with pytest.raises(ValueError, match=f"touch the {('pinion', 'wheel')[which]} at") as refusal:
+        hb.GearPair(*(short, long)[:: 1 - 2 * which])
+    shown = re.search(r" at ([\d.]+) mm.* ends at ([\d.]+) mm.*of at \w+ ([\d.]+) mm", str(refusal.value)).groups()
+    points = [(r - at, at), (r - h, h), (sign * a - r + h, h)]
+    assert [float(d) for d in shown] == pytest.approx([2e3 * hypot(x, y / tan(alpha)) for x, y in points], abs=6e-4)
+    for beyond, refused in ((-0.01, False), (0.06, True)):
+        changed = dataclasses.replace(long, tip_diameter=f"{float(shown[2]) + sign * beyond} mm", tip_alteration=None)
+        with pytest.raises(ValueError, match="touch") if refused else nullcontext():
+            hb.GearPair(*(short, changed)[:: 1 - 2 * which])
+
+
+@pytest.mark.filterwarnings("ignore:.*undercut")
+@pytest.mark.parametrize(("teeth", "shift", "fields", "sign"), [
+    ((8, 40), 0.0, {"addendum": 1.1}, -1), ((10, 25), 0.0, {"addendum": 1.2}, 1),
+    ((12, 60), 0.0, {"internal": True}, 1), ((12, 40), 0.1, {"internal": True, "addendum": 0.9}, 1),
+])  # fmt: skip
+def test_depth_of_tips_in_undercut_roots(teeth, shift, fields, sign):
+    """Both gears are turned from the position in which a tooth of the pinion is in the middle of a space."""
+    pinion = gear(teeth[0], profile_shift=shift)
+    wheel = gear(teeth[1], **{"profile_shift": -shift, **fields})
+    a, pitch, tip = 1.5e-3 * (teeth[1] + wheel.sign * teeth[0]), 2 * pi / teeth[0], wheel.tip_diameter_used
+    (radius, half), edge, deepest = pinion.fillet(2000), wheel.tooth_thickness(tip) / tip, -1.0
+    turn = pitch * np.linspace(-1.5, 1.5, 6001)
+    for corner in [2 * pi / teeth[1] * k + side * edge for k in (-1.5, -0.5, 0.5, 1.5) for side in (-1, 1)]:
+        angle = corner - wheel.sign * turn * teeth[0] / teeth[1]
+        at = wheel.sign * (a - tip / 2 * np.exp(1j * angle)) * np.exp(-1j * turn)
+        off = np.abs((np.angle(at) + pitch / 2) % pitch - pitch / 2)
+        r = np.abs(at)
+        within = (r > radius[0]) & (r < radius[-1])
+        deepest = max(deepest, np.max((r * (np.interp(r, radius, half) - off))[within], initial=-1.0))
+    found = Engagement(pinion, wheel, a, radians(20)).root_overlap(tip)
+    assert found == pytest.approx(deepest, abs=2e-7) and np.sign(found) == sign and abs(found) > 2e-6
+
+
 def test_all_default_rings():
     """Of z_1 from 17 and differences from 1: refused below 4 teeth, with advised tips up to 7, else accepted."""
     for z_1 in range(17, 61, 6):
@@ -284,8 +359,10 @@ def test_all_default_rings():
         (lambda: gear(40, rim_thickness="9 mm"), "rim_thickness and web_thickness must both be given"),
         (lambda: hb.GearPair(gear(16), gear(24, internal=True, profile_shift=0.5)),
          "teeth of a ring thicker; .* give the opposite sign, profile_shift = -0.5"),
-        (lambda: gear(24, internal=True, tip_diameter="66 mm"), "many catalogues count the shift of rings outwards"),
-        (lambda: gear(25, profile_shift=1.9), "pointed"),
+        (lambda: gear(24, internal=True, tip_diameter="66 mm"),
+         r"tip diameter of 66 mm .* base diameter of 67.6579 mm: .* many catalogues count the shift of rings outwards"),
+        (lambda: gear(25, profile_shift=1.9), r"pointed below the tip .* of 92.4 mm \(thickness there -1.068 mm\)"),
+        (lambda: gear(5, dedendum=2.0, profile_shift=-0.6), "root diameter would be -0.6 mm"),
         (lambda: gear(25.5), "whole number"),
         (lambda: gear(25, module=3), "beyond any machine.*'3 mm'"),
         (lambda: gear(25, module="3 kg"), "quantity in m"),
@@ -294,14 +371,16 @@ def test_all_default_rings():
         (lambda: gear(25, body_diameter="70 mm"), "it is the bore"),
         (lambda: gear(25, internal="yes"), "True or False"),
         (lambda: gear(20, internal=True, tip_diameter="56 mm"), "above its base diameter"),
-        (lambda: pair(backlash="80 mm"), "as large as a tooth.*'80 um'"),
+        (lambda: pair(backlash="80 mm"), "as large as a tooth, which is 4.71 mm thick.*'80 um'"),
         (lambda: pair(backlash=-1e-5), "not be negative"),
         (lambda: pair(backlash="80 um", backlash_measure="axial"), "circumferential, normal, action"),
         (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40, helix_angle="10 deg")), "of opposite hands"),
-        (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40)), "give the wheel helix_angle = '-10 deg'"),
+        (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40)),
+         "a right pinion of 10 deg and a spur wheel of 0 deg .* give the wheel helix_angle = '-10 deg'"),
         (lambda: hb.GearPair(gear(20, helix_angle="9 deg"), gear(70, helix_angle="-9 deg", internal=True)),
          "of the same hand"),
-        (lambda: hb.GearPair(gear(25), gear(40, module="2 mm")), "same normal module"),
+        (lambda: hb.GearPair(gear(25), gear(40, module="2 mm")), "modules of 3 mm and 2 mm .* same normal module"),
+        (lambda: hb.GearPair(gear(25), gear(40, helix_angle="10 deg")), "give the wheel helix_angle = '0 deg'"),
         (lambda: hb.GearPair(gear(25), gear(40, pressure_angle="25 deg")), "give both the same"),
         (lambda: hb.GearPair(gear(25), "wheel"), "wheel"),
         (lambda: hb.GearPair(gear(60, internal=True), gear(25)), "give the ring as the wheel"),
@@ -316,6 +395,8 @@ def test_all_default_rings():
          r"ring a tip_diameter of at least 74.\d+ mm or the pinion a tip_diameter of at most 64.\d+ mm"),
         (lambda: hb.GearPair(gear(20), gear(60, internal=True, tip_alteration=0.0)),
          r"touch the pinion .* a tip_diameter of at least 174.\d+ mm"),
+        (lambda: hb.GearPair(gear(20, tip_alteration=0.4), gear(60, internal=True)),
+         "reach 0.450 mm into the roots of the ring of 60; give the pinion a tip_diameter of at most 67.5 mm"),
         (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no space"),
         (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
         (lambda: pair().mesh("200 N"), "quantity in N m"),

@@ -76,7 +76,10 @@ def test_factors_along_the_flank_are_those_of_its_normals(z, x):
 def test_gears_without_a_form_factor():
     with pytest.raises(ValueError, match="ring gear; form factors"):
         hb.gears.root_factors(gear(80, internal=True), 0.24)
-    with pytest.raises(ValueError, match=r"not on the involute; give values from the base diameter 70\.4769 mm"):
+    with pytest.raises(
+        ValueError,
+        match=r"not on the involute; give values from the base diameter 70\.4769 mm to the tip diameter 81 mm",
+    ):
         hb.gears.root_factors(gear(25), 0.07)
 
 
