@@ -375,34 +375,37 @@ def test_ring_is_computed_as_a_rack():
     assert mean == pytest.approx(iso_stiffness(p).mesh, rel=0.15)
 
 
-def k_v(N, ratio, p, f, k):
-    """The four ranges of clause 6.4 of ISO 6336-1 once more, for B_p, B_f and B_k."""
+def k_v(N, ratio, p, f, k, begin):
+    """The four ranges of clause 6.4 of ISO 6336-1 once more, for B_p, B_f, B_k and the begin N_S of the second."""
     late = ratio > 2
     at_2, at_3, at_4 = ((0.57 / (ratio - 0.3), 0.096 / (ratio - 1.56), (0.57 - 0.05 * ratio) / (ratio - 1.44))
                         if late else (0.34, 0.23, 0.90))  # fmt: skip
     at_6 = 0.12 / (ratio - 1.74) if late else 0.47
     at_7 = 0.75 if ratio <= 1.5 else 1.0 if ratio > 2.5 else 0.875 + 0.125 * np.sin(pi * (ratio - 2))
     low, high = 1 + 0.32 * p + at_2 * f + at_4 * k, 0.47 * p + at_6 * f + at_7
-    if N <= 0.85:
+    if begin >= N:
         return 1 + N * (0.32 * p + at_2 * f + at_3 * k)
     return low if N <= 1.15 else high if N >= 1.5 else high + (1.5 - N) / 0.35 * (low - high)
 
 
-@pytest.mark.parametrize(("beta", "grade", "relief"), [(0, 7, 0.0), (0, 5, 10e-6), (25, 5, 4e-6), (30, 8, 0.0)])
-def test_dynamic_factor_of_iso(beta, grade, relief):
-    """In the units of the standard: N/(mm um), kg/mm, um; total contact ratios from 1.66 to 2.8."""
-    gears = [hb.gears.Gear(z, "3 mm", "30 mm", helix_angle=radians(h), tip_relief=relief)
+@pytest.mark.parametrize(("alpha", "beta", "grade", "relief", "load"), [
+    (20, 0, 7, 0.0, 600.0), (20, 0, 5, 10e-6, 600.0), (20, 25, 5, 4e-6, 600.0), (20, 30, 8, 0.0, 600.0),
+    (28, 0, 6, 0.0, 600.0), (20, 10, 7, 0.0, 25.0), (20, 14, 7, 0.0, 99.0),
+])  # fmt: skip
+def test_dynamic_factor_of_iso(alpha, beta, grade, relief, load):
+    """In the units of the standard: N/mm, N/(mm um), kg/mm, um; total contact ratios from 1.40 to 2.96."""
+    gears = [hb.gears.Gear(z, "3 mm", "30 mm", pressure_angle=radians(alpha), helix_angle=radians(h), tip_relief=relief)
              for z, h in ((25, beta), (40, -beta))]  # fmt: skip
-    p, torque = hb.GearPair(*gears), 700.0
-    found = iso_stiffness(p)
-    load = 2 * torque / gears[0].reference_diameter / 30  # N/mm, above 100
+    p, torque = hb.GearPair(*gears), load * 30 * gears[0].reference_diameter / 2
+    found = iso_stiffness(p, torque)
     d, mass = gears[1].reference_diameter * 1e3, p.equivalent_mass / 30
     errors = [(0.001 * d + 0.4 * 3 + 5) * cos(gears[1].transverse_pressure_angle), 0.55 * 3 + 5]
     b_p, b_f = (found.single / 1e9 * error * sqrt(2) ** (grade - 5) / load for error in errors)
     b_k = 1 if grade > 5 else abs(1 - found.single / 1e9 * relief * 1e6 / load)
     resonance = 30_000 / (pi * 25) * sqrt(found.mesh / 1e9 / mass)
-    for N in (0.0, 0.3, 0.849, 0.9, 1.1, 1.2, 1.4, 1.6, 5.0):
-        expected = k_v(N, p.total_contact_ratio, b_p, b_f, b_k)
+    begin = 0.5 + 0.35 * sqrt(min(load / 100, 1.0))
+    for N in (0.0, 0.3, begin - 1e-3, begin + 1e-3, 1.1, 1.2, 1.4, 1.6, 5.0):
+        expected = k_v(N, p.total_contact_ratio, b_p, b_f, b_k, begin)
         assert hb.gears.iso_dynamic_factor(p, torque, N * resonance, grade) == pytest.approx(expected, rel=1e-12)
 
 

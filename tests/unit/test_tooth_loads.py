@@ -144,6 +144,8 @@ def test_harris_map_is_the_static_state_of_the_tooth_resolved_mesh():
         exact = np.interp(found.phase[inner], phase, delta)
         np.testing.assert_allclose(error[inner], exact, rtol=1e-3)
     assert np.argmin(found.peak_to_peak) == 1
+    assert len(np.unique(found.phase)) == 256 + 2  # both ends, and the phase at which a pair leaves contact
+    np.testing.assert_array_equal(hb.gears.harris_map(gears, torques[:1]).error, found.error[:1])
     with pytest.raises(ValueError, match="torques is empty"):
         hb.gears.harris_map(gears, [])
 
