@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.gears.mesh.mesh_excitation import lagged_series, transmission_error
+from hbgear.gears.mesh.mesh_excitation import contacts_in_order, lagged_series, transmission_error
+from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
@@ -104,9 +105,35 @@ def test_lags_of_amplitudes():
     np.testing.assert_allclose(pair.transmission_error(TAU), 0.1 * np.cos(TAU - 0.3), atol=1e-15)
 
 
+def two_meshes():
+    """Contacts with an error of one pair of teeth in two."""
+    stiffness, gap = (PathFunction.linear([0.0, 0.9, 1.6], values) for values in ([0.4, 0.7, 0.5], [0.1, 0.0, 0.2]))
+    return mesh_contacts([Flank(1, stiffness, gap, errors={1: 0.3}, lag=0.2)], 2)
+
+
+@pytest.mark.parametrize(("order", "lag"), [(2, 0.0), (2, 0.5), (6, 0.0), (6, 0.5)])
+def test_contacts_in_an_order(order, lag):
+    """The mesh has the phase order tau - lag; a period of the contacts is that of two meshes."""
+    d, still, base = np.full(50, 0.8), np.zeros(50), two_meshes()
+    found = contacts_in_order(base, order, lag).force(d, still, TAU)[0]
+    np.testing.assert_allclose(found, base.force(d, still, (order * TAU - lag) / 2)[0], atol=1e-12)
+
+
+def test_a_fluctuation_acts_in_its_direction():
+    """Its mean adds to the constant load; the scale multiplies all of it."""
+    wave = hb.mechanics.Series(0.2, cosine=(0.0, 0.3), sine=(0.5, -0.4))
+    pair = hb.SpurPair(fluctuation=wave, fluctuation_scale=1.5, mesh_order=2)
+    terms = pair.fluctuating_load([1.0, -2.0], [2.0, 3.0]).complex(2)
+    found = sum(np.outer(terms[k], np.exp(1j * k * TAU)).real for k in terms)
+    np.testing.assert_allclose(found, [1 + 3 * wave(TAU), -2 + 4.5 * wave(TAU)], atol=1e-12)
+    assert 2 * np.array(pair.default_span) == pytest.approx(hb.SpurPair.default_span)  # Omega is half as large
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
-    [({"eps": (0.1,), "eps_lag": (0.1, 0.2)}, "one lag for each"), ({"reference": (1.0, 2.0)}, "omega_n"),
+    [({"eps": (0.1,), "contacts": two_meshes(), "mesh_order": 2}, "contacts and a mesh stiffness are both given"),
+     ({"stiffness": hb.mechanics.Series(1.0), "contacts": two_meshes(), "mesh_order": 2}, "both given"),
+     ({"eps": (0.1,), "eps_lag": (0.1, 0.2)}, "one lag for each"), ({"reference": (1.0, 2.0)}, "omega_n"),
      ({"reference": (1.0, -2.0, 3.0, 4.0)}, "all positive"), ({"e_lag": ("a",)}, "e_lag")],
 )  # fmt: skip
 @pytest.mark.parametrize("cls", [hb.SpurPair, hb.gears.GearRotorBearing])
@@ -249,6 +276,17 @@ def test_tables_as_functions_of_the_phase():
         assert away.max() <= tolerance and len(found.phases) <= most
         assert sum(np.abs(found.jumps[:, 0]) > 0.1) == 2
     assert hb.gears.MeshTable([0, 1], [2.0, 2.0]).function() == hb.mechanics.Series(2.0)
+
+
+def test_static_error_of_tables_with_jumps():
+    """Jumps within the cycle and at its ends, of one table or of both, remain: F/k is 10 um, then 20 um."""
+    k = hb.gears.MeshTable([0, 0.4, 0.4, 1], [2e8, 2e8, 1e8, 1e8])
+    e = hb.gears.MeshTable([0, 0, 0.4, 0.4, 0.7, 1, 1], [7e-6, 1e-6, 3e-6, 5e-6, 5e-6, 2e-6, 7e-6])
+    found = hb.gears.MeshCycle(k, e, 2e3).static_error
+    np.testing.assert_array_equal(found.phase, [0, 0, 0.4, 0.4, 0.7, 1, 1])
+    np.testing.assert_allclose(found.value, np.array([17, 11, 13, 25, 25, 22, 27]) * 1e-6, rtol=1e-12)
+    again = hb.gears.MeshCycle.loaded(k, found, 2e3)
+    np.testing.assert_allclose(again.error.value, e.value, rtol=1e-9)
 
 
 def test_an_error_that_jumps_is_smoothed():
