@@ -119,6 +119,11 @@ def test_contacts_in_an_order(order, lag):
     np.testing.assert_allclose(found, base.force(d, still, (order * TAU - lag) / 2)[0], atol=1e-12)
 
 
+def test_contacts_leave_the_other_parameters():
+    pair = hb.SpurPair(eps=(), contacts=two_meshes(), mesh_order=2)
+    assert pair.parameters.keys() == hb.SpurPair().parameters.keys() - {"eps_scale"}
+
+
 def test_a_fluctuation_acts_in_its_direction():
     """Its mean adds to the constant load; the scale multiplies all of it."""
     wave = hb.mechanics.Series(0.2, cosine=(0.0, 0.3), sine=(0.5, -0.4))

@@ -238,7 +238,7 @@ def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> 
     return out
 
 
-def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
+def transmission_error(e: tuple[float, ...], phase: str, scale: float, lag: tuple[float, ...]) -> Series:
     """Return the transmission error.
 
         e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin
@@ -249,10 +249,10 @@ def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0, lag
         Amplitudes; entry 0 is for l = 1.
     phase : {"cos", "sin"}
         Function of the harmonics.
-    scale : float, default 1.0
+    scale : float
         Factor of all amplitudes.
-    lag : tuple of float, shape (L,), optional
-        Phase lags [rad]. Default (): no lag.
+    lag : tuple of float, shape (L,)
+        Phase lags [rad], or () for no lag.
     """
     if phase == "cos" or not lag:
         return (lagged_series(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)

@@ -61,8 +61,7 @@ class MeshModel(NamedTuple):
 
 
 def mesh_model(
-    owner: str, pair: GearPair, torque: float, mesh: str | None = None, cycle: MeshCycle | None = None,
-    friction: Friction = 0.0, side: int = 1,
+    owner: str, pair: GearPair, torque: float, mesh: str | None, cycle: MeshCycle | None, friction: Friction, side: int,
 ) -> MeshModel:  # fmt: skip
     """Return the mesh of a pair under a torque; the module docstring describes the models.
 
@@ -74,14 +73,14 @@ def mesh_model(
         Gear pair.
     torque : float
         Torque on the pinion [N m], positive.
-    mesh : {"teeth", "secant", "tangent"} or None, optional
-        Model of the mesh. Default: "teeth".
-    cycle : MeshCycle or None, optional
+    mesh : {"teeth", "secant", "tangent"} or None
+        Model of the mesh; None for "teeth".
+    cycle : MeshCycle or None
         Tables instead of a computed mesh.
-    friction : float or BenedictKelley, optional
-        Coefficient of friction between the teeth. Default 0.
-    side : {1, -1}, optional
-        Loaded flank: -1 if the wheel drives. Default 1.
+    friction : float or BenedictKelley
+        Coefficient of friction between the teeth.
+    side : {1, -1}
+        Loaded flank: -1 if the wheel drives.
 
     Raises
     ------

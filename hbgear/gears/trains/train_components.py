@@ -440,7 +440,7 @@ class Mesh:  # numpydoc ignore=PR02
         if pair.wheel.rack:
             raise ValueError("Mesh.of: the wheel is a rack, and all wheels of a train turn; use GearPair.model")
         torque = to_si("Mesh.of", "torque", torque, "N m")
-        found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction)
+        found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction, 1)
         begin = pair.path[0]
         pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
         c = cos(pair.pinion.base_helix_angle)
