@@ -9,6 +9,8 @@ import scipy
 import hbgear as hb
 from hbgear.gears.drawing.tooth_errors import GapWave, gap_waves, pair_gaps
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
+from hbgear.gears.mesh.tooth_forces import PairForces, pair_forces
+from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 
 TURN = 2 * np.pi
 ZETA, LOAD, OMEGA = 0.05, 0.4, 0.6
@@ -164,6 +166,26 @@ def test_loads_of_pairs_with_pitch_errors():
     loads = hb.analysis.tooth_loads(point, hb.gears.tooth_mesh(pair, "150 N m"))
     assert loads.force.shape[0] == 20 and np.argmax(loads.force.sum(axis=1)) == 7
     assert loads.forces.total[:, :1024].mean() == pytest.approx(pair.transverse_force(150), rel=2e-3)
+
+
+def test_forces_of_pairs_with_run_out_are_those_of_the_contacts():
+    """Sums over pairs, whose gaps have the sinusoid itself, against the law, whose levels are continuous cubics."""
+    u = np.array([0.0, 0.5, 1.1, 1.6])
+    stiffness, gap = (PathFunction.linear(u, values) for values in ([0.0, 0.6, 0.5, 0.0], [0.2, 0.0, 0.0, 0.1]))
+    errors, waves = {1: 0.1, 2: -0.05}, (GapWave(0.1, 4, 0.7), GapWave(0.05, 2, -0.3))
+    flanks = [Flank(side, stiffness, gap, 0.3, 0.2, errors, waves) for side in (1, -1)]
+    contacts = mesh_contacts(flanks, 4)
+    assert all(contact.level.continuous for contact in contacts.contacts)
+    found = pair_forces(flanks, lambda t: 1.2 * np.sin(TURN * t / 4), 4)
+    inside = np.flatnonzero((found.position >= 0) & (found.position < 1))
+    for p in range(4):
+        t = p + found.position[inside]
+        x = 1.2 * np.sin(TURN * t / 4)
+        for side, force in ((1, found.drive), (-1, found.back)):
+            law = MeshContacts(tuple(contact for contact in contacts.contacts if contact.side == side))
+            total = PairForces(found.position, force, force, found.displacement).total[p, inside]
+            np.testing.assert_allclose(side * law.force(x, 0 * x, TURN * t / 4)[0], total, atol=1e-7)
+    assert found.drive.max() > 0.3 and found.back.max() > 0.3
 
 
 def test_periods_and_trains():
