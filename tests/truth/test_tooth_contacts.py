@@ -195,6 +195,35 @@ def test_static_transmission_error(name, force, low, high):
     assert delta.max() == pytest.approx(high, abs=2e-7)
 
 
+def test_static_displacement_of_constant_stiffness():
+    """Slices of stiffness 1/2 that each have one or two pairs in contact, and jumps resolved on both sides."""
+    ends, length, lags, F, b = [0.0, 1.6], 1.6, (0.0, 0.5), 0.7, 0.3
+    half, gap = PathFunction.linear(ends, [0.5, 0.5]), PathFunction.linear(ends, [0.05, 0.05])
+    phase, found = static_displacement([Flank(1, half, gap, 0.02, lag) for lag in lags], F, b)
+
+    def exact(x):
+        return F / sum(0.5 + 0.5 * ((x - lag) % 1.0 < length - 1) for lag in lags) + 0.05 + 0.02 + b
+
+    np.testing.assert_allclose(found, exact(phase), rtol=1e-12)
+    jumps = np.array([0.1, 0.5, 0.6])
+    for x in (jumps - 2e-8, jumps + 2e-8):
+        np.testing.assert_allclose(np.interp(x, phase, found), exact(x), rtol=1e-12)
+
+
+def test_changes_of_functions_over_the_path():
+    """Sections and mirror images have the values of the function at the same positions and at their images."""
+    rows = np.array([[0.3, 1.0, -2.0, 0.7], [0.5, -0.4, 0.2, 1.1], [0.1, 0.2, 0.0, -0.6]])
+    nodes, u = np.array([0.2, 0.7, 1.0, 1.9]), np.linspace(0.4, 1.6, 96)
+    values = [sum(c * (u - begin) ** q for q, c in enumerate(row)) for row, begin in zip(rows, nodes[:-1], strict=True)]
+    values = np.select([u < 0.7, u < 1.0], values[:2], values[2])
+    function = PathFunction(nodes, rows)
+    np.testing.assert_allclose(function.at(u), values, rtol=1e-13)
+    np.testing.assert_allclose(function.section(0.35, 1.65).at(u), values, rtol=1e-12)
+    np.testing.assert_allclose(function.mirrored(0.8).at(1.6 - u), values, rtol=1e-12)
+    np.testing.assert_allclose(function.plus(0.3, -2.0).at(u), 0.3 - 2 * values, rtol=1e-12)
+    assert (function.mirrored(0.8).nodes[0], function.length) == (pytest.approx(-0.3), 1.9)
+
+
 def test_a_fluctuating_torque_is_a_field_of_a_pair():
     """The pair with one mesh period of contacts, of order 10, has the equations of the case over ten meshes."""
     inputs = CASES["R1"]["inputs"]

@@ -79,7 +79,7 @@ def _total(force: Array) -> Array:
 
 
 def pair_forces(
-    flanks: Sequence[Flank], displacement: Callable[[Array], Array], pairs: int = 1, half_backlash: float = 0.0
+    flanks: Sequence[Flank], displacement: Callable[[Array], Array], pairs: int, half_backlash: float = 0.0
 ) -> PairForces:
     """Compute the forces on successive pairs of teeth; see the equations in the module header.
 
@@ -89,7 +89,7 @@ def pair_forces(
         Driving and back flanks of all slices.
     displacement : callable
         Displacement along the line of action as a function of time [mesh periods], with a period of ``pairs``.
-    pairs : int, default 1
+    pairs : int
         Number of pairs that enter contact within a period of the motion.
     half_backlash : float, default 0.0
         Half backlash that is added to the gaps of both flanks, in the unit of the displacement.
