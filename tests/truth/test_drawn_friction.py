@@ -201,8 +201,33 @@ def test_benedict_kelley():
     # mu falls by 3 * 0.0127 if the speed grows by ten; between them lie the losses of constant coefficients
     per_mu = (1 - friction_mesh(mesh, 0.05).output) / 0.05
     assert (values[0] - values[1]) / per_mu == pytest.approx(0.0381, rel=0.02)
+    with pytest.raises(ValueError, match="roughness = 8e-07"):
+        hb.gears.BenedictKelley("10 mPa s", "1000 r/min", "0.8 um")  # the formula has a pole at 1.27 um
     with pytest.raises(ValueError, match=r"at 1e\+05 r/min .* falls to -0.0.* the formula does not hold"):
         friction_mesh(mesh, hb.gears.BenedictKelley("1 Pa s", "100000 r/min"))
+
+
+@pytest.mark.parametrize("teeth", [40, -60])
+def test_coefficient_on_the_path_by_the_velocities_of_both_flanks(teeth):
+    """Of one pair in contact, which carries the whole force; within 0.05 base pitches of the pitch point the sliding
+    velocity is that at 0.05."""
+    gear = hb.gears.Gear(teeth=abs(teeth), module="3 mm", face_width="20 mm", internal=teeth < 0)
+    pair, omega = hb.GearPair(PINION, gear, backlash="80 um"), 60.0
+    mesh, oil = hb.gears.tooth_mesh(pair, TORQUE), hb.gears.BenedictKelley("10 mPa s", omega, "0.3 um")
+    first = approach_and_recess(pair)[0]
+    s = np.append(np.linspace(pair.contact_ratio - 0.99, 0.99, 60), first + np.array([-0.0501, -0.0499, 0.0499]))
+    s = s[s < 0.99]
+    other = omega * 25 / abs(teeth)
+
+    def flanks(s):
+        rho = pair.path[0] + s * pair.base_pitch
+        return omega * rho, other * abs(pair.tangent_length - rho)
+
+    total, away = sum(flanks(s)), np.where(np.abs(s - first) < 0.05, first + 0.05, s)
+    sliding = np.subtract(*flanks(away))
+    mu = oil.coefficient(TORQUE / pair.base_radii[0] / pair.face_width, sliding, total)
+    forces = friction_mesh(mesh, oil).contacts.sliding_forces(np.full(s.shape, 5e-5), 2 * np.pi * s)
+    np.testing.assert_allclose(forces.across / forces.normal, mu * np.sign(s - first), rtol=1e-5)
 
 
 @pytest.mark.parametrize(
