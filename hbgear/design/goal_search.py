@@ -50,6 +50,9 @@ STEP_TOLERANCE = 2e-4
 SAME_SHORTFALL = 1e-9
 """Shortfall [-] below which the linearized goal is reached."""
 
+MIN_GAIN = 1e-6
+"""Predicted decrease of the shortfall [-] up to which a step has no effect."""
+
 SAME_CUSP = 1e-6
 """Relative difference of the values of two cusps [-] up to which they are one."""
 
@@ -268,6 +271,8 @@ class Search:
             accepted.append(_rating(slack, u))
             new = smallest_change(slack, u, np.maximum(low, u - radius), np.minimum(high, u + radius))
             length = float(np.abs(new - u).max())
+            if slack.shortfall > 0 and slack.shortfall - slack.predicted(new - u) <= MIN_GAIN:
+                new, length = u, 0.0
             if length >= STEP_TOLERANCE:
                 trial = self._trial(new)
                 if trial is None or _improves(_rating(trial, new), accepted, slack.predicted(new - u)):

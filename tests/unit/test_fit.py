@@ -165,6 +165,15 @@ def test_a_start_without_a_response_is_left_out(monkeypatch):
         search.run(np.array([0.05]), np.array([0.01]), np.array([0.2]), 3, 0)
 
 
+def test_a_parameter_without_effect_keeps_its_value():
+    """The pair has no harmonics of the stiffness, of which eps_scale is the factor; a start had the factor 1.7."""
+    data = hb.design.Measurements(np.linspace(0.7, 1.0, 8), np.full(8, 0.1))
+    search = FitSearch(hb.HarmonicBalance(hb.SpurPair(), 3), data, ("zeta", "eps_scale"), (0.6, 1.1), None)
+    search.evaluate(np.array([0.07, 1.7]))
+    search.restore(np.array([0.05, 1.0]), np.array([0.01, 0.1]), np.array([0.2, 10.0]))
+    assert search.best.here["zeta"] == 0.07 and search.best.here["eps_scale"] == 1.0
+
+
 def profile(residual, J, x, low=-np.inf, high=np.inf, unit=1.0):
     """Standard errors of an estimate x with residuals r(x) and their Jacobian there."""
     best = Residuals(residual(x), J)

@@ -354,6 +354,12 @@ def test_command(tmp_path, capsys):
     assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err
 
 
+def test_a_parameter_without_effect_is_not_changed():
+    """eps_scale has no effect on the peaks of a pair without harmonics of the stiffness."""
+    found = hb.design.redesign(PAIR, hb.design.peak_below(0.1), ["eps_scale"])
+    assert not found.reached and found.changes == {"eps_scale": 0.0} and found.steps == 1
+
+
 def test_a_fold_outside_the_span():
     """With an amplitude of the error of 0.05 the pair does not jump between Omega = 0.8 and 1.4, and with 0.02 it does.
 

@@ -207,6 +207,7 @@ def fit(
     ending, estimate = Termination(), None
     try:
         followed = search.run(own, low, high, starts, seed)
+        search.restore(own, low, high)
         assert search.best is not None
         estimate = _estimate(search.best, data, low, high)
         estimate.profile_errors = profile_interval(

@@ -112,6 +112,20 @@ class FitSearch:
             raise ValueError(f"the model has no response to compare with the data: {self.refused}")
         return self.followed
 
+    def restore(self, own: Array, low: Array, high: Array) -> None:
+        """Replace parameters of the best prediction without an effect by the values of the model.
+
+        A random start may have changed them.
+        """
+        best = self.best
+        assert best is not None
+        x = np.array([best.here[name] for name in self.names])
+        J = best.information(best.deviation) * np.where(x, np.abs(x), high - low)
+        changed = (np.linalg.norm(J, axis=0) <= MIN_EFFECT) & (x != own)
+        now = self.at(np.where(changed, own, x)) if changed.any() else None
+        if now is not None and cost_of(now) <= (1.0 + COST_TOLERANCE[True]) * cost_of(best) + MIN_EFFECT**2:
+            self.best = now
+
     def _starts(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
         """Yield the values of the model, then the best ones of several random candidates."""
         yield own

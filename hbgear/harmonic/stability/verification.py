@@ -494,7 +494,8 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
 
     The step is the shortest one of [dR/dX, dR/dOmega] delta = -R, with the residual R of the kept harmonics at the
     motion with driven harmonics: the nearest motion, which next to a fold has another Omega. The change of Omega over
-    Omega weighs as much as that of the motion over its size.
+    Omega weighs as much as that of the motion over its size. A step past a first contact or slip, where multipliers
+    jump, is left out.
     """
     motions, Omega = X.copy(), np.array([at["Omega"] for at in here])
     kept = 2 * problem.H + 1
@@ -508,8 +509,9 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
         except np.linalg.LinAlgError:
             continue
         change = -(step @ drift) / (drift @ drift + (problem.solution_norm(x) / w) ** 2)
-        motions[i] += step + change * drift
-        Omega[i] += change
+        moved = x + step + change * drift
+        if np.array_equal(problem.regime(moved, **at), problem.regime(x, **at)):
+            motions[i], Omega[i] = moved, w + change
     return motions, Omega
 
 
