@@ -61,8 +61,32 @@ def test_misaligned_flanks():
     driving, back = ([flank.gap.rows[0, 0] for flank in flanks if flank.side == side] for side in (1, -1))
     np.testing.assert_allclose(driving, 8e-6 * (np.arange(6) + 0.5) / 6, rtol=1e-9)
     np.testing.assert_allclose(back, driving[::-1], rtol=1e-9)
-    apart = tooth_mesh(dataclasses.replace(aligned, misalignment=1e-14), 200.0, slices=6)
-    assert apart.stiffness == pytest.approx(tooth_mesh(aligned, 200.0, slices=6).stiffness, rel=1e-6)
+    for n in (5, 6):  # an odd number has a slice in the middle
+        apart = tooth_mesh(dataclasses.replace(aligned, misalignment=1e-14), 200.0, slices=n)
+        assert apart.stiffness == pytest.approx(tooth_mesh(aligned, 200.0, slices=n).stiffness, rel=1e-6)
+
+
+def test_stiffness_where_single_contact_begins_and_ends():
+    """One pair has the stiffness of the loaded mesh next to the jumps of its load; few cubics are enough."""
+    pair = drawing()
+    flank, cycle = tooth_mesh(pair, 200.0).flanks[0], pair.mesh(200.0).stiffness
+    leaves = int(np.flatnonzero(np.diff(cycle.phase) == 0)[0])
+    for u, k in ((pair.contact_ratio - 1 + 1e-6, cycle.value[leaves + 1]), (1 - 1e-6, cycle.value[-1])):
+        assert float(flank.stiffness.at(np.array(u))) == pytest.approx(k, rel=2e-5)
+    assert len(flank.stiffness.rows) <= 16
+
+
+def test_gap_of_reliefs_of_different_lengths():
+    """The gap is linear within both reliefs, which begin at the ends of the path, and zero between them."""
+    pinion, wheel = (
+        hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=relief, tip_relief_length=length)
+        for z, relief, length in ((25, 12e-6, 3e-3), (40, 7e-6, 2e-3))
+    )
+    pair = hb.GearPair(pinion, wheel, backlash="80 um")
+    u = np.linspace(0.0, pair.contact_ratio, 1001)
+    s, length = u * pair.base_pitch, pair.path[1] - pair.path[0]
+    exact = 7e-6 * np.maximum(1 - s / 2e-3, 0.0) + 12e-6 * np.maximum(1 - (length - s) / 3e-3, 0.0)
+    np.testing.assert_allclose(tooth_mesh(pair, 200.0).flanks[0].gap.at(u), exact, rtol=0, atol=1e-12)
 
 
 def jumps(curve: hb.Branch) -> list[hb.Jump]:
