@@ -196,18 +196,21 @@ def test_undercut_is_a_warning_and_shortens_the_path():
 
 @pytest.mark.parametrize(("alpha", "beta", "z", "x"), [(20, 0, 12, 0.0), (28, 25, 8, -0.3), (16, 10, 20, -0.1)])
 def test_advised_shift_and_number_of_teeth_avoid_undercut(alpha, beta, z, x):
-    """With the advised shift the involute begins at the base circle, and the trochoid ends there."""
+    """With the advised shift the involute begins at the base circle. In general the end of the straight flank generates
+    its begin, at the distance d/2 sin(alpha_t) - h / sin(alpha_t) from the base circle along the line of action."""
     fields = {"pressure_angle": radians(alpha), "helix_angle": radians(beta)}
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut") as caught:
         gear(z, profile_shift=x, **fields)
     shift, teeth = re.search(r"at least ([\d.]+), or (\d+) teeth", str(caught[0].message)).groups()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        least, more = gear(z, profile_shift=float(shift), **fields), gear(int(teeth), profile_shift=x, **fields)
-        wider = gear(z, profile_shift=float(shift) + 0.2, **fields)
+        least, _ = gear(z, profile_shift=float(shift), **fields), gear(int(teeth), profile_shift=x, **fields)
+        wider = gear(z, profile_shift=float(shift) + 0.03, **fields)
     assert least.form_diameter == pytest.approx(least.base_diameter, abs=2e-8)  # the shift has three decimals
-    for one in (least, more, wider):
-        assert 2 * one.fillet(2)[0][-1] == pytest.approx(one.form_diameter, rel=1e-9)
+    h = 3e-3 * (1.25 - wider.rack_fillet * (1 - sin(radians(alpha))) - wider.profile_shift)
+    sine = sin(wider.transverse_pressure_angle)
+    position = wider.reference_diameter / 2 * sine - h / sine
+    assert wider.form_diameter == pytest.approx(2 * hypot(wider.base_diameter / 2, position), rel=1e-9)
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut"):
         gear(int(teeth) - 1, profile_shift=x, **fields)
 

@@ -23,7 +23,7 @@ from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import acos, ceil, cos, degrees, isnan, pi, radians, sin, sqrt, tan
+from math import acos, ceil, cos, degrees, isnan, pi, radians, sin, tan
 from typing import Any
 
 import numpy as np
@@ -268,15 +268,8 @@ class Gear:  # numpydoc ignore=PR02
     def form_diameter(self) -> float:
         """Diameter at which the involute ends and the fillet of an external gear begins [m].
 
-        d_F^2 = d_b^2 + (d sin(alpha_t) - 2 m_n (h_f - rho (1 - sin(alpha_n)) - x) / sin(alpha_t))^2
-
-        The involute of undercut teeth ends where the trochoid intersects it; nan if it does not.
+        It is nan if the trochoid of undercut teeth does not intersect the involute.
         """
-        alpha_t = self.transverse_pressure_angle
-        straight = 2 * self.module * (self._straight_dedendum - self.profile_shift)
-        from_pitch_point = self.reference_diameter * sin(alpha_t) - straight / sin(alpha_t)
-        if from_pitch_point >= 0:
-            return sqrt(self.base_diameter**2 + from_pitch_point**2)
         return 2 * float(self.fillet(2)[0][-1])
 
     def fillet(self, points: int) -> tuple[Array, Array]:
