@@ -102,6 +102,8 @@ def test_pair_forces_add_to_the_mesh_force(loaded):
     assert loads.forces.total.max() == pytest.approx(factor * static, rel=1e-3)
     assert loads.static.force.max() == pytest.approx(static, rel=1e-9)  # one pair carries all between two
     np.testing.assert_allclose(loads.static.total, static, rtol=1e-9)
+    np.testing.assert_allclose(loads.static.share, loads.static.force / static, rtol=1e-9)
+    assert loads.static.share.max() == pytest.approx(1.0) and not loads.forces.share[loads.forces.total <= 0].any()
     assert 1.5 < loads.force_factor == pytest.approx(loads.force.max() / static)
     assert 0.1 < loads.separated[0] < 0.6 and loads.back_contact[0] == 0.0
     number, position = loads.largest
