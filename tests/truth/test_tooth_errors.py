@@ -238,9 +238,10 @@ def test_errors_that_are_refused(fields, message):
 def test_errors_that_a_mesh_does_not_have():
     pinion = hb.gears.Gear(20, "3 mm", "20 mm", runout="20 um")
     pair = hb.GearPair(pinion, hb.gears.Gear(30, "3 mm", "20 mm", runout="20 um"), "80 um")
+    one = hb.GearPair(pinion, hb.gears.Gear(30, "3 mm", "20 mm"), "80 um")
     for option, given in (({"mesh": "tangent"}, "mesh = 'tangent'"), ({"cycle": pair.mesh(100)}, "a cycle")):
         with pytest.raises(ValueError, match=f"pitch_errors and runout .* pairs of teeth, and {given} has one gap"):
-            pair.model(100, 0.04, **option)
+            one.model(100, 0.04, **option)
     long = hb.GearPair(pinion, hb.gears.Gear(101, "3 mm", "20 mm", runout="20 um"), "80 um")
     with pytest.raises(ValueError, match="repeat after 2020 meshes, and at most 250 can be computed"):
         long.model(100, 0.04)
