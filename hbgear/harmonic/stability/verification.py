@@ -43,6 +43,7 @@ from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.harmonic.equations.motion import regime as regime_of
 from hbgear.harmonic.equations.motion import shortest_intervals, with_driven_harmonics, with_excited_harmonics
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
@@ -500,9 +501,9 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
     motions, Omega = X.copy(), np.array([at["Omega"] for at in here])
     kept = 2 * problem.H + 1
     for i, (x, at) in enumerate(zip(X, here, strict=True)):
-        w = at["Omega"]
-        wide = with_driven_harmonics(problem.compiled(dict(at)), x[None], np.array([w]))[0]
-        R = problem.refined_problem.residual(wide, **at).reshape(problem.m, -1)[:, :kept].ravel()
+        w, own, finer = at["Omega"], problem.compiled(at), problem.refined_problem.compiled(at)
+        wide = with_driven_harmonics(own, x[None], np.array([w]))[0]
+        R = finer.linearise(wide, w)[0].reshape(problem.m, -1)[:, :kept].ravel()
         now = linearise(problem, x, "Omega", at)
         try:
             step, drift = solve_linear(now.dR_dX, np.column_stack([-R, -now.dR_dp])).T
@@ -510,7 +511,7 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
             continue
         change = -(step @ drift) / (drift @ drift + (problem.solution_norm(x) / w) ** 2)
         moved = x + step + change * drift
-        if np.array_equal(problem.regime(moved, **at), problem.regime(x, **at)):
+        if np.array_equal(regime_of(own, moved), regime_of(own, x)):
             motions[i], Omega[i] = moved, w + change
     return motions, Omega
 
