@@ -333,8 +333,8 @@ def warn_of_truncated_excitation(discretization: Discretization, system: System)
         )
     elif highest * nu > H:
         warn(
-            f"the excitation has {highest} harmonics but H = {H} with nu = {nu} keeps only {H // nu}; the higher "
-            "ones are left out"
+            f"the excitation has {highest} harmonics but H = {H} with nu = {nu} keeps only {H // nu}; the response "
+            "to those up to 2H is a part of the stated errors, and the others are left out: give more harmonics"
         )
     elif discretization.selection is not None:
         kept = {k // nu for k in discretization.orders.tolist() if k % nu == 0}
@@ -342,6 +342,6 @@ def warn_of_truncated_excitation(discretization: Discretization, system: System)
         missing = sorted(excited - kept)
         if missing:
             warn(
-                f"the excitation has order {missing[0]}, which is not an unknown and is left out: give more "
-                "harmonics, or this order too"
+                f"the excitation has order {missing[0]}, which is not an unknown; the response to it is a part of "
+                "the stated errors: give more harmonics, or this order too"
             )
