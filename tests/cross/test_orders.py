@@ -222,5 +222,5 @@ def test_given_orders_do_not_vary():
 
 
 def test_omitted_excitation_is_reported():
-    with pytest.warns(UserWarning, match="left out"):
+    with pytest.warns(UserWarning, match="which is not an unknown"):
         hb.HarmonicBalance(two_stages(3, 2), orders=(2, 4, 6, 9))
