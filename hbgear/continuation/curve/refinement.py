@@ -19,6 +19,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise, observe_all
+from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
 
@@ -63,10 +64,16 @@ def nearest_solution(
         now = linearise(problem, X, name, at)
         if norm(now.R) <= RESIDUAL_TOLERANCE * now.size:
             return X, at[name]
-        Q, R = scipy.linalg.qr((np.column_stack([now.dR_dX, now.dR_dp]) * scale).T, mode="economic")
-        step = scale * (Q @ scipy.linalg.solve_triangular(R, -now.R, trans=1))
+        step = shortest_step(now, now.R, scale)
         X, at[name] = X + step[:-1], at[name] + float(step[-1])
     raise NoConvergence("the solution with more unknowns was not found", X, at, [norm(now.R) / now.size])
+
+
+def shortest_step(now: Evaluation, R: Array, scale: Array) -> Array:
+    """Return the step (n + 1,) of least norm, in units of ``scale``, with [dR/dX, dR/dp] step = -R; also at a fold."""
+    Q, T = scipy.linalg.qr((np.column_stack([now.dR_dX, now.dR_dp]) * scale).T, mode="economic")
+    step: Array = scale * (Q @ scipy.linalg.solve_triangular(T, -R, trans=1))
+    return step
 
 
 def refine_branch(branch: Branch) -> Branch:

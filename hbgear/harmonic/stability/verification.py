@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.curve.refinement import nearest_solution
+from hbgear.continuation.curve.refinement import nearest_solution, shortest_step
 from hbgear.continuation.events.accuracy import is_under_resolved
 from hbgear.continuation.numerics.linear import norm, norms, solve_linear
 from hbgear.continuation.problem.base import linearise
@@ -504,15 +504,10 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
         w, own, finer = at["Omega"], problem.compiled(at), problem.refined_problem.compiled(at)
         wide = with_driven_harmonics(own, x[None], np.array([w]))[0]
         R = finer.linearise(wide, w)[0].reshape(problem.m, -1)[:, :kept].ravel()
-        now = linearise(problem, x, "Omega", at)
-        try:
-            step, drift = solve_linear(now.dR_dX, np.column_stack([-R, -now.dR_dp])).T
-        except np.linalg.LinAlgError:
-            continue
-        change = -(step @ drift) / (drift @ drift + (problem.solution_norm(x) / w) ** 2)
-        moved = x + step + change * drift
-        if np.array_equal(regime_of(own, moved), regime_of(own, x)):
-            motions[i], Omega[i] = moved, w + change
+        scale = np.append(np.full(len(x), problem.solution_norm(x) or 1.0), w)
+        step = shortest_step(linearise(problem, x, "Omega", at), R, scale)
+        if np.array_equal(regime_of(own, x + step[:-1]), regime_of(own, x)):
+            motions[i], Omega[i] = x + step[:-1], w + step[-1]
     return motions, Omega
 
 
