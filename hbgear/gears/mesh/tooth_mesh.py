@@ -46,6 +46,7 @@ from hbgear.gears.mesh.loaded_mesh import (
 from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction, mesh_contacts
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.plausibility import warn
+from hbgear.mechanics.series.piecewise_polynomial import integral
 
 if TYPE_CHECKING:
     from hbgear.gears.drawing.pair import GearPair
@@ -188,7 +189,7 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
         back = gap.plus(-2 * pair.misalignment * float(path.z[number]))  # misaligned the other way
         flanks.append(Flank(-1, stiffness.mirrored(path.centre), back.mirrored(path.centre), lag=path.lag[number]))
     path.check_sharing()
-    mean = sum(_integral(flank.stiffness) for flank in flanks if flank.side > 0)
+    mean = sum(integral(flank.stiffness.rows, np.diff(flank.stiffness.nodes)) for flank in flanks if flank.side > 0)
     return ToothMesh(tuple(flanks), mean, force, pair)
 
 
@@ -284,9 +285,3 @@ class _Path:
         contact = contact_compliance(self.pair, c, np.maximum(load, least)[:, None])[0]
         k: Array = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
         return k
-
-
-def _integral(function: PathFunction) -> float:
-    widths = np.diff(function.nodes)
-    powers = np.arange(1, function.rows.shape[1] + 1)
-    return float(np.sum(function.rows * widths[:, None] ** powers / powers))

@@ -24,7 +24,16 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.series.fourier import Series, real_numbers, to_real
-from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, derivatives, extremes, moments, shift_origin
+from hbgear.mechanics.series.piecewise_polynomial import (
+    ONE,
+    TURN,
+    Pieced,
+    derivatives,
+    extremes,
+    integral,
+    moments,
+    shift_origin,
+)
 
 MOST_PIECES = 2_000
 """Largest number of segments of a function: a measured mesh cycle has a few hundred samples."""
@@ -252,8 +261,7 @@ class Periodic:  # numpydoc ignore=PR02
     @cached_property
     def mean(self) -> float:
         """Mean value over the period."""
-        powers = np.arange(1, self._rows.shape[1] + 1)
-        return float(np.sum(self._rows / powers * self._widths[:, None] ** powers) / TURN)
+        return integral(self._rows, self._widths) / TURN
 
     @property
     def varies(self) -> bool:

@@ -149,6 +149,12 @@ def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
     return out
 
 
+def integral(rows: Array, widths: Array) -> float:
+    """Return the sum of the integrals of polynomials (P, D + 1) over their widths (P,)."""
+    powers = np.arange(1, rows.shape[1] + 1)
+    return float(np.sum(rows / powers * widths[:, None] ** powers))
+
+
 def derivatives(rows: Array, x: Array) -> Array:
     """Return values and all derivatives (P, D + 1) of polynomials (P, D + 1) at x (P,)."""
     return shift_origin(rows, x) * [math.factorial(q) for q in range(rows.shape[1])]
