@@ -113,7 +113,7 @@ class CriticalParameter:
     message: str = ""
 
 
-class Cusp(NamedTuple):
+class FoldCusp(NamedTuple):
     """Cusp of a fold curve, the fold curve, and True if the jump exists below the value of the cusp."""
 
     point: SpecialPoint
@@ -175,9 +175,10 @@ def critical_parameter(
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
     ending = Termination()
-    cusps: list[Cusp] = []
+    cusps: list[FoldCusp] = []
     try:
-        find_cusps(problem, parameter, frequencies, cusps, progress)
+        for cusp in find_cusps(problem, parameter, frequencies, progress):
+            cusps.append(cusp)  # one by one: after Ctrl-C they remain
     except KeyboardInterrupt as error:
         if not cusps:
             raise
@@ -192,10 +193,10 @@ def critical_parameter(
 
 
 def find_cusps(
-    problem: HarmonicBalance, parameter: str, frequencies: tuple[float, float] | None, found: list[Cusp],
+    problem: HarmonicBalance, parameter: str, frequencies: tuple[float, float] | None,
     progress: ProgressCallback | None = None,
-) -> None:  # fmt: skip
-    """Append the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
+) -> Iterator[FoldCusp]:  # fmt: skip
+    """Yield the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
 
     Cusps of one fold curve follow each other in its order.
 
@@ -220,7 +221,10 @@ def find_cusps(
         report_progress(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
         slope = slope or _steepest_slope(curve)
-        _follow_to_cusps(problem, parameter, curve, followed, found, progress)
+        found = False
+        for cusp in _follow_to_cusps(problem, parameter, curve, followed, progress):
+            found = True
+            yield cusp
         if found:
             return
     raise NoFoldError(
@@ -245,13 +249,11 @@ def _count_folds(curve: Branch) -> str:
 
 
 def _follow_to_cusps(
-    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], found: list[Cusp],
-    progress: ProgressCallback | None,
-) -> None:  # fmt: skip
-    """Follow the folds of a response curve to cusps.
+    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], progress: ProgressCallback | None
+) -> Iterator[FoldCusp]:
+    """Follow the folds of a response curve and yield their cusps.
 
-    Each cusp is appended to `found`. Each fold curve is appended to `followed`; folds on a fold curve of this list are
-    skipped.
+    Each fold curve is appended to `followed`; folds on a fold curve of this list are skipped.
     """
     own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     reach = _MAX_PARAMETER_RATIO * (abs(own) or 1.0)
@@ -276,7 +278,7 @@ def _follow_to_cusps(
             fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
             followed.append(fold)
             cusps = [p for p in fold.special if p.kind in TURNING_KINDS and p.located]
-            found += [Cusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps]
+            yield from (FoldCusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps)
             if cusps:
                 break
 

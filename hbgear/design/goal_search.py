@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hbgear.analysis.critical_parameters import Cusp as FoundCusp
 from hbgear.analysis.critical_parameters import NoFoldError, find_cusps
 from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedMotion, RelocatedPoint
 from hbgear.analysis.parameter_sensitivity.units import measured_along
@@ -229,7 +228,7 @@ class Search:
     ) -> None:  # fmt: skip
         self.problem, self.goal, self.names, self.own, self.span = problem, goal, names, own, span
         self.spread, self.progress = spread, progress
-        self._start = problem.model.parameters | problem.model.entries
+        self.start = problem.model.parameters | problem.model.entries
         self.steps = 0
         self.last = np.zeros(len(names))
         self.message = ""
@@ -240,7 +239,7 @@ class Search:
         """Return the values of the parameters at relative changes, with added deviations."""
         out = {name: float(a * (1.0 + x)) for name, a, x in zip(self.names, self.own, u, strict=True)}
         for name, deviation in (deviations or {}).items():
-            out[name] = out.get(name, self._start[name]) + deviation
+            out[name] = out.get(name, self.start[name]) + deviation
         return out
 
     def balance(self, u: Array, deviations: Mapping[str, float] | None = None) -> HarmonicBalance:
@@ -333,7 +332,7 @@ class Search:
 
     def _constraints(self, cusp: Cusp, u: Array) -> list[_Constraint]:
         """Return the distance beyond a cusp in its parameter for the design and each deviation of the sample."""
-        name, own = cusp.name, self._start[cusp.name]
+        name, own = cusp.name, self.start[cusp.name]
         value, unit = self.values(u).get(name, own), cusp.side / abs(own)
 
         def constraint(at: _Relocated) -> _Constraint:
@@ -352,8 +351,7 @@ class Search:
         problem, known = self.balance(u), len(self.cusps)
         for name in [self.goal.parameter] if self.goal.parameter else self.names:
             with suppress(NoFoldError, NoConvergence):
-                found: list[FoundCusp] = []
-                find_cusps(problem, name, self.span, found)
+                found = list(find_cusps(problem, name, self.span))
                 nearest = [cusp for i, cusp in enumerate(found) if not i or cusp.folds is not found[i - 1].folds]
                 for cusp in nearest:  # of each fold curve; those behind it matter once its jump is removed
                     self._add(Cusp(name, 1.0 if cusp.jump_below else -1.0, cusp.point, u))

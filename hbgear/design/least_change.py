@@ -35,7 +35,7 @@ from hbgear.common.ranges import NOT_NEGATIVE, Range, checked
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.results.termination import Termination
+from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.bounds import bounds_of
 from hbgear.design.goal_search import GOAL_MARGIN, WITHOUT_CHANGE, Goal, Search, Spread
@@ -181,10 +181,11 @@ def redesign(
     names, own, low, high = _bounds(problem, over, within or {})
     spread = _spread(problem, scatter or {}, sigmas, tolerances, share)
     search = Search(problem, goal, names, own, span or problem.model.default_span, spread, progress)
-    ending = Termination()
+    ending, curve = Termination(), None
     u = np.zeros(len(names))
     try:
-        if _is_reached_by_design(search, u):
+        curve = _curve_without_jumps(search, u)
+        if curve is not None:
             search.message = WITHOUT_CHANGE
         else:
             u = search.run(u, low, high)
@@ -192,16 +193,19 @@ def redesign(
     except KeyboardInterrupt as error:
         u = search.last
         ending.record_error(error, f"after {search.steps} steps")
-    return _result(search, u, ending)
+    return _result(search, u, ending, curve)
 
 
-def _is_reached_by_design(search: Search, u: Array) -> bool:
-    """Return whether the design has no jumps and needs no distance from them.
+def _curve_without_jumps(search: Search, u: Array) -> Branch | None:
+    """Return the curve of the design if it has no jumps and needs no distance from them, else None.
 
     A fold may leave the span at the value of a parameter where no cusp exists.
     """
-    margins = search.goal.margin or search.spread.deviations or search.spread.sample
-    return search.goal.kind == "no jumps" and not margins and not _traced_shortfall(search, u, {})[1]
+    if search.goal.kind != "no jumps" or search.goal.margin or search.spread.deviations or search.spread.sample:
+        return None
+    curve, missed = _traced_shortfall(search, u, {})
+    raise_if_interrupted(curve)
+    return None if missed else curve
 
 
 def _bounds(
@@ -249,9 +253,10 @@ def _spread(
     return Spread(dict(scatter), sigmas, sample, share)
 
 
-def _result(search: Search, u: Array, ending: Termination) -> Redesign:
+def _result(search: Search, u: Array, ending: Termination, known: Branch | None) -> Redesign:
+    """Return the result, verified by a trace unless the curve of the design, without jumps, is known."""
     spread = search.spread
-    curve, missed = _traced_shortfall(search, u, {})
+    curve, missed = _traced_shortfall(search, u, {}) if known is None else (known, 0.0)
     each = [_traced_shortfall(search, u, deviations)[1] for deviations in spread.sample]
     share = float(np.mean([miss == 0 for miss in each])) if each else math.nan
     too_few = bool(each) and share < spread.share - 1e-9
@@ -295,7 +300,7 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
             return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
         for name, side in {(cusp.name, cusp.side) for cusp in search.cusps} if goal.margin else ():
-            unit = side * abs((search.problem.model.parameters | search.problem.model.entries)[name])
+            unit = side * abs(search.start[name])
             toward_cusp = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
             jumps = jumps or _jumps(trace(search.balance(u, toward_cusp), "Omega", search.span))
     shortfall = search.slack.shortfall  # nan if there is no value at which they vanish

@@ -77,13 +77,18 @@ class RelocatedPoint:
         NoConvergence, ValueError, numpy.linalg.LinAlgError
             If there is no point near the prediction of first order.
         """
-        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        here = _changed(self._here, self._names, changes)
         U = self._U + changes @ self._slopes
         found = solve(self._equations.with_borders_at(U, here), U, here).X
         moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
         if moved > _MAX_CHANGE_RATIO * (expected + 1e-3 * abs(self._U[-1])):
             raise NoConvergence("Newton ended at another point", found, here, [])
         return found, here
+
+
+def _changed(here: Mapping[str, float], names: Sequence[str], changes: Array) -> dict[str, float]:
+    """Return parameters with changes of some of them."""
+    return {**here, **{name: here[name] + float(x) for name, x in zip(names, changes, strict=True)}}
 
 
 _MAX_CHANGE_RATIO = 5.0
@@ -113,6 +118,6 @@ class RelocatedMotion:
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
         """Solve for the motion with changed parameters; see `RelocatedPoint.solved`."""
-        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        here = _changed(self._here, self._names, changes)
         X = solve(self._problem, self._X + changes @ self._slopes, here, self._parameter).X
         return np.append(X, here[self._parameter]), here

@@ -30,7 +30,14 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.design.bounds import bounds_of
-from hbgear.design.fitting.fit_search import ACCEPTED_MEAN_SQUARE, MIN_EFFECT, UNIT_ERROR_RATIO, FitSearch, cost_of
+from hbgear.design.fitting.fit_search import (
+    ACCEPTED_MEAN_SQUARE,
+    UNIT_ERROR_RATIO,
+    FitSearch,
+    cost_of,
+    is_without_effect,
+    values_and_sizes,
+)
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
@@ -284,11 +291,9 @@ class _Estimate:
 
 
 def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> _Estimate:
-    names = best.names
-    x = np.array([best.here[name] for name in names])
+    names, (x, size) = best.names, values_and_sizes(best, low, high)
     freedom = len(data) + len(data.jumps) - len(names)
     mean_square = cost_of(best) / freedom if freedom > 0 else math.nan
-    size = np.where(x, np.abs(x), high - low)
     covariance, messages = _covariance(best.information(best.deviation) * size, names)
     unit = mean_square if data.assumed and freedom > 0 else 1.0
     covariance = unit * covariance * np.outer(size, size)
@@ -326,7 +331,7 @@ def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
     """Return (J^T J)^-1, nan where the data determine nothing, and warnings."""
     messages = []
     size = np.linalg.norm(J, axis=0)
-    without_effect = size <= MIN_EFFECT
+    without_effect = is_without_effect(J)
     out = np.full((len(names), len(names)), math.nan)
     messages += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
     effective = np.flatnonzero(~without_effect)

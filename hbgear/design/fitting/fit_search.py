@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
@@ -119,9 +120,8 @@ class FitSearch:
         """
         best = self.best
         assert best is not None
-        x = np.array([best.here[name] for name in self.names])
-        J = best.information(best.deviation) * np.where(x, np.abs(x), high - low)
-        changed = (np.linalg.norm(J, axis=0) <= MIN_EFFECT) & (x != own)
+        x, size = values_and_sizes(best, low, high)
+        changed = is_without_effect(best.information(best.deviation) * size) & (x != own)
         now = self.at(np.where(changed, own, x)) if changed.any() else None
         if now is not None and cost_of(now) <= (1.0 + COST_TOLERANCE[True]) * cost_of(best) + MIN_EFFECT**2:
             self.best = now
@@ -221,6 +221,18 @@ COST_TOLERANCE = {False: 1e-2, True: 3e-4}
 
 With 50 numbers the final one stops about a tenth of a standard error from the minimum.
 """
+
+
+def values_and_sizes(best: Prediction, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the values (p,) of the parameters and their sizes; the size of a zero is the width of its bounds."""
+    x = np.array([best.here[name] for name in best.names])
+    return x, np.where(x, np.abs(x), high - low)
+
+
+def is_without_effect(J: Array) -> NDArray[np.bool_]:
+    """Return which parameters (p,) have no effect on the residuals, whose derivatives by relative changes are J."""
+    none: NDArray[np.bool_] = np.linalg.norm(J, axis=0) <= MIN_EFFECT
+    return none
 
 
 def cost_of(now: Prediction) -> float:

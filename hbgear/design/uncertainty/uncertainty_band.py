@@ -189,7 +189,8 @@ def response_band(
         raise ValueError(f"response_band: unit = {quoted(unit)}{did_you_mean(unit, FREQUENCIES)}")
     if unit != "Omega" and branch.parameter != "Omega":
         raise ValueError(
-            f"response_band: the curve is over {branch.parameter}, so unit = {quoted(unit)} has no meaning"
+            f"response_band: the curve is over {branch.parameter}, so unit = {quoted(unit)} has no meaning; "
+            "leave it out"
         )
     names, covariance = _covariance(scatter)
     for name in names:
