@@ -224,7 +224,7 @@ def test_gear_with_pairs_of_teeth(run, tmp_path):
 def test_gear_states_its_assumptions(run):
     """Also with the torque in the other direction, which loads the back flanks."""
     code, out, err = run("gear", *DRAWING, "--torque", "-200Nm", "--harmonics", 8, "--plot", "x.pdf")
-    assert code == 0 and "error" not in err and "damping 0.04 (assumed): 0.02" in out and "on the driving flank" in out
+    assert code == 0 and "hbgear: error" not in err and "damping 0.04 (assumed): 0.02" in out and "on the driving flank" in out
 
 
 @pytest.mark.parametrize(
