@@ -44,6 +44,7 @@ def cascade():
     return diagram((0.26, 0.296), 13)
 
 
+@pytest.mark.slow
 def test_the_period_doubles_where_harmonic_balance_has_its_points(cascade):
     (found,), windows = cascade.sweeps, cascade.windows()
     assert [window.period for window in windows[:3]] == [1, 2, 4]
@@ -75,6 +76,7 @@ def test_points_of_harmonic_balance_are_those_of_the_figure(cascade):
     plt.close("all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gamma", "period"), [(0.20, 1), (0.28, 2), (0.29, 4), (0.37, 5), (0.50, 0), (0.65, 2)])
 def test_published_periods(gamma, period):
     found = diagram((gamma, gamma + 1e-9), 2)

@@ -33,6 +33,7 @@ def test_the_equations_are_differentiated_exactly(curve):
     assert (up - down) / 2e-5 == pytest.approx(now.dR_dp, rel=1e-6, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_multiplier_of_the_shot_motion_is_one(curve):
     """The motion is symmetric, x(t + T/2) = -x(t), so that the point is not a fold."""
     point = curve["BP1"]
@@ -84,6 +85,7 @@ def test_two_branch_points_in_a_long_step_are_located():
     assert between.any() and not curve.stable[between].any()
 
 
+@pytest.mark.slow
 def test_a_fold_next_to_a_branch_point():
     """The branch point is 7e-6 above the fold, and dR/dX is singular at both."""
     K, damping = np.array([[1.3, 0.3], [0.3, 1.3]]), 0.050292591836367084

@@ -63,6 +63,7 @@ def symmetric():
     return hb.trace(hb.HarmonicBalance(forced(), 9), "Omega", (0.93, 0.95), at={"F": 0.203}, accuracy=None)
 
 
+@pytest.mark.slow
 def test_resonance_and_cusp_of_the_forced_van_der_pol_oscillator(symmetric):
     """Numbers: extended systems of shooting."""
     folds = [hb.follow(symmetric, "LP1", "F", (0.203, end), accuracy=None) for end in (0.19, 0.25)]
@@ -84,6 +85,7 @@ def test_neimark_sacker_points_end_at_the_resonance(symmetric):
     assert end.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_neimark_sacker_points_leave_the_resonance(symmetric):
     """Shooting: the product of the multipliers is 1, their sum below 2 and falling from the resonance on."""
     folds = hb.follow(symmetric, "LP1", "F", (0.203, 0.19), accuracy=None)
@@ -98,6 +100,7 @@ def test_neimark_sacker_points_leave_the_resonance(symmetric):
     assert 2 > sums[0] > sums[1] > sums[2] > 1.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "end"), [(1, 0.205), (-1, 0.18)])
 def test_folds_leave_the_end_of_neimark_sacker_points(symmetric, side, end):
     """Shooting: a multiplier is +1, the other one is below 1 for larger F and above 1 for smaller F."""
@@ -134,6 +137,7 @@ def tongue():
     return hb.follow(curve, "PD1", "F", (4.5, 3.6), accuracy=None)
 
 
+@pytest.mark.slow
 def test_second_resonance_on_period_doublings(tongue):
     trace, determinant = monodromy(tongue["RII1"], 0.05)
     assert abs(trace + 2) < 1e-8 and abs(determinant - 1) < 1e-8
@@ -212,6 +216,7 @@ def limits_of_the_tongue(depth):
     return [scipy.optimize.brentq(test, *ends, xtol=1e-13) for ends in ((1.2, 1.4), (1.4, 1.6))]
 
 
+@pytest.mark.slow
 def test_fold_flip_of_two_oscillators_without_coupling():
     curve = hb.trace(hb.HarmonicBalance(two_oscillators(), 5), "Omega", (2.6, 1.2), at={"F": 0.35}, accuracy=None)
     fold = max((p for p in curve.special if p.kind == "LP"), key=lambda p: p.parameters["Omega"])

@@ -55,11 +55,13 @@ def agree(branch, curve, expected):
         assert truth.Omega == pytest.approx(x, **SIX)
 
 
+@pytest.mark.slow
 def test_folds_and_period_doublings_by_both_methods(curve, shot):
     assert curve.status == "reached_end"
     agree(curve, shot[1], POINTS)
 
 
+@pytest.mark.slow
 def test_the_doubled_branch_by_both_methods(doubled, shot_doubled):
     assert doubled.status == "merged" and shot_doubled.merged
     agree(doubled, shot_doubled, DOUBLED)
@@ -83,6 +85,7 @@ def settled(Omega, y, periods, turns):
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Omega", [1.9, 1.3])
 def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
     """A disturbed start converges to the same motion, which has two periods of the mesh and not one."""

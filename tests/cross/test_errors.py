@@ -41,6 +41,7 @@ def default_curve():
     return hb.trace(hb.HarmonicBalance(two_masses(), 16), "Omega", SPAN)
 
 
+@pytest.mark.slow
 def test_two_masses_by_the_default_call(default_curve):
     """With 16 harmonics alone the doublings are at .717 and .677, and a Neimark-Sacker point is spurious."""
     curve = default_curve
@@ -185,6 +186,7 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
     assert some.sum() > 5 and np.median(stated[some] / every[some]) < 3
 
 
+@pytest.mark.slow
 def test_random_spur_pairs():
     """For 95 % of the points the true error, by five times the harmonics, is below three times the stated one."""
     true, stated = [], []
@@ -208,6 +210,7 @@ def test_random_spur_pairs():
     assert np.median(ratio[np.array(true) > 1e-10]) > 0.3  # stated errors are not far too large
 
 
+@pytest.mark.slow
 def test_a_cusp_and_a_peak_state_their_errors():
     pair = hb.HarmonicBalance(hb.SpurPair(), 8)
     curve = hb.trace(pair, "Omega", (1.0, 0.6))
@@ -222,6 +225,7 @@ def test_a_cusp_and_a_peak_state_their_errors():
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("H", [5, 8])
 def test_a_turn_is_judged_by_one_neighbouring_point(H):
     """The stated error of a turning point of a fold curve is its shift with more harmonics, to 3 %."""

@@ -163,6 +163,7 @@ def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
         again.jumps(landing="farthest")
 
 
+@pytest.mark.slow
 def test_along_a_load():
     """Jumps of a Duffing oscillator along its load at one frequency, in both directions between two motions."""
     problem = hb.HarmonicBalance(hb.Duffing(k3=0.2), 9)

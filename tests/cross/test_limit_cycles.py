@@ -92,6 +92,7 @@ def hunting():
     return hb.time.integrate(servo(), [0.3, 0.3, 0.0, 0.0], 80, 0.5, tolerance=1e-9, samples=512)
 
 
+@pytest.mark.slow
 def test_limit_cycles_from_an_integrated_motion(hunting):
     """The servo has no Hopf point. The motion repeats after the period of the cycle at the gain of the integration."""
     cycles = hb.analysis.limit_cycles(servo(), hunting, (0.38, 0.42), parameter="gain", harmonics=96)

@@ -49,6 +49,7 @@ def near_the_doubling():
     return rough[int(behind)]
 
 
+@pytest.mark.slow
 def test_the_error_of_a_doubling_does_not_depend_on_how_it_was_reached(near_the_doubling):
     """With 64 harmonics an error of 3.3e-7 or 6.6e-6 was stated for a point whose true error is 1.0e-5.
 

@@ -107,6 +107,7 @@ def test_two_pairs_next_to_the_circle_are_two_points():
     assert min(-np.diff(fine)) > 2e-5
 
 
+@pytest.mark.slow
 def test_pairs_that_pass_between_two_points_are_found():
     """Two that leave together, one that leaves and returns, one that leaves as another returns: as by short steps."""
     problem, span = hb.HarmonicBalance(PAIR, 16), (0.87, 0.68)
@@ -138,6 +139,7 @@ def between_stops():
     return hb.System(np.diag([0.9163537, 1.17723058]), C, K, [stops], load)
 
 
+@pytest.mark.slow
 def test_an_error_is_estimated_where_the_first_step_with_more_harmonics_ends_where_it_began():
     model = between_stops()
     balance = hb.HarmonicBalance(model, 16)  # with a start, the curve is not traced in contact instants
@@ -161,6 +163,7 @@ def test_a_curve_that_the_harmonics_do_not_resolve_has_each_point_once():
     assert stopped["PD1"].parameters["Omega"] < 0.55 < stopped["PD2"].parameters["Omega"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("span", [(1.36, 1.6), (1.6, 1.36)])
 def test_a_pair_that_is_real_for_a_while_is_located_next_to_a_doubling(span):
     """A pair collides on the real axis, one of both meets a third multiplier that passed -1, and this pair returns."""
@@ -208,6 +211,7 @@ def chain(limit: float = 0.03, damper: float = 0.0, c: float = 0.03) -> hb.Syste
     return hb.System(np.eye(2), c * K, K, elements, hb.Load(cosine={1: [0.5, 0.0]}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damper", [0.0, 0.02])
 def test_with_sliders_the_followed_point_is_that_of_a_curve_traced_again(damper):
     """The second parameter changes; the sensitivity is the slope of the curve in two parameters."""

@@ -141,6 +141,7 @@ def lost():
 SPAN = (0.32, 0.22)
 
 
+@pytest.mark.slow
 def test_special_points_are_those_of_all_orders(lost):
     kinds = {point.kind for point in lost.special}
     assert {"LP", "GR"} <= kinds

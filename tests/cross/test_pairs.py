@@ -1,6 +1,7 @@
 """Pairs of multipliers that pass the unit circle, against those of shooting."""
 
 import numpy as np
+import pytest
 from cross.shooting import shoot, state
 
 from hbgear import Backlash, Element, HarmonicBalance, Load, System, Unilateral, trace
@@ -27,6 +28,7 @@ def multipliers(system, problem, X, Omega):
     return np.linalg.eigvals(period.monodromy)
 
 
+@pytest.mark.slow
 def test_pairs_of_real_multipliers_of_a_rotor():
     """On either side of each branch point shooting finds two more, or fewer, unstable multipliers."""
     problem = HarmonicBalance(rotor(), 20)
@@ -41,6 +43,7 @@ def test_pairs_of_real_multipliers_of_a_rotor():
             np.testing.assert_allclose(np.sort(np.abs(mu)), np.sort(np.abs(branch.multipliers[i])), atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_pair_of_complex_multipliers_of_hard_stops():
     """At NS1 a complex pair comes to lie on the circle by shooting too, as the truncation error falls."""
     away = []

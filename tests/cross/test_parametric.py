@@ -65,11 +65,13 @@ def agree(found, truth, expected):
         assert b == pytest.approx(c, **SIX)
 
 
+@pytest.mark.slow
 def test_folds_and_period_doublings_by_both_methods(curve, shot):
     assert curve.status == "reached_end"
     agree(places(curve.special), places(shot[1].special), POINTS)
 
 
+@pytest.mark.slow
 def test_the_doubled_branch_by_both_methods(doubled, shot_doubled):
     assert doubled.status == "merged" and shot_doubled.merged
     assert doubled.values[-1] == pytest.approx(POINTS["PD2"], **SIX)

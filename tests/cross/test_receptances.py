@@ -40,6 +40,7 @@ def measured():
     return found.system(elements, loads)
 
 
+@pytest.mark.slow
 def test_measured_whole_gives_the_curve_of_the_system(known, measured):
     """Motions agree to the error of the spline, which decreases as the fourth power of the line spacing."""
     one, other = (hb.HarmonicBalance(model, 8) for model in (known, measured))
@@ -73,6 +74,7 @@ def test_a_measured_part_with_masses_and_springs(known):
     np.testing.assert_allclose(solve(other, X, {"Omega": 1.2021}).X, X, rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_curve_goes_on_from_its_file(measured, tmp_path):
     model = hb.mechanics.Receptances(W[::2], [by_force(w) for w in W[::2]], "abc").system(
         measured.elements, measured.load

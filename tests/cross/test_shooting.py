@@ -125,6 +125,7 @@ def test_motions_converge_to_the_integrated_one():
     assert slopes[0] < -2.7 and slopes[1] < -1.7
 
 
+@pytest.mark.slow
 def test_double_helical_pair():
     """24 coordinates with impacts on both helices: 46 multipliers and the rotation's double +1."""
     model, Omega = DoubleHelicalPair(), 0.92
@@ -147,6 +148,7 @@ def problem_gaps(problem, y, Omega):
     return np.concatenate([system.W.T @ y[:24] - e[:, 0] - e[:, 1::2].sum(1), system.W.T @ y[24:]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "H"), [(SpurPair(eps=(0.1, 0.05)), 100), (Duffing(), 25)], ids=["SpurPair", "Duffing"]
 )

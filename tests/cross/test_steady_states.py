@@ -46,6 +46,7 @@ def test_estimate_of_unseen_motions():
     assert unseen([5, 4, 3]) == 0.0 and unseen([1, 1, 1, 2]) == 1.5 and unseen([1, 9]) == 0.0
 
 
+@pytest.mark.slow
 def test_trace_all_traces_the_motions():
     model = hb.Duffing(zeta=0.01, k3=1, F=3)
     found = hb.time.steady_states(model, 4.0, harmonics=5, starts=40, guesses=0, periods=1)

@@ -148,6 +148,7 @@ def test_lyapunov_exponent_of_a_settled_motion_is_its_multiplier():
     assert lyapunov(stepper, flight, 100) == pytest.approx(-0.05, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_lyapunov_exponent_of_a_chaotic_motion():
     """x'' + 0.25 x' - x + x^3 = 0.4 cos t, against its variational equation along one long run of other code."""
     double_well = hb.System(
@@ -218,6 +219,7 @@ def test_remaining_decay_is_known_for_few_periods(longest):
 ESCAPING = hb.Duffing(zeta=0.05, k3=-1.0, F=0.5)  # from rest, over the top of its potential
 
 
+@pytest.mark.slow
 def test_motions_that_run_away_are_one_basin(recwarn):
     """The safe basin of a softening oscillator: bounded motion from near its well, escape from far."""
     soft, Omega = hb.Duffing(zeta=0.05, k3=-1.0, F=0.1), 0.5

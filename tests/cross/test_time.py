@@ -78,6 +78,7 @@ class Steep(Law):
         return 0.1 * p, *((none, slope) if self.rate else (slope, none))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "load"),
     [(Steep(0.01, True), {1: [0.5]}), (Steep(0.01, False), {1: [0.5]}), (Cubic(5.0), {1: [0.2], 15: [20.0]})],

@@ -67,6 +67,7 @@ def at(tori, Omega):
     return solve(problem.with_borders_at(U, {"Omega": Omega}, renew=True), U, {"Omega": Omega}).X
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Omega", CIRCLES)
 def test_rotation_number_and_rms_are_those_of_invariant_circles(fine, Omega):
     rotation, *rms = CIRCLES[Omega]
@@ -77,6 +78,7 @@ def test_rotation_number_and_rms_are_those_of_invariant_circles(fine, Omega):
     assert fine.layout.measure("rms", U[:-1], "ground") == pytest.approx(rms[0], rel=3e-10)
 
 
+@pytest.mark.slow
 def test_errors_fall_exponentially_with_the_harmonics(curve):
     errors = []
     for harmonics in ((4, 4), (6, 8), (8, 12)):
@@ -85,6 +87,7 @@ def test_errors_fall_exponentially_with_the_harmonics(curve):
     assert errors[1] < 0.05 * errors[0] and errors[2] < 0.05 * errors[1]
 
 
+@pytest.mark.slow
 def test_branch_ends_at_the_other_neimark_sacker_point(curve, tori):
     assert tori.status is hb.Status.MERGED and "Neimark-Sacker" in tori.message
     first, last = curve["NS1"].parameters["Omega"], curve["NS2"].parameters["Omega"]

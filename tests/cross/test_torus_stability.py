@@ -31,6 +31,7 @@ def curve() -> hb.Branch:
     return two_tones(0.02, (1.15, 1.4))
 
 
+@pytest.mark.slow
 def test_growth_of_an_oscillator_is_its_damping_where_disturbances_rotate(curve):
     """The product of both factors is exp(-2 zeta T) (Liouville); they are equal where disturbances rotate."""
     expected = np.exp(-ZETA * 2 * math.pi / curve.values)

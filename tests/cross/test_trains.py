@@ -156,6 +156,7 @@ def two_stages(**kwargs):
     return hb.gears.Train(wheels, meshes, [hb.gears.Shaft("z80", "z20", 2e5)], balance="z60", **kwargs)
 
 
+@pytest.mark.slow
 def test_two_stages_with_commensurate_frequencies():
     train = two_stages()
     assert train.orders["z40-z80"] == 4 and train.orders["z20-z60"] == 1

@@ -69,6 +69,7 @@ def refined(problem, point):
     return float(solve(kind(problem), np.append(X, Omega), {"Omega": Omega}).X[-1])
 
 
+@pytest.mark.slow
 def test_shooting_finds_these_points_and_no_others(shot):
     assert not SPAN[1] <= shot.orbits[-1].Omega
     found = labelled(shot.special)
@@ -76,6 +77,7 @@ def test_shooting_finds_these_points_and_no_others(shot):
     np.testing.assert_allclose(list(found.values()), list(POINTS.values()), rtol=0, atol=5e-7)
 
 
+@pytest.mark.slow
 def test_harmonic_balance_finds_the_same_points_and_no_others(curve):
     assert curve.status == "reached_end"
     assert [p.label for p in curve.special if p.kind != "GR"] == list(POINTS)

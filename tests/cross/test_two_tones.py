@@ -23,6 +23,7 @@ def velocity_rms(curve, i):
     return float(layout.measure_rows("rms", rows))
 
 
+@pytest.mark.slow
 def test_a_linear_system_has_the_sum_of_both_responses():
     """Both the load and the prescribed displacement of the second element follow the second frequency."""
     M, C = np.diag([1.0, 2.0]), np.array([[0.06, -0.02], [-0.02, 0.05]])

@@ -33,6 +33,7 @@ def test_duffing_agrees_within_the_accuracy_of_integration():
     assert {row.stable for row in found.rows} == {True, False}
 
 
+@pytest.mark.slow
 def test_spur_pair_agrees(report):
     assert report.ok and len(report.rows) == 10
     assert max(row.rms_error for row in report.rows) < 1e-6
@@ -70,6 +71,7 @@ def test_teeth_of_a_drawing():
     assert max(row.closure for row in found.rows) < 3e-3
 
 
+@pytest.mark.slow
 def test_period_doubling_of_the_double_helical_pair():
     """Between Omega = 0.3306 and 0.3435 the default pair is unstable with a multiplier below -1."""
     problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 10)
@@ -111,6 +113,7 @@ def test_wrong_multipliers_are_found(pair):
     assert row.status == "multipliers differ"
 
 
+@pytest.mark.slow
 def test_right_multipliers_of_a_coarse_motion_are_no_reason_against_more_harmonics():
     """Multipliers of verified points belong to a refined motion, not to the coefficients of the curve."""
     coarse, fine = (hb.HarmonicBalance(hb.Duffing(), H) for H in (1, 8))

@@ -23,6 +23,7 @@ from hbgear.time.integration import state_of
 from studies.random.stops import Stop, compared
 
 
+@pytest.mark.slow
 def test_points_between_two_folds_of_a_stop_are_unstable():
     """Ten rows whose multipliers are a complex pair with 16 harmonics, and 1.118 to 1.025 of the exact motion."""
     stop = Stop(0.04, 200.0, 0.5, 0.1)

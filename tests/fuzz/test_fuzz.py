@@ -38,6 +38,7 @@ def _attempt(seed, folder, note):
     return None
 
 
+@pytest.mark.slow
 def test_the_pool_reports_each_kind_of_failure_and_goes_on():
     most = pool.Most()
     found = {f.seed: f for f in pool.run(_attempt, range(8), processes=2, seconds=2.0, memory=200 << 20, most=most)}
@@ -48,6 +49,7 @@ def test_the_pool_reports_each_kind_of_failure_and_goes_on():
     assert most.largest == "seed 3: seed 3" and most.memory > 250 << 20
 
 
+@pytest.mark.slow
 def test_a_seed_is_the_same_input_again():
     first = [(f.seed, f.what, f.wrong) for f in pool.run(_attempt, range(6), seconds=0.5, memory=200 << 20)]
     again = [(f.seed, f.what, f.wrong) for f in pool.run(_attempt, range(5, 6))]

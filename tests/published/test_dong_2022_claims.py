@@ -69,6 +69,7 @@ def test_verdicts_follow_the_results(made_up):
     assert "is stable at Omega = 1/3" in claims.report({**both, "default": both["found"]})
 
 
+@pytest.mark.slow
 def test_around_one_third_the_stable_motion_has_impacts_and_the_halves_move_oppositely():
     """Time integration from a start with the halves pushed to opposite sides ends on it, least gap included."""
     from studies.dong_2022 import base, claims
@@ -144,6 +145,7 @@ def test_mean_force_without_tilts_is_smaller_by_the_square_of_the_cosine():
     assert F[1] / F[0] == pytest.approx(np.cos(np.radians(24.43)) ** 2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_reading_found_by_search_holds_all_statements():
     """Its neighbours do not; the folds are at the jump that the paper states."""
     from studies.dong_2022 import search

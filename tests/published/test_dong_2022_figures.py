@@ -26,6 +26,7 @@ def integrated(point, model=None):
     return integrate(problem.model, state, point.layout.nu, Omega, method="exponential", samples=1024).d[..., 0, :]
 
 
+@pytest.mark.slow
 def test_fig03_motions_close_and_are_those_of_time_integration(tmp_path):
     from studies.dong_2022 import fig03
 
@@ -42,6 +43,7 @@ def test_fig03_motions_close_and_are_those_of_time_integration(tmp_path):
     assert drawn(fig03, results, tmp_path)
 
 
+@pytest.mark.slow
 def test_fig04_doubled_motion_coexists_below_the_doubling(tmp_path):
     """The sweep down still finds it at 0.325, where the motion of one period is stable again."""
     from studies.dong_2022 import base, fig04

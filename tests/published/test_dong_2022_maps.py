@@ -38,6 +38,7 @@ def drawn(module, results):
     return figure.axes
 
 
+@pytest.mark.slow
 def test_spectra_at_one_third():
     """In the period-doubled motion half orders have opposite phase in the two helices."""
     module = study("fig14")
@@ -70,6 +71,7 @@ def test_mesh_frequency_of_the_rig():
     assert rig[2].orders[0] == pytest.approx(0.96)
 
 
+@pytest.mark.slow
 def test_backlash_changes_nothing_but_the_mean():
     module = study("fig17")
     results = module.run(quick=True)
@@ -87,6 +89,7 @@ def test_backlash_changes_nothing_but_the_mean():
     assert "0.3168" in module.report(results)
 
 
+@pytest.mark.slow
 def test_speeds_and_backlash():
     """Far below resonance the motion is quasi-static, d - b = (torque term) / k(tau), independent of the error."""
     module = study("fig18")
@@ -156,6 +159,7 @@ def test_period_doubling_is_a_parametric_resonance():
     assert "0.12054" in module.report(results)
 
 
+@pytest.mark.slow
 def test_double_sided_impact_begins():
     """The grazing curve agrees with the depth of motions in a wide gap and with time integration to 5e-4."""
     module = study("double_sided")

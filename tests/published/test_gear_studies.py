@@ -21,6 +21,7 @@ def test_planets_in_phase_and_one_after_the_other():
     assert [ax.get_title() for ax in figure.axes[:2]] == ["in phase: 28, 36, 100 teeth", "sequential: 27, 35, 97 teeth"]
 
 
+@pytest.mark.slow
 def test_relief_cures_the_jump():
     """As drawn it jumps and a branch tends to infinity; with 12 um it still jumps, with 20 um it does not.
 

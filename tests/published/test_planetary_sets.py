@@ -112,6 +112,7 @@ def test_planets_one_after_the_other_do_not_turn_the_sun():
     assert size[1][np.arange(1, 9) % 2 == 0].max() < 1e-10 < 1e-3 < size[1][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("teeth", "kinds"), [((28, 36, 100), {"LP", "NS", "GR"}), ((27, 35, 97), {"LP", "BP", "GR"})])
 def test_response_with_backlash_in_eight_meshes(teeth, kinds):
     curve = hb.trace(hb.HarmonicBalance(hb.gears.PlanetarySet(*teeth), 8), "Omega", (1.75, 1.25))
@@ -123,6 +124,7 @@ def test_response_with_backlash_in_eight_meshes(teeth, kinds):
     assert hb.validate(curve, rows, landing="nearest").ok
 
 
+@pytest.mark.slow
 def test_symmetry_breaks():
     """Each planet does what the one before it did, a quarter of the period later, until a branch point."""
     planetary = hb.gears.PlanetarySet(27, 35, 97)

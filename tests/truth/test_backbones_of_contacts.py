@@ -132,6 +132,7 @@ def test_a_damped_backbone_begins_below_the_contact(mode, ratios):
     assert (~below).sum() > 20 and np.ptp(curve.tracked["Omega"][~below]) > 0.01
 
 
+@pytest.mark.slow
 def test_a_backbone_at_an_internal_resonance_ends_with_a_reason():
     """omega_2 = 1.9999 omega_1: contact makes the curve turn sharply."""
     K = np.array([[3.001, -1.0], [-1.0, 1.0]])

@@ -73,6 +73,7 @@ def test_spring_and_damper(model, Omega, state, rms, multiplier):
     assert np.abs(problem.multipliers(X, Omega=Omega) - multiplier).min() < 3e-5
 
 
+@pytest.mark.slow
 def test_multipliers_of_two_masses_with_another_law():
     """Impulses in the modes of a structure, with a second element whose stiffness changes with the motion."""
     K = np.array([[2.0, -1.0], [-1.0, 2.0]])

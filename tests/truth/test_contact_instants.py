@@ -138,6 +138,7 @@ def test_motions_of_hard_contacts_are_found_from_softer_ones(Omega: float) -> No
     assert min(np.abs(mu - np.sort_complex(first.multipliers)).max() for mu in found) < 1e-7
 
 
+@pytest.mark.slow
 def test_contacts_of_a_symmetric_machine_begin_and_end_together() -> None:
     """Two equal masses move as one; their contacts begin and end at the same instants, also at grazing points."""
     one = hb.trace(hb.ContactInstants(stop(10.0), 8), "Omega", (0.5, 2.2))
@@ -298,6 +299,7 @@ def test_multipliers_of_a_contracting_pair_are_no_second_frequency() -> None:
     assert results.machines["two masses"] == 1 and not results.ended and not results.alone
 
 
+@pytest.mark.slow
 def test_two_neimark_sacker_points_within_one_step() -> None:
     """The pair leaves the unit circle for .003 in Omega; its test function is .0005 at the point before."""
     from studies.contact.discretisations import Results, compare, machine
@@ -307,6 +309,7 @@ def test_two_neimark_sacker_points_within_one_step() -> None:
     assert not results.ended and not [point for point in results.alone if "NS" in point]
 
 
+@pytest.mark.slow
 def test_both_discretisations_have_the_same_special_points() -> None:
     """One machine of each kind of the study; the study itself compares a thousand."""
     from studies.contact.discretisations import SAME, report, run
@@ -359,6 +362,7 @@ def test_a_branch_leaves_and_joins_a_symmetric_motion(k: float) -> None:
         assert middle.amplitude("rms", 0) != pytest.approx(middle.amplitude("rms", 1), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", BIFURCATIONS)
 def test_branch_points_do_not_depend_on_the_span(k: float) -> None:
     problem = hb.ContactInstants(two_masses_with_stops(k), 48)
@@ -406,6 +410,7 @@ def two_backlashes(k: float, b: float, force: float, damping: float, coupling: f
     return hb.System(np.eye(2), 2 * damping * K + 0.01 * np.eye(2), K, elements, loads)
 
 
+@pytest.mark.slow
 def test_two_doublings_between_corners_are_located() -> None:
     """PD4 and PD5 are less than 4e-4 apart, in one step of 4e-3; the harmonic balance agrees to 1e-6."""
     model = two_backlashes(11.758, 0.1618, 0.24648, 0.01403, 0.3, 0.16161)
@@ -417,6 +422,7 @@ def test_two_doublings_between_corners_are_located() -> None:
     assert curve["PD5"].parameters["Omega"] - curve["PD4"].parameters["Omega"] < 4e-4
 
 
+@pytest.mark.slow
 def test_a_symmetric_motion_passes_several_branch_points() -> None:
     """Tangents are exact where dF/du is nearly singular: in earlier versions the curve ended at Omega = .7153."""
     k, F, damping, b = 15.436699402610017, 0.19363924737704585, 0.024780978660692975, 0.3218514178138575
@@ -472,6 +478,7 @@ ALL_PASSED = {
 """Models with spans in which earlier versions ended curves early or missed special points."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL_PASSED)
 def test_curves_are_those_of_the_harmonic_balance(name: str) -> None:
     """The balance does not report contacts that begin next to a longer one, so that grazing points are not compared."""
@@ -525,6 +532,7 @@ def stop_of(k: float = 50.0, gap: float = 0.5, F: float = 0.3) -> hb.System:
     return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["GR1", "PD1", "PD2", "LP1", "LP2"])
 def test_sensitivities_are_those_of_curves_of_neighbouring_models(label: str) -> None:
     curve = hb.trace(hb.ContactInstants(stop_of(), 32), "Omega", (0.5, 2.0))
@@ -542,6 +550,7 @@ def hard() -> hb.Branch:
     return hb.trace(hb.ContactInstants(stop_of(k=1e3), 32), "Omega", (0.5, 2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["GR1", "LP1", "LP2", "GR2", "PD1", "PD2", "LP4", "PD3", "LP6"])
 def test_special_points_of_exact_motions_are_followed(hard: hb.Branch, label: str) -> None:
     """Both ends agree with traces at these gaps, to 1e-10; LP1, LP4 and LP6 are 1e-6 from grazing points."""
@@ -659,6 +668,7 @@ def equal_masses(gap: float = 0.5) -> hb.System:
     return hb.System(np.eye(2), 0.1 * np.eye(2), K, stops, hb.Load(cosine={1: [0.3, 0.3]}))
 
 
+@pytest.mark.slow
 def test_folds_of_contacts_that_switch_at_the_same_instant_are_followed() -> None:
     """The symmetric motion is that of one mass: Omega of the fold depends on F / gap only."""
     curve = hb.trace(hb.ContactInstants(equal_masses(), 16), "Omega", (0.8, 2.2))
@@ -670,6 +680,7 @@ def test_folds_of_contacts_that_switch_at_the_same_instant_are_followed() -> Non
     assert min(abs(found.tracked["Omega"][-1] - Omega) for Omega in folds) < 1e-5
 
 
+@pytest.mark.slow
 def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     """With a gap equal to the static displacement, the grazing point is at Omega = 0."""
     found = hb.follow(hard, "GR1", "gap", (0.5, 0.25))
@@ -677,6 +688,7 @@ def test_a_curve_whose_frequency_tends_to_zero_ends(hard: hb.Branch) -> None:
     assert found.values[-1] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["LP2", "GR2"])
 def test_points_of_a_curve_from_a_file_are_followed(hard: hb.Branch, label: str, tmp_path: Path) -> None:
     """The 32 harmonics of the file do not resolve the shorter contact of LP2 or the contact that begins at GR2."""
@@ -686,6 +698,7 @@ def test_points_of_a_curve_from_a_file_are_followed(hard: hb.Branch, label: str,
     assert found.tracked["Omega"][-1] == pytest.approx(known.tracked["Omega"][-1], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_curve_reaches_the_end_of_the_range_of_its_parameter() -> None:
     """Without damping the gear pair jumps at another Omega; the model refuses a negative damping ratio."""
     curve = hb.trace(hb.ContactInstants(hb.SpurPair(), 16), "Omega", (0.7, 1.0))
@@ -733,6 +746,7 @@ def test_an_interrupted_trace_keeps_its_points() -> None:
     assert folds.status is hb.Status.INTERRUPTED and len(folds) == 9 and whole.status.complete
 
 
+@pytest.mark.slow
 def test_sensitivities_of_jumps_at_folds_next_to_a_grazing() -> None:
     """LP1 is 1e-6 from a grazing point: Omega and amplitudes before and after, against neighbouring models."""
 
@@ -795,6 +809,7 @@ def test_a_branch_turns_at_its_end_without_a_fold() -> None:
     assert abs(doubled["EP1"].parameters["Omega"] - curve["PD2"].parameters["Omega"]) < 1e-8
 
 
+@pytest.mark.slow
 def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
     """An iteration outside the table shortens the step; folds agree with the balance to 1e-6."""
     Omega = [0.5, 1.0, 1.5]
@@ -810,6 +825,7 @@ def test_an_iteration_that_leaves_a_table_of_the_structure_fails() -> None:
         assert exact[label].parameters["Omega"] == pytest.approx(other, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_motions_without_bound_end_at_their_asymptote() -> None:
     """At the asymptote the equation without gap and load has a periodic motion, by Runge-Kutta to 1e-8."""
     m, c, K, k = 2.0, 0.1, 0.8, 8.0
@@ -860,6 +876,7 @@ def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(cur
     assert balance.H == 128 and distance(128) < RESIDUAL_FORM_ACCURACY < distance(64)
 
 
+@pytest.mark.slow
 def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> None:
     """A file stores 32 harmonics of each motion, which do not resolve the short contacts of PD1 and LP4."""
     problem = hb.ContactInstants(stop_of(k=1e3), 32)
@@ -874,6 +891,7 @@ def test_sensitivities_of_a_curve_from_a_file_are_exact_or_refused(tmp_path) -> 
             hb.analysis.sensitivity(again[label], ["gap"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [7, 20, 40])
 def test_the_unit_of_the_frequency_is_arbitrary(order):
     """Order n at Omega / n and order 1 at Omega are the same excitation: the multipliers are n-th powers."""

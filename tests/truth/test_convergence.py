@@ -156,6 +156,7 @@ def test_stated_errors_include_the_effect_of_truncated_harmonics_on_the_others(l
     assert 0.6 < curve.error[0] / true < 1.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [Unilateral(50.0, 0.5), Jenkins(5.0, 0.1)], ids=["stop", "friction"])
 def test_stated_errors_along_curves_of_exactly_projected_laws(law):
     """The truncated force harmonics alone state errors of these motions with friction that are up to 7 times too small.

@@ -156,6 +156,7 @@ def test_motion_is_that_of_the_planetary_set_with_stiff_bearings(orders):
     np.testing.assert_allclose(found[0], found[1], rtol=2e-3, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_drawn_helical_planets():
     """Meshes resolved into pairs of teeth of helical gears; torques on the pinions from the static equilibrium."""
     sun, planet = (hb.gears.Gear(z, "2 mm", "20 mm", helix_angle=f"{h} deg") for z, h in ((24, 15), (30, -15)))

@@ -71,6 +71,7 @@ def test_a_curve_of_first_slip_ends_where_its_frequency_is_zero(slipping):
     assert curve.values[-1] == pytest.approx(0.03, rel=1e-6) and 0 < curve.tracked["Omega"][-1] < 1e-3
 
 
+@pytest.mark.slow
 def test_curves_of_first_slip_pass_corners():
     """Where two sliders begin to slip at once, each curve has a corner, and both curves cross there."""
     curve = hb.trace(hb.HarmonicBalance(corners(), 9), "Omega", (0.4, 2.4))
@@ -231,6 +232,7 @@ def longest_radius(Omega, e=0.12, ky=1.2):
     return np.sqrt((abs(x) ** 2 + abs(y) ** 2 + abs(x**2 - y**2)) / 2)
 
 
+@pytest.mark.slow
 def test_contact_in_a_radial_clearance_over_its_size():
     curve = hb.trace(hb.HarmonicBalance(rotor(), 9), "Omega", (0.7, 0.95))
     point = curve["GR1"]

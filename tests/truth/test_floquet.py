@@ -261,6 +261,7 @@ def excited_at(order, law):
     return System([[1.0]], [[0.05]], [[1.0]], [element], Load([0.3], {order: [0.8]}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [7, 20])
 @pytest.mark.parametrize("kind", ["stiffness", "cubic", "tanh"])
 @pytest.mark.parametrize("speed", [1.3, 3.0])
@@ -453,6 +454,7 @@ def test_multipliers_with_an_excitation_above_the_harmonics(Omega):
     assert np.abs(rough.multipliers(X, Omega=Omega) - exact).max() < 0.015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVES)
 def test_many_at_once_are_those_one_by_one(name):
     problem, X, Omega = CURVES[name]()

@@ -207,6 +207,7 @@ def test_an_equilibrium_that_stays_stable_has_no_hopf_point():
     assert hb.analysis.hopf_points(hb.Duffing(), "zeta", (0.01, 0.3)) == ()
 
 
+@pytest.mark.slow
 def test_coordinates_of_a_saved_backbone_are_those_of_the_artificial_damping(tmp_path):
     """Below contact the mode is linear: the ratio of two coordinates is that of an eigenvector."""
     K, M = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.diag([1.0, 0.5])
@@ -235,6 +236,7 @@ def driven_van_der_pol(damping: float = 0.0, F: float = 5.0) -> hb.System:
                      [hb.Element([1.0, 0.0], _VanDerPol())], load)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_excitation_is_left_out_of_saved_limit_cycles(tmp_path):
     """Coordinates that no element measures are computed from the model in the file, which has its excitation."""
     hopf = hb.analysis.hopf_points(driven_van_der_pol(), "damping", (0.4, 0.0))[-1]
@@ -251,6 +253,7 @@ def test_the_excitation_is_left_out_of_saved_limit_cycles(tmp_path):
     assert abs(ratio[0] / expected - 1) < 1e-3
 
 
+@pytest.mark.slow
 def test_the_predicted_peak_of_a_linear_oscillator_has_its_closed_form():
     """At phase resonance the amplitude is F / (2 zeta), for a load and a displacement of the support in any phase."""
     for zeta in (0.02, 0.1):
@@ -271,6 +274,7 @@ def test_the_predicted_peak_of_a_linear_oscillator_has_its_closed_form():
     assert peak.amplitude == pytest.approx(abs(0.01 * (1 + 0.1j) - 0.02j) / 0.1 / math.sqrt(2), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_predicted_peaks_have_an_error_of_the_order_of_the_squared_damping():
     errors = []
     for zeta in (0.04, 0.02):

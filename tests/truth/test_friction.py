@@ -150,6 +150,7 @@ def test_residual_position_selects_the_motion():
     assert set(curve.stability) == {"neutral"} and set(curve.regimes) == {"stick"} and curve.stable.all()
 
 
+@pytest.mark.slow
 def test_a_curve_through_first_slip():
     curve = hb.trace(hb.HarmonicBalance(oscillator(ONE, 0.06), 9), "Omega", (0.6, 2.2))
     assert curve.status.complete and set(curve.regimes) == {"stick", "gross_slip"}

@@ -107,6 +107,7 @@ def test_states_that_decay_fast_do_not_replace_others(law):
     assert apart(hill_multipliers(problem.compiled({}), X, 0.9), truth) < 5e-3
 
 
+@pytest.mark.slow
 def test_one_copy_of_each_exponent_is_chosen():
     """Copies shifted by i omega lie close to the middle of the harmonics as well where several orders resonate."""
     springs = [hb.Element([1, 0], hb.Unilateral(5.0, 0.1)), hb.Element([1, -1], hb.Cubic(0.5))]

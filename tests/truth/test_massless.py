@@ -86,6 +86,7 @@ def self_excited(damping: float = 0.1) -> hb.System:
     return hb.System(np.diag([1.0, 0.0]), np.diag([damping, DAMPER]), K, [hb.Element([1.0, 0.0], hb.Cubic(1.0))])
 
 
+@pytest.mark.slow
 def test_the_hopf_point_of_a_maxwell_element_has_its_closed_form():
     """d s^3 + (k + c d) s^2 + (c k + d + k d) s + k has the roots +- i Omega where (k + c d)(c k + d + k d) = d k."""
     (hopf,) = hb.analysis.hopf_points(self_excited(), "damping", (0.1, -0.5))

@@ -62,6 +62,7 @@ def exact(direction, law, y, t, damper=0.0):
     return np.array([x[0, -1], x[2, -1], x[1, -1], dx[2, -1]]), w @ x[[0, 2]], w @ np.array([x[1], dx[2]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "law", "damper", "method"),
     [
@@ -145,6 +146,7 @@ def test_static_nodes_follow_as_in_the_condensed_system(method, form):
     assert end[4] == pytest.approx((1.5 * v[0] + 0.7 * v[1]) / 2.2, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (1.0, -1.0)])
 def test_motions_are_the_limit_of_small_masses(direction):
     start = hb.time.integrate(maxwell(direction=direction), [0.1, 0.4, 0.2, 0.0], 1, OMEGA).end
@@ -246,6 +248,7 @@ def test_a_static_coordinate_with_an_element_is_refused():
             hb.time.integrate(model, np.zeros(4), 1, OMEGA, method=method)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [hb.mechanics.Jenkins(1.0, 0.1), hb.mechanics.KelvinVoigt(2.0, 0.2, gap=0.1)])
 def test_memory_and_jumps_on_the_mass_are_the_limit_of_small_masses(law):
     start, ends = [0.1, 0.3, 0.2, 0.0], []

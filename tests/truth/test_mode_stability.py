@@ -72,6 +72,7 @@ def _variational(t: float, z: np.ndarray) -> np.ndarray:
     return np.concatenate([z[2:4], -K @ q - [0.5 * q[0] ** 3, 0.0], (A @ Z).ravel()])
 
 
+@pytest.mark.slow
 def test_stability_changes_at_extrema_of_the_energy_and_at_branch_points():
     curve = hb.analysis.backbone(one_cubic(), span=(1.5, 4.5), harmonics=25)
     found = hb.analysis.backbone_stability(curve)
@@ -126,6 +127,7 @@ def test_stability_is_undefined_where_energy_is_dissipated():
     assert set(damped.states) == {"undefined"} and damped.multipliers.shape[1] == 0
 
 
+@pytest.mark.slow
 def test_few_harmonics_leave_motions_undecided_and_none_wrong():
     """With 11 harmonics the motions near the internal resonance have errors of a percent."""
     coarse, fine = (hb.analysis.backbone(one_cubic(), span=(1.5, 5.0), harmonics=H) for H in (11, 41))

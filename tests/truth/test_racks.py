@@ -73,6 +73,7 @@ def check_limit(values, tolerance=0.05):
     assert far / near == pytest.approx(4, rel=tolerance) and abs(near) < 5e-3 * values[2]
 
 
+@pytest.mark.slow
 def test_jumps_are_the_limit_of_large_wheels():
     found = []
     for one in (wheel(2400, rack().mass_used), wheel(9600, rack().mass_used), rack()):

@@ -53,6 +53,7 @@ def test_forced_oscillator_without_stops_in_closed_form(Omega):
     assert abs(peak - amplitude) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("static", "kinetic", "force", "Omega", "speed", "sticks"),
     [(0.6, 0.4, 1.0, 0.35, 0.0, 2), (0.4, 0.4, 0.7, 0.3, 0.0, 2), (0.5, 0.35, 0.6, 0.7, 0.2, 1)],
@@ -95,6 +96,7 @@ def test_two_elements_are_the_limit_of_stiff_sliders():
     assert ((np.abs(rigid.v) < 1e-12).mean(axis=1) > 0.01).all() and len(rigid.switches) > 10
 
 
+@pytest.mark.slow
 def test_independent_oscillators_in_other_coordinates():
     """x = T q couples the coordinates of two oscillators, and both may stick at the same time."""
     T, zeta = np.array([[1.0, 0.4], [-0.3, 0.9]]), 0.05
@@ -118,6 +120,7 @@ def test_a_motion_within_the_static_limit_rests():
     assert len(hb.time.integrate(oscillator(1.0, 0.5, force=1.01), [0.0, 0.0], 1, 0.5).switches)
 
 
+@pytest.mark.slow
 def test_breakpoints_of_the_excitation_do_not_release_an_element():
     """A second mass with a stiffness that jumps at 64 phases leaves the instants of the first one unchanged."""
     phases = np.linspace(0, 2 * np.pi, 65)

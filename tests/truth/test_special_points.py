@@ -149,6 +149,7 @@ def test_a_cusp_next_to_a_row_has_an_error(before):
     assert abs(cusp - CUSP["zeta"]) == pytest.approx(found.error, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_same_cusp_by_shooting():
     """At the cusp the maximum along the curve of the Omega component of the tangent is zero, beyond it negative."""
     near, coarse = 0.118, HarmonicBalance(SpurPair(), 10)
@@ -208,6 +209,7 @@ def test_critical_value_of_the_double_helical_pair(name):
     assert found.jump_below == (name != "eps_scale")
 
 
+@pytest.mark.slow
 def test_a_pair_that_crosses_just_before_a_fold():
     """In one segment a pair enters the unit circle and a real multiplier passes +1: both points are located."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.03), 16)

@@ -38,6 +38,7 @@ CASES = [
 """Omega, state (x, x', y, y') at tau = 0, rms of the alternating parts, and a multiplier."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("Omega", "state", "rms", "multiplier"), CASES)
 def test_motions(Omega, state, rms, multiplier):
     state = np.array(state)[[0, 2, 1, 3]]

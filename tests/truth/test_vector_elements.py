@@ -70,6 +70,7 @@ def test_rub_with_weight():
     np.testing.assert_allclose(rms, [0.37175834650034373, 0.38791869772068943], rtol=0, atol=5e-6)
 
 
+@pytest.mark.slow
 def test_contact_of_circular_whirl_begins_at_a_grazing_point():
     """Where the linear radius e Omega^2 / |1 - Omega^2 + .1 i Omega| reaches the clearance 1."""
     curve = hb.trace(hb.HarmonicBalance(rotor(), 3), "Omega", (0.7, 1.0), cover=False)
@@ -78,6 +79,7 @@ def test_contact_of_circular_whirl_begins_at_a_grazing_point():
     assert points[0].parameters["Omega"] == pytest.approx(0.8846139636131891, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_regimes_of_a_rub_with_weight():
     """The shaft leaves the hole in each period: single-sided between two grazing points, with and without contact."""
     curve = hb.trace(hb.HarmonicBalance(rotor(zeta=0.1, weight=0.5), 9), "Omega", (0.6, 1.0), cover=False)
@@ -88,6 +90,7 @@ def test_regimes_of_a_rub_with_weight():
     assert first.note == "highest of seal"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("k0", "k", "mu", "zeta", "e", "Omega", "weight", "state", "sizes"),
     [
@@ -121,6 +124,7 @@ def coupled(law, directions=UNIT, **keys):
     )
 
 
+@pytest.mark.slow
 def test_polynomial_coupling():
     """The springs of V = q1^2 q2^2 / 2 + q1^4 / 4, against shooting."""
     law = hb.mechanics.Polynomial([[1, 2], [2, 1], [3, 0]], [[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
@@ -278,6 +282,7 @@ def test_a_contact_between_two_samples_has_a_force(depth):
     assert forces_of_a_rub(rows, samples=128)[0][0, 0] == pytest.approx(mean, rel=3 * depth + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_rub_is_followed_through_its_first_contact():
     """The curve with 128 samples ended where a sample entered the contact; with 2048 its fold was at .50025225."""
     few, many = (

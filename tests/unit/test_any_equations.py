@@ -73,6 +73,7 @@ def test_bratu():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_fold_of_bratu_in_a_second_parameter():
     """Folds with q > 0, sparse, against traces at a fixed q; and the cusp, beyond which a trace has none."""
     from any_equations import FINE, Bratu, bratu, cusp

@@ -73,6 +73,7 @@ def test_sampled_forces_run_off_at_the_same_frequency():
     assert curve.asymptotes["last"] == pytest.approx(traced(PAIR, 8).asymptotes["last"], abs=1e-11)
 
 
+@pytest.mark.slow
 def test_it_is_seen_in_another_parameter_too():
     """Less and less of the variation of stiffness at a frequency that is held."""
     there = traced(PAIR)

@@ -26,6 +26,7 @@ def test_the_end_keeps_to_the_tolerance(tolerance, end):
     assert curve.values[-1] == end and curve.error.max() <= tolerance
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_is_missed_is_reported():
     with pytest.warns(
         hb.mechanics.ImplausibleInputWarning,

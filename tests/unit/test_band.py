@@ -172,6 +172,7 @@ def test_derivatives_are_shown_in_physical_units(curve):
     assert "change of pinion r/min of LP1" in hb.plot.tornado(found).get_xlabel()
 
 
+@pytest.mark.slow
 def test_command(curve, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     path = str(tmp_path / "pair.npz")

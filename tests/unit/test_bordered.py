@@ -262,6 +262,7 @@ def test_a_peak_of_no_such_amplitude(curve, measure):
         AmplitudeExtremum(curve.problem, measure=measure)
 
 
+@pytest.mark.slow
 def test_a_fold_followed_in_a_parameter_that_is_not_the_frequency():
     """Folds in the load amplitude, followed in the damping at fixed Omega: the parameter of a fold can be any."""
     balance = HarmonicBalance(Duffing(k3=0.1), 3)

@@ -106,6 +106,7 @@ def test_extrema_of_two_harmonics_in_closed_form():
     assert np.allclose(measures.measure("max", X), expected, rtol=1e-15, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_pp2_and_max_agree_with_a_dense_grid():
     rng = np.random.default_rng(3)
     for _ in range(6):

@@ -173,6 +173,7 @@ def test_a_full_disk_stops_and_keeps_the_results(run, monkeypatch):
     assert len(run(vary)) == 4 and run(vary).outcome == "finished"
 
 
+@pytest.mark.slow
 def test_full_disk_when_the_tables_are_written(tmp_path, monkeypatch, capsys):
     (tmp_path / "a.toml").write_text(STUDY.format(count=1))
 
@@ -583,6 +584,7 @@ CALL = f"found = hb.design.cases(hb.Duffing(), {GRID}, ('peak',), harmonics=3, s
 SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), found.outcome)\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "line"),
     [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)],

@@ -34,6 +34,7 @@ def saved(run):
     return "pair.npz"
 
 
+@pytest.mark.slow
 def test_map_gives_the_cusp_and_writes_both_files(run):
     code, out, err = run("map spur-pair --in zeta=0.1:0.13 --harmonics 6 -o map.csv --plot map.png")
     assert (code, err) == (0, "")
@@ -49,6 +50,7 @@ def test_map_without_any_jump(run):
     assert (code, err) == (0, "") and "no jump for zeta between 0.2 and 0.3" in out
 
 
+@pytest.mark.slow
 def test_critical_is_that_of_the_library(run):
     code, out, err = run("critical spur-pair zeta --set zeta=0.1 --harmonics 6")
     assert (code, err) == (0, "")

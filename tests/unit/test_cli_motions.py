@@ -75,6 +75,7 @@ def test_backbone(tmp_path):
     assert (tmp_path / "b.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_cycles(folder):
     done = run("cycles", f"{folder}/models.py:oscillator", "--in", "damping=0.4:0", "--harmonics", "9", "-o",
                f"{folder}/c.npz")  # fmt: skip
@@ -84,6 +85,7 @@ def test_cycles(folder):
     assert f"{saved.tracked['Omega'][-1]:.6g}" in done.output
 
 
+@pytest.mark.slow
 def test_torus(folder):
     done = run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",
                "1.13", "-o", f"{folder}/t.npz", "--plot", f"{folder}/t.png")  # fmt: skip
@@ -105,6 +107,7 @@ def test_the_stability_of_a_backbone_without_dissipation(folder, end, expected):
     assert done.exit_code == 0 and expected in done.output, done.output
 
 
+@pytest.mark.slow
 def test_tori_and_backbones_are_drawn_on_saved_curves(folder):
     """`hbgear plot --with`, a report and the explorer have them, in the units of the axes."""
     assert run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",

@@ -117,6 +117,7 @@ def test_validate_confirms_with_more_harmonics_and_states_the_error_of_the_curve
     assert (table["harmonics"] > 1).all()
 
 
+@pytest.mark.slow
 def test_validate_reports_unbounded_motions(run):
     """Unstable motions of a softening oscillator, which integration leaves at once: no number to show for some.
 
@@ -132,6 +133,7 @@ def test_validate_reports_unbounded_motions(run):
     assert "inf" in Path("report.csv").read_text() and os.path.getsize("report.png") > 10_000
 
 
+@pytest.mark.slow
 def test_validate_ends_with_1_where_a_point_disagrees(run, saved):
     curve = hb.load(saved)
     replace(curve, X=curve.X * (1 + 1e-3)).save("wrong.npz")

@@ -226,6 +226,7 @@ def test_no_more_is_done_than_needed():
     assert problem.asked == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_curves_of_different_harmonics_are_joined():
     """The number of harmonics varies from row to row, and so from way to way."""
     problem = hb.HarmonicBalance(THROUGH_INFINITY, "auto", tolerance=1e-3)

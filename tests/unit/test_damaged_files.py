@@ -232,6 +232,7 @@ def test_encrypted_and_unknown_members(whole, tmp_path, flag, value):
         hb.load(tmp_path / "b.npz")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are not available")
 def test_pipes_and_devices_are_not_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe.npz")

@@ -146,6 +146,7 @@ def test_version_is_in_the_changelog_and_the_citation():
     assert f"version: {hb.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first_jump", "own_machine", "own_event"])
 def test_example_runs(name):
     done = subprocess.run(

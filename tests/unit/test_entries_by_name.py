@@ -25,6 +25,7 @@ def run(capsys, tmp_path, monkeypatch):
     return code
 
 
+@pytest.mark.slow
 def test_set_changes_one_entry(run):
     code, _, err = run("trace", "spur-pair", "--set", "e=(0.1, 0.02)", "--set", "e[1]=0.03", "--set", "zeta=0.06",
                        "--harmonics", "2", "-o", "a.npz")  # fmt: skip
@@ -86,6 +87,7 @@ def test_studies_vary_entries(tmp_path):
         read_study(path)
 
 
+@pytest.mark.slow
 def test_the_explorer_counts_from_zero_as_the_library_does():
     subject = EditableInstance(PAIR, "spur-pair")
     shown = {parameter.name: parameter for parameter in subject.parameters()}

@@ -87,6 +87,7 @@ def test_follow_is_the_trace_of_the_equations(curve, label, equations):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_follow_a_doubling_and_a_peak(curve):
     problem = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 6)
     doubled = hb.trace(problem, "Omega", (2.2, 1.7))
@@ -120,6 +121,7 @@ def test_invalid_second_parameters_are_refused(curve, tmp_path):
         hb.follow(curve, "limit1", "zeta", (0.05, 0.06), event=hb.Event("other", LIMIT.test))
 
 
+@pytest.mark.slow
 def test_a_loaded_curve_knows_the_events_of_its_problem_and_needs_yours(curve, tmp_path):
     curve.save(tmp_path / "curve.npz")
     again = hb.load(tmp_path / "curve.npz")

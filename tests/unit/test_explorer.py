@@ -165,6 +165,7 @@ def test_superseded_computations_are_cancelled():
     assert ended == ["overtaken"] and found.progress("s", "curve") == {"busy": False}
 
 
+@pytest.mark.slow
 def test_jump_map_is_that_of_the_library():
     axes = {"x": ["Omega", 0.3, 1.5], "y": ["zeta", 0.05, 0.12], "Omega": None}
     result = explorer().jump_map("s", Request({}, SPAN, 4), axes)
@@ -424,6 +425,7 @@ def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     assert again.toml({}, span, 4).splitlines()[1] == f'model = "{tmp_path / "mine.py"}:stop"'
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent otherwise")
 @pytest.mark.parametrize("what", ["machine.toml", "curve.npz"])
 def test_ctrl_c_ends_it_and_leaves_nothing(tmp_path, what):
@@ -497,6 +499,7 @@ def value_of(driver, name):
     return driver.execute_script(f"return explorer.now.values[{name!r}]")
 
 
+@pytest.mark.slow
 def test_a_slider_draws_another_curve(shown):
     from selenium.webdriver.common.keys import Keys
 
@@ -513,6 +516,7 @@ def test_a_slider_draws_another_curve(shown):
     assert complaints(shown) == []
 
 
+@pytest.mark.slow
 def test_a_slider_has_a_sensible_range_after_typed_values(shown):
     """A value outside the range sets its ends to 0.2 and 2.5 times the value; a value inside restores the range."""
     from selenium.webdriver.common.keys import Keys
@@ -607,6 +611,7 @@ def test_a_refused_value_is_reported_and_the_curve_stays(shown):
     assert complaints(shown) == []
 
 
+@pytest.mark.slow
 def test_the_heading_states_the_model_in_words(shown):
     from selenium.webdriver.common.keys import Keys
 
@@ -645,6 +650,7 @@ def test_the_vertical_axis_fits_each_curve_after_an_unbounded_one(driver):
         driver.get("about:blank")  # close the page, which requests details after the curve
 
 
+@pytest.mark.slow
 def test_a_click_shows_the_motion(shown):
     curve = hb.trace(hb.HarmonicBalance(MODEL, 8), "Omega", SPAN)
     i = int(np.argmin(abs(curve.values - 1.2)))
@@ -654,6 +660,7 @@ def test_a_click_shows_the_motion(shown):
     assert f"n = {n:.6g} r/min; " in text and f"; dte = {dte:.5g} \N{MICRO SIGN}m; " in text
 
 
+@pytest.mark.slow
 def test_jump_map_is_drawn_and_taken(shown):
     button = shown.find_element("id", "makemap")
     shown.execute_script("arguments[0].scrollIntoView()", button)
@@ -672,6 +679,7 @@ def test_jump_map_is_drawn_and_taken(shown):
     assert MODEL.scales.pinion_speed(0.3) < min(y for y in x if y) < MODEL.scales.pinion_speed(1.5)
 
 
+@pytest.mark.slow
 def test_fields_of_the_range_are_speeds(shown):
     from selenium.webdriver.common.keys import Keys
 
@@ -691,6 +699,7 @@ def test_fields_of_the_range_are_speeds(shown):
     assert complaints(shown) == []
 
 
+@pytest.mark.slow
 def test_measured_points_lie_over_the_curve(shown, tmp_path):
     (tmp_path / "run.csv").write_text("speed [r/min], x\n14515, 0.1\n")
     shown.find_element("id", "measured").send_keys(str(tmp_path / "run.csv"))
@@ -699,10 +708,12 @@ def test_measured_points_lie_over_the_curve(shown, tmp_path):
     assert x == pytest.approx(MODEL.scales.from_pinion_speed(14515.0), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_toolbars_keep_the_data_here(shown):
     check_toolbars(shown)
 
 
+@pytest.mark.slow
 def test_only_own_scripts_run(driver, server):
     opened(driver, server.address)
     settled(driver)
@@ -737,6 +748,7 @@ def test_a_long_computation_shows_progress_and_can_be_cancelled(driver):
         driver.get("about:blank")
 
 
+@pytest.mark.slow
 def test_fits_a_phone_with_the_curve_above_the_sliders(driver, server):
     resized(driver, 390, 844)
     opened(driver, server.address)

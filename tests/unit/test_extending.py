@@ -73,6 +73,7 @@ def test_a_fold_curve_of_an_earlier_version_is_loaded_and_goes_on(problem, whole
     assert extend(loaded, problem=equations)["CP1"].parameters["zeta"] > 0.1
 
 
+@pytest.mark.slow
 def test_a_fold_curve_goes_on_too(problem, whole):
     options = {"start": whole["LP1"]}
     fold = trace(FoldProblem(problem), "zeta", (0.05, 0.2), **options)
@@ -83,6 +84,7 @@ def test_a_fold_curve_goes_on_too(problem, whole):
     assert len(curve.tracked["Omega"]) == len(curve)
 
 
+@pytest.mark.slow
 def test_a_fold_curve_begins_and_goes_on_with_other_harmonics(problem, whole):
     finer = HarmonicBalance(hb.SpurPair(), 16)
     begun = trace(FoldProblem(finer), "zeta", (0.05, 0.2), start=whole["LP1"])

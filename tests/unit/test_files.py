@@ -138,6 +138,7 @@ def test_unwritable_places_are_refused_before_the_work(folder, capsys, monkeypat
     assert sorted(os.listdir()) == before
 
 
+@pytest.mark.slow
 @posix
 def test_a_full_disk_is_seen_before_the_work(folder):
     out = limited(f"import hbgear as hb; hb.trace = None; {command([*CURVE, '-o', 'a.npz'])}", 4096)

@@ -32,6 +32,7 @@ def noisy(amplitude, seed, share=0.01):
     return amplitude * (1 + share * np.random.default_rng(seed).normal(size=len(amplitude)))
 
 
+@pytest.mark.slow
 def test_truth_without_noise(largest):
     Omega, direction, amplitude, jumps = largest
     data = hb.design.Measurements(Omega, amplitude, direction, 0.001 * amplitude, measure="max")
@@ -63,6 +64,7 @@ def test_points_on_every_curve_of_the_span_are_reached():
     np.testing.assert_allclose(J, (up - down) / (2 * h), rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_of_predictions(largest):
     """All residuals against central differences, where no point changes what it is held against; units too."""
     Omega, direction, amplitude, jumps = largest
@@ -105,6 +107,7 @@ def test_coverage_in_small(largest):
     assert np.mean(np.abs(off) < 2) > 0.8 and np.max(np.abs(off)) < 4
 
 
+@pytest.mark.slow
 def test_a_gap_that_alternating_amplitudes_do_not_know():
     """While no tooth touches on its back, a wider gap shifts the motion and changes nothing else."""
     Omega, direction, amplitude, _ = sweeps(TRUTH, "pp2")
@@ -337,6 +340,7 @@ def run(*words):
     return end.value.code
 
 
+@pytest.mark.slow
 def test_command(tmp_path, largest, capsys):
     Omega, direction, amplitude, _ = largest
     path, figure = tmp_path / "sweep.csv", tmp_path / "fit.png"

@@ -94,6 +94,7 @@ def test_required_fields():
     assert model_registry.rebuild_model(describe(model), Needs) == model
 
 
+@pytest.mark.slow
 def test_a_model_with_required_fields_in_a_study():
     found = hb.design.cases(
         Needs(0.1), hb.design.grid(zeta=[0.1, 0.2]), ("peak",), harmonics=3, span=(0.7, 1.3), processes=1
@@ -115,6 +116,7 @@ def test_a_function_is_a_model():
     assert model_registry.rebuild_model(describe(two(F=0.2, kind="b")), two) == two(F=0.2, kind="b")
 
 
+@pytest.mark.slow
 def test_curves_folds_and_critical_values_of_a_function_are_those_of_the_class():
     own, known = hb.HarmonicBalance(two(), 6), hb.HarmonicBalance(hb.Duffing(), 6)
     curves = [hb.trace(problem, "Omega", (0.5, 1.6)) for problem in (own, known)]
@@ -213,6 +215,7 @@ def test_wrong_values_are_refused():
 # ---- on the command line
 
 
+@pytest.mark.slow
 def test_a_function_in_a_file_on_the_command_line(run):
     short = ["--harmonics", 3, "--set", "F=0.18"]
     code, out, err = run("trace", "mine.py:two", *short, "-o", "a.npz")
@@ -229,6 +232,7 @@ def test_a_function_in_a_file_on_the_command_line(run):
     assert "x'' + 2 zeta x' + x + x^3 / 10 = F cos(tau)" in out
 
 
+@pytest.mark.slow
 def test_a_saved_curve_runs_no_code_until_its_model_is_named_again(run):
     assert run("trace", "mine.py:two", "--set", "F=0.18", "--harmonics", 6, "--to", 1.0, "-o", "a.npz")[0] == 0
     script = "import sys, hbgear as hb; b = hb.load('a.npz'); print(b.meta['model']['from'])"

@@ -195,6 +195,7 @@ def test_all_cusps_of_a_fold_curve_are_found():
     assert folds[2] == pytest.approx([Omega] * 2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_load_and_error_matter_by_their_ratio():
     """While no tooth touches on its back the equation is homogeneous in F_m, e and x - b: e_crit / F_m = e / F_crit."""
     error = critical_parameter(PAIR, "e_scale", harmonics=8, **NEAR)

@@ -224,7 +224,12 @@ def test_gear_with_pairs_of_teeth(run, tmp_path):
 def test_gear_states_its_assumptions(run):
     """Also with the torque in the other direction, which loads the back flanks."""
     code, out, err = run("gear", *DRAWING, "--torque", "-200Nm", "--harmonics", 8, "--plot", "x.pdf")
-    assert code == 0 and "hbgear: error" not in err and "damping 0.04 (assumed): 0.02" in out and "on the driving flank" in out
+    assert (
+        code == 0
+        and "hbgear: error" not in err
+        and "damping 0.04 (assumed): 0.02" in out
+        and "on the driving flank" in out
+    )
 
 
 @pytest.mark.parametrize(
@@ -280,6 +285,7 @@ def test_replacing_keeps_a_machine_a_machine(file):
     assert other.model().equations.F_m < machine.model().equations.F_m
 
 
+@pytest.mark.slow
 def test_answers_of_a_saved_curve(run, file, tmp_path):
     span = "--from", "9000r/min", "--to", "16000r/min"
     assert run("trace", file, "--harmonics", 12, *span, "-o", "box.npz")[0] == 0

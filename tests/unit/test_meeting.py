@@ -89,6 +89,7 @@ def passes(points):
     return bool(passes_minus_one_cleanly(mu, length, np.array([1]))[0])
 
 
+@pytest.mark.slow
 def test_a_pair_that_passes_minus_one_differs_from_one_that_reaches_it():
     random = np.random.default_rng(3)
     assert all(passes(four_points(random, 0, 0.0)) for _ in range(300))

@@ -147,5 +147,5 @@ def test_file_systems_that_cannot_synchronise_are_written_and_full_ones_are_repo
 
 
 def test_ci_installs_the_packages():
-    assert "stage .ci/package" in (ROOT / ".ci/run").read_text(encoding="utf-8")
+    assert "stage .ci/package" in (ROOT / ".ci/full").read_text(encoding="utf-8")
     assert os.access(ROOT / ".ci/package", os.X_OK)

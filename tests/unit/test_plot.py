@@ -602,6 +602,7 @@ def with_model(branch, **fields):
     return rebuilt(branch, meta={"model": describe(hb.gears.DoubleHelicalPair(**fields))})
 
 
+@pytest.mark.slow
 def test_axes_of_speed_and_frequency_after_loading():
     model = hb.gears.DoubleHelicalPair()
     physical = plot.response(with_model(resonance()), "pp2")
@@ -752,6 +753,7 @@ def test_styles_for_print_and_for_slides(tmp_path):
         hb.plot.in_style("poster").__enter__()
 
 
+@pytest.mark.slow
 def test_a_tall_legend_covers_no_curve():
     stop = hb.Element([1.0, -1.0], hb.Unilateral(k=20.0, gap=0.3))
     C = hb.mechanics.modal_damping(np.diag([1.0, 0.5]), [[3.0, -1.0], [-1.0, 1.0]], 0.03)

@@ -131,6 +131,7 @@ def test_the_exact_projection_is_the_integral_of_the_force(law, row, nu):
         assert f[place] + 10 * tolerance != pytest.approx(expected, rel=0, abs=tolerance)
 
 
+@pytest.mark.slow
 @few(60)
 @given(waves(8), st.floats(-1.5, 1.5))
 @example(np.array([0.0, 0.3, 1.125492, 1.125492, 0.0]), 0.0)  # a root at pi / 2, and on the grid
@@ -208,6 +209,7 @@ def test_algebra_of_series(series, phase, tau, factor):
 finite = st.floats(-1e100, 1e100)  # beyond it a file is refused
 
 
+@pytest.mark.slow
 @few(12)
 @given(st.data(), st.integers(1, 3), st.integers(1, 5))
 def test_a_saved_branch_comes_back_bit_for_bit(tmp_path_factory, data, nu, H):

@@ -67,6 +67,7 @@ def test_a_reserve_for_scatter(plain):
     assert other.values["zeta"] > plain
 
 
+@pytest.mark.slow
 def test_a_goal_out_of_reach(cusp):
     found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
@@ -145,6 +146,7 @@ def test_a_goal_for_every_machine_of_a_sample(plain):
     assert most.values["zeta"] == pytest.approx(plain - off[2], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_peak_below_its_limit_for_a_sample():
     """Two parameters change and a third one scatters: the highest peak of all traced machines equals the limit."""
     own = max(point.amplitude("pp2") for point in hb.analysis.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))

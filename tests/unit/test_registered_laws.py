@@ -165,6 +165,7 @@ def recipe():
     return page.split("```python\n", 1)[1].split("```", 1)[0]
 
 
+@pytest.mark.slow
 def test_a_law_by_the_recipe_passes_through_everything(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     space = {"__name__": "mine"}

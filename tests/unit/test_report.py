@@ -299,6 +299,7 @@ def test_measured_points_need_curves_in_omega(tmp_path):
         dots_of(tmp_path / "run.csv", [curve])
 
 
+@pytest.mark.slow
 def test_command(pair, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pair.save("pair.npz")
@@ -350,6 +351,7 @@ def test_policy_of_the_page(page):
 # ---- in a browser
 
 
+@pytest.mark.slow
 def test_page_needs_no_network_and_has_no_errors(shown):
     assert shown.execute_script("return performance.getEntriesByType('resource').length") == 0
     assert complaints(shown) == []
@@ -463,6 +465,7 @@ def test_gaps_in_lines_of_other_motions_stay(shown):
     assert drawn["x"][:3] == [0.0, 1.0, None] and drawn["y"][2:4] == [None, 0.0] and drawn["y"][-1] == 9.0
 
 
+@pytest.mark.slow
 def test_curves_of_different_lengths_are_drawn_without_units(driver, tmp_path):
     """The half backlash differs and the frequencies do not: Omega below, frequency and speed above."""
     curves = [
@@ -482,6 +485,7 @@ def test_curves_of_different_lengths_are_drawn_without_units(driver, tmp_path):
     np.testing.assert_allclose(drawn["arrows"], arrows, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_click_shows_the_motion(shown, pair):
     from selenium.webdriver.common.by import By
 
@@ -501,6 +505,7 @@ def test_a_click_shows_the_motion(shown, pair):
     np.testing.assert_allclose(sorted(mu), sorted(pair.multipliers[place].real), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_keys_go_along_the_curve(shown):
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
@@ -512,6 +517,7 @@ def test_keys_go_along_the_curve(shown):
     assert shown.execute_script("return hbgear.state.at") == [before[0], before[1] + 1]
 
 
+@pytest.mark.slow
 def test_measure_and_theme_can_be_chosen(shown, pair):
     from selenium.webdriver.common.by import By
     from selenium.webdriver.support.ui import Select
@@ -529,6 +535,7 @@ def test_measure_and_theme_can_be_chosen(shown, pair):
     assert set(papers) == {theme["paper"] for theme in PALETTES.values()}
 
 
+@pytest.mark.slow
 def test_paper_is_white_and_takes_the_whole_figure(shown):
     shown.execute_cdp_cmd(
         "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}

@@ -18,6 +18,7 @@ def results():
         yield study, study.run(quick=True)
 
 
+@pytest.mark.slow
 def test_reduced_peaks_are_those_of_all_coordinates(results):
     _, rows = results
     for row in rows["chain"]:

@@ -113,6 +113,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_every_parameter_of_every_model(name):
     model, span = MODELS[name]
@@ -134,6 +135,7 @@ def moved_point(model, kind, place, name, h, harmonics=5):
     return min(points, key=lambda point: abs(point.parameters["Omega"] - place))
 
 
+@pytest.mark.slow
 def test_neimark_sacker_point():
     """Derivatives agree to 2e-5 with differences of points bracketed on two traced curves to about 1e-10 of Omega."""
     model = hb.gears.DoubleHelicalPair(zeta=0.05)
@@ -235,6 +237,7 @@ def test_branch_point_and_its_imperfections():
             assert found.of(quantity)[name] == pytest.approx(rate, rel=1e-5), (name, quantity)
 
 
+@pytest.mark.slow
 def test_critical_value():
     model = hb.Duffing()  # with 8 harmonics the cusp is converged: more harmonics do not change it
     cusp = hb.analysis.critical_parameter(model, "zeta", frequencies=(0.9, 1.4), harmonics=8)

@@ -85,6 +85,7 @@ def test_links_are_turned_to_where_the_site_has_the_file(site, depth, text, turn
     assert site("written").turned(text, depth) == turned
 
 
+@pytest.mark.slow
 def test_every_public_name_has_an_entry(site, tmp_path, monkeypatch):
     written = site("written")
     monkeypatch.setattr(written, "DOCS", tmp_path)
@@ -115,6 +116,7 @@ def test_every_command_has_its_options(site, tmp_path, monkeypatch):
     assert all(f"`{option}`" in trace for option in ("MODEL", "--harmonics", "--stability, --no-stability"))
 
 
+@pytest.mark.slow
 def test_the_page_of_constants_lists_each_with_its_reason(site, tmp_path, monkeypatch):
     written = site("written")
     monkeypatch.setattr(written, "DOCS", tmp_path)

@@ -85,6 +85,7 @@ def test_stable_static_states_come_first():
 # ---- stiff contacts without a gap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("H", [20, 60])
 @pytest.mark.parametrize("ratio", [500.0, 1e3, 1e4])
 def test_bilinear_oscillator(ratio, H):
@@ -104,6 +105,7 @@ def test_bilinear_oscillator(ratio, H):
     assert problem.observe(problem.start(Omega=w), Omega=w)["multipliers"].__abs__().max() < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [1.01, 0.99])
 def test_automatic_harmonics_start_on_the_resonance_of_the_bilinear_oscillator(end):
     """Peak to peak 11.1650 with 152 harmonics; with few of them there are other motions, of a third of the size."""
@@ -138,6 +140,7 @@ def test_motion_in_the_gap_is_arbitrary_in_its_mean_only(e):
     np.testing.assert_allclose(curve.amplitude("mean"), 0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("span", [(3.0, 0.05), (0.05, 3.0)])
 def test_without_torque_the_span_is_covered(span):
     """Above first contact the motion is determined, below it is not: the amplitude reaches the half gap in between."""
@@ -182,6 +185,7 @@ def two_masses(k3, coupling, F):
     return hb.System(np.eye(2), 0.05 * np.eye(2), K, elements, hb.Load(cosine={1: [F, F]}))
 
 
+@pytest.mark.slow
 def test_a_supercritical_pitchfork_is_no_jump():
     """Two equal masses lose their common motion to one in which they differ, as integration finds too."""
     curve = hb.trace(hb.HarmonicBalance(two_masses(1.0, -0.05, 0.1), 5), "Omega", (0.6, 2.2))

@@ -155,6 +155,7 @@ def test_impacts_in_closed_form(start):
 # ---- the same steps in several ways
 
 
+@pytest.mark.slow
 def test_sampled_laws_move_like_tabulated_laws(rng):
     """Results of seven motions differ only by the tolerance of Newton's iterations, at most 1e-11."""
     y = rng.uniform(-1, 1, (7, 4))
@@ -248,6 +249,7 @@ def test_a_stepper_at_another_frequency(rng):
     np.testing.assert_array_equal(ends[0], ends[1])
 
 
+@pytest.mark.slow
 def test_steps_run_as_they_are_written_where_nothing_compiles():
     """The same code without compilation by Numba gives the same result to 1e-12."""
     code = (

@@ -90,6 +90,7 @@ def test_files_are_the_machines(folder):
     assert is_structure("measured.toml") and not is_structure("nowhere.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["separate", "together", "measured"])
 def test_on_the_command_line(name, folder):
     run = CliRunner().invoke

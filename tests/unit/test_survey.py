@@ -33,6 +33,7 @@ def rms_at(branch, Omega):
     return out
 
 
+@pytest.mark.slow
 def test_a_branch_that_merges_at_both_ends_is_traced_whole():
     """From two of its motions it is traced between both period doublings of the parent curve, with all its folds."""
     curve = trace(HarmonicBalance(STRONG, 16), "Omega", (2.6, 0.4))
@@ -151,6 +152,7 @@ def test_the_same_seed_finds_the_same():
         np.testing.assert_array_equal(x.X, y.X)
 
 
+@pytest.mark.slow
 def test_a_second_parameter_leads_to_the_others():
     """Without random starts, continuation in the excitation past its jumps and back finds all motions."""
     problem, second = HarmonicBalance(STRONG, 6), ("e_scale", (0.2, 2.0))
@@ -169,6 +171,7 @@ def test_a_branch_is_found_once():
     assert min(low for low, _ in spans) >= 3.0 and max(high for _, high in spans) <= 12.0
 
 
+@pytest.mark.slow
 def test_a_motion_of_the_single_period_is_traced_in_a_longer_basis():
     """The resonant motion, which is not connected to an end of the span, is found with nu = 3 as well."""
     at = {"frequencies": [5.0], "guesses": 30, "stability": False}

@@ -39,6 +39,7 @@ def truth():
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order", "digits"), [("DOP853", 8, range(6, 11)), ("RK45", 5, range(4, 8)), ("Radau", 5, range(4, 7))]
 )
@@ -179,6 +180,7 @@ def test_laws_of_any_kind(law):
 # ---- many at once
 
 
+@pytest.mark.slow
 def test_many_motions_are_those_of_one_by_one(rng):
     n = 5
     y, Omega = rng.uniform(-2, 2, (n, 2)), rng.uniform(0.4, 1.5, n)
@@ -221,6 +223,7 @@ def test_rotation_of_the_train_is_left_out():
 # ---- shooting
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Duffing", "SpurPair"])
 def test_a_shot_motion_closes(name):
     """To 1e-9 by both integrators, which share nothing but the system."""

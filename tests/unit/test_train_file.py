@@ -177,6 +177,7 @@ pair = { backlash = "60 um" }
 """
 
 
+@pytest.mark.slow
 def test_speeds_are_safe_only_with_stable_motions_and_contact_in_all_meshes(file):
     file.write_text(IDLER)
     train = read_train(file)
