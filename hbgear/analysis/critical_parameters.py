@@ -46,8 +46,8 @@ _MIN_PARAMETER_RATIO = 0.01
 Fold curves change ever faster towards zero, where the model has no load, no gap or no damping.
 """
 
-_FOLD_STEPS = StepControl(first_step=0.002, max_step=0.02, max_points=300)
-"""Step sizes of fold curves; small steps resolve a cusp near the start."""
+_FOLD_STEPS = StepControl(first_step=0.002, max_step=0.1, max_points=300)
+"""Step sizes of fold curves. A small first step resolves a cusp near the start; most are almost straight afterwards."""
 
 _MAX_CURVES_WITHOUT_CUSP = 6
 """Number of fold curves without a cusp after which the search ends."""
@@ -227,9 +227,11 @@ def find_cusps(
             yield cusp
         if found:
             return
+    values = [own, *tried, *(float(value) for fold in followed for value in (fold.values.min(), fold.values.max()))]
     raise NoFoldError(
-        f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
-        f"to {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
+        f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(values):.5g} "
+        f"to {max(values):.5g} (response curves: {len(tried)}, fold curves: {len(followed)}); {slope}. "
+        "Try another parameter, or a model nearer to a jump"
     )
 
 
