@@ -19,13 +19,13 @@ FOLDERS = ["docs/scripts", "docs/_site", "examples", "studies", "tests", *sorted
 
 
 def prose_of(path: Path) -> str:
-    """Return the strings and comments of a module or the text of a page; of the changelog only the unreleased part."""
+    """Return the strings and comments of a module or the text of a page; of the changelog only versions without a date."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)
         kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
         return "\n".join(token.string for token in tokens if token.type in kinds)
-    return text.split("\n## [")[1] if path.name == "CHANGELOG.md" else text
+    return re.split(r"\n## \[.*\] - \d", text)[0] if path.name == "CHANGELOG.md" else text
 
 
 def banned_in(files: list[Path]) -> dict[str, list[str]]:
