@@ -103,15 +103,32 @@ def test_gaps_of_an_eccentric_gear():
 
 
 def test_gaps_of_displaced_teeth():
-    """An arc f of the reference circle turns the base circle by f d_b / d; both teeth of a pair add up."""
+    """An arc f of the reference circle turns the base circle by f d_b / d; a tooth of the wheel that lags behind is
+    closer to the tooth that drives it."""
     errors = [[9e-6 * (p == 3) for p in range(20)], [-2e-6 * (p == 3) for p in range(30)]]
     gears = [hb.gears.Gear(len(f), "3 mm", "20 mm", helix_angle=h, pitch_errors=f)
              for f, h in zip(errors, (0.3, -0.3), strict=True)]  # fmt: skip
     base = gears[1].base_diameter / gears[1].reference_diameter
     for side in (1, -1):
         found = pair_gaps(hb.GearPair(*gears, backlash="80 um"), side, 60)
-        exact = {3: 7e-6, 23: 9e-6, 33: -2e-6, 43: 9e-6}
+        exact = {3: 11e-6, 23: 9e-6, 33: 2e-6, 43: 9e-6}
         assert found == pytest.approx({p: side * base * f for p, f in exact.items()}, rel=1e-12)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_pitch_errors_of_an_eccentric_gear_are_its_run_out(which):
+    """The eccentricity moves the tooth at the pitch point along the pitch circle by e sin(psi): the mean of the gaps
+    that run-out gives the driving and, negative, the back flanks is that of these pitch errors."""
+    e, teeth = 10e-6, (25, 40)
+    z = teeth[which]
+    arcs = -e * np.sin(TURN * np.arange(z) / z)  # positive for a tooth that lags behind
+    gears = [[hb.gears.Gear(n, "3 mm", "20 mm", **(given if i == which else {})) for i, n in enumerate(teeth)]
+             for given in ({"runout": 2 * e}, {"pitch_errors": arcs})]  # fmt: skip
+    drive, back = (gap_waves(hb.GearPair(*gears[0], backlash="80 um"), side)[0] for side in (1, -1))
+    found = pair_gaps(hb.GearPair(*gears[1], backlash="80 um"), 1, z)
+    mean = [sum(side * w.amplitude * sin(TURN * p / w.meshes + w.phase) for side, w in ((1, drive), (-1, back))) / 2
+            for p in range(z)]  # fmt: skip
+    np.testing.assert_allclose([found.get(p, 0.0) for p in range(z)], mean, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow

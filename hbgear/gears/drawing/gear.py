@@ -103,9 +103,9 @@ class Gear:  # numpydoc ignore=PR02
         Radial run-out F_r of the teeth [m], twice their eccentricity, and the angle of the eccentricity from the
         direction to the other gear [rad], in the direction of rotation, when tooth 0 enters contact.
     pitch_errors : sequence of float or str, optional
-        Error of the position of every tooth [m], an arc of the reference circle, positive for a tooth that lags
-        behind: the sums of the single pitch deviations f_pt of ISO 1328-1. Tooth 0 is in contact first. Default (): no
-        errors.
+        Error of the position of every tooth [m], an arc of the reference circle, positive for a tooth that lags behind
+        in the direction of rotation: the sums of the single pitch deviations f_pt of ISO 1328-1. Tooth 0 is in contact
+        first. Default (): no errors.
     mass : float or str, optional
         Mass [kg]. By default, the mass of a cylinder with the mean of root and tip diameter, and of a rack with 3
         modules below its roots.

@@ -1,10 +1,11 @@
 """Errors of single teeth: pitch errors and run-out, which vary with the orders of the shafts.
 
-    gap_p = (f_1[p mod z_1] + f_2[p mod z_2]) cos(alpha_t)                             on the driving flank of pair p
+    gap_p = (f_1[p mod z_1] - f_2[p mod z_2]) cos(alpha_t)                             on the driving flank of pair p
     gap(tau) = -e_1 sin(psi_1 + alpha_wt) + e_2 sin(psi_2 - alpha_wt),   psi_i = tau / z_i + phase_i,   e_i = F_ri / 2
 
 Pair p enters contact at tau = 2 pi p. A displaced tooth has the negative gap on its back flank. f is an arc of the
-reference circle, positive for a tooth that lags behind. An eccentricity e at the angle psi from the direction to the
+reference circle, positive for a tooth that lags behind: a tooth of the pinion moves off its mate, a tooth of the wheel
+towards it. An eccentricity e at the angle psi from the direction to the
 other gear, in the direction of rotation, moves all teeth at once: their gap changes along the line of action of the
 flank. The back flanks have the opposite line of action,
 
@@ -82,8 +83,9 @@ def pair_gaps(pair: GearPair, side: int, meshes: int) -> dict[int, float]:
     [0, 20, 30, 40]
     """
     factor = side * cos(pair.pinion.transverse_pressure_angle)
-    gears = [gear.pitch_errors for gear in (pair.pinion, pair.wheel) if gear.pitch_errors]
-    sums = ((p, sum(errors[p % len(errors)] for errors in gears)) for p in range(meshes))
+    signed = (pair.pinion.pitch_errors, 1), (pair.wheel.pitch_errors, -1)
+    gears = [(errors, sign) for errors, sign in signed if errors]
+    sums = ((p, sum(sign * errors[p % len(errors)] for errors, sign in gears)) for p in range(meshes))
     return {p: factor * error for p, error in sums if error}
 
 
