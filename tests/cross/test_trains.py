@@ -1,6 +1,6 @@
 """Trains against models written by hand, closed forms and integration in time."""
 
-from math import cos, pi, radians, sin
+from math import cos, pi, radians, sin, tan
 
 import numpy as np
 import pytest
@@ -119,6 +119,29 @@ def test_phase_of_an_idler_by_turning_its_teeth(teeth, place, turn):
     expected = (passing[1] - passing[0]) % (2 * pi)
     difference = (train.lags["idler-out"] - expected + pi) % (2 * pi) - pi
     assert difference == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("x", [0.4, -0.3])
+def test_phases_of_shifted_gears(x):
+    """Shifts x of an idler and -x of its mates: the teeth of the idler have the thickness m (pi/2 + 2 x tan alpha) on
+    the reference circle, on which all gears roll. The loaded flanks of planets are as far apart."""
+    z, thick = 31, 0.5 + 2 * x * tan(radians(20)) / pi
+    one, idler, ring = (hb.gears.Gear(teeth, "3 mm", "20 mm", profile_shift=shift, internal=teeth > 50)
+                        for teeth, shift in ((40, -x), (z, x), (102, -x)))  # fmt: skip
+    pairs = hb.GearPair(one, idler, "80 um"), hb.GearPair(idler, one, "80 um")
+    distance = pairs[0].working_center_distance
+    assert distance == pytest.approx(3e-3 * (40 + z) / 2, rel=1e-12)
+    places = {"in": (one, 0.0), "idler": (idler, distance), "out": (one, 2 * distance)}
+    wheels = [hb.gears.Wheel.of(name, gear, x=at, torque=100.0 * (name == "in")) for name, (gear, at) in places.items()]
+    meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 77.5)]
+    train = hb.gears.Train(wheels, meshes, balance="out")
+    turned = z / 2 - thick  # pitches by which the idler turns between the pitch points of the same tooth
+    pitch = [mesh.pitch_phase / (2 * pi) for mesh in meshes]
+    assert np.exp(1j * train.lags["idler-out"]) == pytest.approx(np.exp(2j * pi * (pitch[0] - pitch[1] + turned)))
+    planetary = hb.gears.PlanetarySet.of(pairs[0], hb.GearPair(idler, ring, "80 um"), 300.0, planets=2)
+    assert np.exp(1j * planetary.lags["ring-p1"]) == pytest.approx(np.exp(2j * pi * turned))
+    backward = planetary.replace(driver="carrier")
+    assert np.exp(1j * backward.lags["ring-p1"]) == pytest.approx(np.exp(-2j * pi * turned))
 
 
 def test_statics_and_mirror_of_an_idler():

@@ -153,6 +153,13 @@ class GearPair:  # numpydoc ignore=PR02
         return self.base_radii[0] / c, self.base_radii[1] / c
 
     @property
+    def thickness(self) -> tuple[float, float]:
+        """Thickness of the teeth on the working pitch circles over the pitch, without backlash [-]."""
+        gears = zip((self.pinion, self.wheel), self.working_radii, strict=True)
+        first, second = (g.tooth_thickness(2 * r) * g.curvature_teeth / (2 * pi * r) for g, r in gears)
+        return first, second
+
+    @property
     def base_pitch(self) -> float:
         """Transverse base pitch p_bt [m]."""
         return self.pinion.base_pitch
@@ -229,10 +236,7 @@ class GearPair:  # numpydoc ignore=PR02
         """Backlash j_wt [m] from the centre distance and the profile shifts; 0 without a given centre distance."""
         if self.center_distance is None:
             return 0.0
-        thickness = [
-            gear.tooth_thickness(2 * r) for gear, r in zip((self.pinion, self.wheel), self.working_radii, strict=True)
-        ]
-        return 2 * pi * self.working_radii[0] / self.pinion.teeth - sum(thickness)
+        return 2 * pi * self.working_radii[0] / self.pinion.teeth * (1 - sum(self.thickness))
 
     @property
     def half_backlash(self) -> float:

@@ -344,6 +344,7 @@ def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
     direction = None if mesh.direction is None else mesh.direction + pi
     return dataclasses.replace(
         mesh, first=mesh.second, second=mesh.first, direction=direction, pitch_phase=-mesh.pitch_phase,
+        thickness=mesh.thickness[::-1],
         helix_angle=mesh.helix_angle if internal else -mesh.helix_angle,
         eps_lag=tuple(-x for x in mesh.eps_lag), e_lag=tuple(-x for x in mesh.e_lag),
         stiffness=None if mesh.stiffness is None else mesh.stiffness.reversed(),

@@ -107,6 +107,9 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         Factor of these harmonics, for use as a continuation parameter.
     planet_errors : tuple of float, optional
         Tangential position errors of the planets [m]; () for none.
+    thickness_p : float, default 0.5
+        Mean thickness of a planet tooth on its working pitch circles with sun and ring, over the pitch. The phase
+        between both meshes of a planet depends on it; profile shifts change it.
     carrier_rotation : bool, default False
         True to include the Coriolis and centripetal terms of the turning carrier.
 

@@ -59,6 +59,7 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
         "alpha_s_deg": degrees(sun.working_pressure_angle), "alpha_r_deg": degrees(ring.working_pressure_angle),
         "eps_sp": (), "eps_rp": (), "k_sp": found[0].stiffness, "k_rp": found[1].stiffness,
         "b_sp": sun.half_backlash, "b_rp": ring.half_backlash,
+        "thickness_p": (sun.thickness[1] + ring.thickness[0]) / 2,
         "contacts_sp": _at_pitch_point(sun, found[0]), "contacts_rp": _at_pitch_point(ring, found[1]),
     }  # fmt: skip
 

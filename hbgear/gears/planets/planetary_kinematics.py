@@ -40,6 +40,8 @@ class PlanetaryKinematics:
         Positions psi_n of the planets [rad].
     fixed, driver : {"ring", "sun", "carrier"}
         Member that does not turn, and driving member.
+    thickness_p : float, default 0.5
+        Mean thickness of a planet tooth at the sun and at the ring over the pitch.
     """
 
     teeth_s: int
@@ -48,6 +50,7 @@ class PlanetaryKinematics:
     angles: tuple[float, ...]
     fixed: str
     driver: str
+    thickness_p: float = 0.5
 
     @property
     def planets(self) -> int:
@@ -83,9 +86,10 @@ class PlanetaryKinematics:
         names = [f"p{n + 1}" for n in range(self.planets)]
         for name in names:
             wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
-        meshes = [Mesh("sun", name, 1e8, direction=psi) for name, psi in zip(names, self.angles, strict=True)]
+        t, places = self.thickness_p, list(zip(names, self.angles, strict=True))
+        meshes = [Mesh("sun", name, 1e8, direction=psi, thickness=(1 - t, t)) for name, psi in places]
         # the centre of the ring lies on the opposite side of the planet
-        meshes += [Mesh(name, "ring", 1e8, direction=psi + pi) for name, psi in zip(names, self.angles, strict=True)]
+        meshes += [Mesh(name, "ring", 1e8, direction=psi + pi, thickness=(t, 1 - t)) for name, psi in places]
         return kinematics(wheels, (), meshes, backward=self.backward).lags
 
     # ---- phases

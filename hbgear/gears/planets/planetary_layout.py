@@ -78,6 +78,7 @@ class PlanetaryLayout(Model):
     contacts_rp: MeshContacts | None = None
     torque_orders: Any = ()
     fluctuation_scale: float = 1.0
+    thickness_p: float = 0.5
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\sqrt{k_{sp}/m_p}$ [-]",
@@ -96,12 +97,14 @@ class PlanetaryLayout(Model):
         "e_scale": r"factor of the errors",
         "torque_scale": "factor of the torque",
         "fluctuation_scale": "factor of the torque orders",
+        "thickness_p": "thickness of the planet teeth over the pitch [-]",
     }
     default_span: ClassVar[tuple[float, float]] = (2.3, 0.5)
     ranges: ClassVar[Mapping[str, Range]] = {
         **dict.fromkeys(_POSITIVE, POSITIVE),
         **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
         **dict.fromkeys(("alpha_s_deg", "alpha_r_deg"), Range(above=0, below=60)),
+        "thickness_p": Range(above=0, below=1),
     }
     usual: ClassVar[Mapping[str, Range]] = {
         **dict.fromkeys(("b_sp", "b_rp"), Range(0, 2e-3)),
@@ -166,7 +169,9 @@ class PlanetaryLayout(Model):
     @cached_property
     def kinematics(self) -> PlanetaryKinematics:
         """Speeds of the members and phases of the meshes."""
-        return PlanetaryKinematics(self.teeth_s, self.teeth_p, self.teeth_r, self.angles, self.fixed, self.driver)
+        return PlanetaryKinematics(
+            self.teeth_s, self.teeth_p, self.teeth_r, self.angles, self.fixed, self.driver, self.thickness_p
+        )
 
     @property
     def speeds(self) -> dict[str, Fraction]:

@@ -365,6 +365,9 @@ class Mesh:  # numpydoc ignore=PR02
         numbers.
     pitch_phase : float or str, default 0.0
         Value of tau at which a pair of teeth is in contact at the pitch point [rad].
+    thickness : tuple of float, default (0.5, 0.5)
+        Thickness of the teeth of the first and the second wheel on their working pitch circles, over the pitch. The
+        phases of the meshes of an idler depend on it; profile shifts change it.
     torque : float or str, optional
         Torque on the first wheel for which stiffness and error were computed [N m]; a train checks it against its
         static torques. Default: no check.
@@ -400,9 +403,13 @@ class Mesh:  # numpydoc ignore=PR02
     pitch_phase: QuantityField = QuantityField("rad", ANY, Range(-1e4, 1e4), 0.0)
     contacts: MeshContacts | None = None
     torque: OptionalQuantityField = OptionalQuantityField("N m", POSITIVE, Range(0, 1e9))
+    thickness: tuple[float, ...] = (0.5, 0.5)
 
     def __post_init__(self) -> None:
         _check_names("Mesh", self.first, self.second)
+        object.__setattr__(self, "thickness", amplitudes("Mesh", "thickness", self.thickness))
+        if len(self.thickness) != 2 or not all(0 < x < 1 for x in self.thickness):
+            raise ValueError(f"Mesh: thickness = {self.thickness} must be two numbers between 0 and 1, over the pitch")
         check_half_backlash("Mesh", "half_backlash", self.half_backlash)
         if self.first == self.second:
             raise ValueError(f"Mesh: '{self.first}' cannot mesh with itself; name two wheels")
@@ -429,11 +436,11 @@ class Mesh:  # numpydoc ignore=PR02
            **others: Any) -> Mesh:  # fmt: skip
         """Return the mesh of a `GearPair` whose pinion is the first wheel, under a torque on the pinion.
 
-        Contacts or stiffness and error, backlash, angles and the phase of the pitch point follow from the pair. The
-        options ``mesh``, the model of the mesh, ``cycle``, tables of it, and ``friction``, the coefficient of friction
-        between the teeth, are those of `GearPair.model`. The damping ratio refers to the same stiffness in all models
-        of the mesh. The transverse stiffness and gaps of helical teeth are converted to the normal of the flanks, k_n =
-        k_t / cos^2(beta_b), b_n = b_t cos(beta_b).
+        Contacts or stiffness and error, backlash, angles, the phase of the pitch point and the thickness of the teeth
+        follow from the pair. The options ``mesh``, the model of the mesh, ``cycle``, tables of it, and ``friction``,
+        the coefficient of friction between the teeth, are those of `GearPair.model`. The damping ratio refers to the
+        same stiffness in all models of the mesh. The transverse stiffness and gaps of helical teeth are converted to
+        the normal of the flanks, k_n = k_t / cos^2(beta_b), b_n = b_t cos(beta_b).
         """
         check("Mesh.of", "pair", pair, GearPair)
         check("Mesh.of", "cycle", cycle, MeshCycle | None)
@@ -454,7 +461,7 @@ class Mesh:  # numpydoc ignore=PR02
             "error": None if error is None else error.scaled(c), "contacts": contacts,
             "pressure_angle": pair.working_pressure_angle,
             "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * float(pitch), "damping": damping,
-            "torque": torque,
+            "torque": torque, "thickness": pair.thickness,
         }  # fmt: skip
         made = cls(first, second, **{**own, **others})
         return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean) / c)

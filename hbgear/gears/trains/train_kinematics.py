@@ -4,8 +4,9 @@
     tau_j = sgn(omega) z (theta + angle + flank - alpha) = order_j tau - lag_j
 
 The second equation holds for both gears of mesh j. A loaded flank passes the pitch point, which lies in the direction
-alpha from the centre, at tau_j = 0. The loaded flanks of an idler, which is driven in one mesh and drives in another,
-are half a pitch apart. A gear that drives in two meshes uses the same flanks in both.
+alpha from the centre, at tau_j = 0. ``flank`` is half the angle of a tooth on its working pitch circle. The loaded
+flanks of an idler, which is driven in one mesh and drives in another, are the thickness of its teeth apart, half a
+pitch without profile shifts. A gear that drives in two meshes uses the same flanks in both.
 
 References
 ----------
@@ -304,7 +305,8 @@ def _mesh_position(
     pushes = side * (-1 if b.internal and wheel is b else 1)
     alpha = phi + (0.0 if wheel is a or b.internal else pi)
     turn = 1 if speeds[name] > 0 else -1
-    return turn * wheel.teeth, alpha - wheel.angle - pushes * pi / (2 * wheel.teeth)
+    half = pi * mesh.thickness[0 if name == mesh.first else 1] / wheel.teeth  # half the angle of a tooth
+    return turn * wheel.teeth, alpha - wheel.angle - pushes * half
 
 
 def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], found: Kinematics) -> list[float]:

@@ -64,6 +64,7 @@ _KINDS: dict[str, Any] = {
     "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
     "e_lag": list[float], "elements": int, "torque_orders": dict[str, str | float | list[str | float]],
     "backlash_measure": Literal["circumferential", "normal", "action"], "pitch_errors": list[str | float],
+    "thickness": list[float],
 }  # fmt: skip
 
 
