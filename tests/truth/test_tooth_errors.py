@@ -224,6 +224,33 @@ def test_periods_and_trains():
     assert pair_gaps(one, 1, 20) == {}
 
 
+@pytest.mark.parametrize("place", [0.0, 1.0, -2.0])
+def test_a_tooth_of_an_idler_is_the_same_in_both_meshes(place):
+    """A tooth that leads opens the gap of the mesh that drives it and closes the next one, as many pitches later as the
+    idler turns between the pitch points, less half a pitch, the distance of the loaded flanks."""
+    z, errors = (25, 30, 40), [-6e-6 * (p == 7) for p in range(30)]
+    gears = [hb.gears.Gear(n, "3 mm", "20 mm", pitch_errors=errors if n == 30 else ()) for n in z]
+    pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
+    x, y = 82.5e-3 + 105e-3 * cos(place), 105e-3 * sin(place)
+    wheels = [hb.gears.Wheel.of("in", gears[0], torque=100.0), hb.gears.Wheel.of("idler", gears[1], x=82.5e-3),
+              hb.gears.Wheel.of("out", gears[2], x=x, y=y)]  # fmt: skip
+    meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
+    train = hb.gears.Train(wheels, meshes, balance="out")
+    pitch = [mesh.pitch_phase / TURN for mesh in meshes]
+    turned = (pi - place) % TURN * 30 / TURN - 0.5  # the idler turns clockwise
+    begin = 7.0, (7.0 + pitch[0] + turned - pitch[1]) % 30
+    t = 30 * (np.arange(30 * 200) + 0.5) / 6000
+    for element, at, pair, side in zip(train.system().elements, begin, pairs, (1, -1), strict=True):
+        touches = np.zeros(len(t), dtype=bool)
+        for contact in element.law.contacts:
+            if contact.side > 0:
+                level = np.where(contact.stiffness(TURN * t / 30) > 0, contact.level(TURN * t / 30), np.nan)
+                moved = (level - np.nanmedian(level)) * train.b_c
+                touches |= np.abs(moved) > 1e-9
+                np.testing.assert_allclose(moved[np.abs(moved) > 1e-9], side * 6e-6 * cos(pi / 9), rtol=1e-6)
+        np.testing.assert_array_equal(touches, (t - at) % 30 < pair.contact_ratio)
+
+
 def test_run_out_in_files(tmp_path):
     from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
 

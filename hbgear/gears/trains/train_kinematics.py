@@ -271,16 +271,20 @@ def _lags(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction],
     sides: Sequence[int], angles: Sequence[tuple[float, float]],
 ) -> tuple[tuple[float, ...], dict[str, float]]:  # fmt: skip
-    """Return the phase lag of each mesh in its own tau (0 to 2 pi) and the angles of the wheels at tau = 0."""
+    """Return the phase lag of each mesh in its own tau and the angles of the wheels at tau = 0.
+
+    A lag is between zero and the period of the mesh, which is longer than 2 pi with errors of single teeth.
+    """
     at: dict[int, float] = {}  # angle of each rotor at tau = 0
     lags: dict[int, float] = {}
+    periods = [2 * pi * (1 if mesh.contacts is None else mesh.contacts.meshes) for mesh in meshes]
 
     def mesh_position(j: int, name: str) -> tuple[float, float]:
         return _mesh_position(meshes[j], name, wheels, speeds, sides[j], angles[j][1])
 
     def record_mesh(j: int, phase: float) -> None:
         """Store the lag of mesh j and the angles of its rotors."""
-        lags[j] = (-phase - meshes[j].pitch_phase) % (2 * pi)
+        lags[j] = (-phase - meshes[j].pitch_phase) % periods[j]
         for name in (meshes[j].first, meshes[j].second):
             z, there = mesh_position(j, name)
             at.setdefault(groups[name], there + phase / z)
@@ -294,7 +298,7 @@ def _lags(
                 record_mesh(j, z * (at[groups[known]] - there))
     given = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
     turned = {name: at[group] for name, group in groups.items() if group in at}
-    return tuple(0.0 if abs(lag - 2 * pi) < 1e-9 else lag for lag in given), turned
+    return tuple(0.0 if abs(lag - period) < 1e-9 else lag for lag, period in zip(given, periods, strict=True)), turned
 
 
 def _mesh_position(

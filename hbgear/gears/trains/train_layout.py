@@ -196,7 +196,10 @@ class TrainLayout(Model):
 
     @property
     def lags(self) -> dict[str, float]:
-        """Phase lag of each mesh behind the first one, in its own tau [rad]."""
+        """Phase lag of each mesh behind the first one, in its own tau [rad].
+
+        With errors of single teeth it is the lag of the contact of tooth 0, up to some turns.
+        """
         return {mesh.name: lag for mesh, lag in zip(self.meshes, self._kinematics.lags, strict=True)}
 
     # ---- units
