@@ -144,6 +144,33 @@ def test_phases_of_shifted_gears(x):
     assert np.exp(1j * backward.lags["ring-p1"]) == pytest.approx(np.exp(-2j * pi * turned))
 
 
+def helical(teeth, width, sign):
+    return hb.gears.Gear(teeth, "3 mm", width, helix_angle=sign * radians(20))
+
+
+def test_pitch_point_of_helical_teeth_is_in_the_middle_of_the_face():
+    """The contact of equal gears is symmetric in time about this phase. Gears of other widths have the same middle: the
+    mesh of an idler with a narrower gear begins later, by half the difference of the overlap ratios."""
+    equal = hb.GearPair(helical(30, "20 mm", 1), helical(30, "20 mm", -1), "80 um")
+    mesh, tau = hb.gears.Mesh.of("a", "b", equal, 100.0), 2 * pi * (np.arange(50) + 0.37) / 50
+    later, earlier = (mesh.contacts.force(np.full(50, 2e-5), 0 * tau, mesh.pitch_phase + side * tau)[0]
+                      for side in (1, -1))  # fmt: skip
+    np.testing.assert_allclose(later, earlier, rtol=2e-3)
+    assert np.ptp(later) > 0.02 * later.mean()
+    lags, overlaps = [], []
+    for widths in (("20 mm", "40 mm", "40 mm"), ("40 mm", "40 mm", "20 mm"), ("40 mm",) * 3):
+        gears = [helical(z, b, sign) for z, b, sign in zip((25, 30, 40), widths, (1, -1, 1), strict=True)]
+        pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
+        places = np.cumsum([0.0, *(pair.working_center_distance for pair in pairs)])
+        wheels = [hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
+                  for name, gear, x in zip(("in", "idler", "out"), gears, places, strict=True)]  # fmt: skip
+        meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
+        lags.append(hb.gears.Train(wheels, meshes, balance="out").lags["idler-out"] / (2 * pi))
+        overlaps.append(pairs[0].overlap_ratio - pairs[1].overlap_ratio)
+    expected = lags[2] + np.array(overlaps) / 2
+    np.testing.assert_allclose(np.exp(2j * pi * np.array(lags)), np.exp(2j * pi * expected), atol=1e-9)
+
+
 def test_statics_and_mirror_of_an_idler():
     """Forces of a triangle of gears, all of which move in the plane: torques pass through, bearings carry the rest."""
     train = idler((pi, 0.9))

@@ -209,6 +209,12 @@ class GearPair:  # numpydoc ignore=PR02
         return self.contact_ratio + self.overlap_ratio
 
     @property
+    def pitch_position(self) -> float:
+        """Mesh periods from the first contact of a pair of teeth to the pitch point in the middle of the face [-]."""
+        pitch = self.base_radii[0] * tan(self.working_pressure_angle)
+        return (pitch - self.path[0]) / self.base_pitch + self.overlap_ratio / 2
+
+    @property
     def equivalent_mass(self) -> float:
         """Equivalent mass m_c = 1 / (r_b1^2 / J_1 + r_b2^2 / J_2) of the motion along the line of action [kg]."""
         r_1, r_2 = self.base_radii

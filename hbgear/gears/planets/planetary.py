@@ -95,8 +95,8 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         Amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
     contacts_sp, contacts_rp : MeshContacts or None, optional
         Contacts of tooth-resolved meshes instead of eps: stiffness over k_sp or k_rp and initial gaps [m], without
-        backlash, of a gear that drives; a pair of teeth is at the pitch point at tau_n = 0. `PlanetarySet.of` computes
-        them from drawings.
+        backlash, of a gear that drives; a pair of teeth is at the pitch point, in the middle of the face, at tau_n = 0.
+        `PlanetarySet.of` computes them from drawings.
     eps_scale, e_scale, torque_scale : float, default 1.0
         Factors of all eps, all e and the torque, for use as continuation parameters.
     torque_orders : mapping, optional

@@ -1,6 +1,6 @@
 """Fields of a planetary set from the drawings of its two gear pairs.
 
-    F = T / (N r_bs) on every mesh,   tau_n = 0 where a pair of teeth is at the pitch point
+    F = T / (N r_bs) on every mesh,   tau_n = 0 where a pair of teeth is at the pitch point in the middle of the face
 
 All planets are equal, so that every mesh with the sun has the same contacts, delayed by its phase, and likewise every
 mesh with the ring.
@@ -8,7 +8,7 @@ mesh with the ring.
 
 from __future__ import annotations
 
-from math import degrees, pi, sqrt
+from math import degrees, pi
 from typing import Any
 
 from hbgear.common.argument_checks import check
@@ -66,5 +66,4 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
 
 def _at_pitch_point(pair: GearPair, mesh: ToothMesh) -> MeshContacts:
     """Return contacts whose phase is zero where a pair of teeth is at the pitch point."""
-    pitch = (sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - pair.path[0]) / pair.base_pitch
-    return mesh.contacts(1.0).changed(*[lambda one: one.shifted(-2 * pi * pitch)] * 2)
+    return mesh.contacts(1.0).changed(*[lambda one: one.shifted(-2 * pi * pair.pitch_position)] * 2)

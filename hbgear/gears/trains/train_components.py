@@ -364,7 +364,7 @@ class Mesh:  # numpydoc ignore=PR02
         Phase lag of this mesh behind the first mesh of the train, in its own tau [rad]. Default: from the tooth
         numbers.
     pitch_phase : float or str, default 0.0
-        Value of tau at which a pair of teeth is in contact at the pitch point [rad].
+        Value of tau at which a pair of teeth is in contact at the pitch point, in the middle of the face [rad].
     thickness : tuple of float, default (0.5, 0.5)
         Thickness of the teeth of the first and the second wheel on their working pitch circles, over the pitch. The
         phases of the meshes of an idler depend on it; profile shifts change it.
@@ -448,8 +448,6 @@ class Mesh:  # numpydoc ignore=PR02
             raise ValueError("Mesh.of: the wheel is a rack, and all wheels of a train turn; use GearPair.model")
         torque = to_si("Mesh.of", "torque", torque, "N m")
         found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction, 1)
-        begin = pair.path[0]
-        pitch = (np.sqrt(pair.working_radii[0] ** 2 - pair.base_radii[0] ** 2) - begin) / pair.base_pitch
         c = cos(pair.pinion.base_helix_angle)
         contacts = found.contacts if found.contacts is None or c == 1 else found.contacts.scaled(1.0, c)
         if contacts is not None and contacts.sliding is not None:  # its forces are those of the transverse displacement
@@ -460,8 +458,8 @@ class Mesh:  # numpydoc ignore=PR02
             "k_mean": found.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": found.stiffness,
             "error": None if error is None else error.scaled(c), "contacts": contacts,
             "pressure_angle": pair.working_pressure_angle,
-            "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * float(pitch), "damping": damping,
-            "torque": torque, "thickness": pair.thickness,
+            "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * pair.pitch_position,
+            "thickness": pair.thickness, "damping": damping, "torque": torque,
         }  # fmt: skip
         made = cls(first, second, **{**own, **others})
         return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean) / c)
