@@ -1,5 +1,6 @@
 """Trains against models written by hand, closed forms and integration in time."""
 
+import dataclasses
 from math import cos, pi, radians, sin, tan
 
 import numpy as np
@@ -142,6 +143,31 @@ def test_phases_of_shifted_gears(x):
     assert np.exp(1j * planetary.lags["ring-p1"]) == pytest.approx(np.exp(2j * pi * turned))
     backward = planetary.replace(driver="carrier")
     assert np.exp(1j * backward.lags["ring-p1"]) == pytest.approx(np.exp(-2j * pi * turned))
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_mesh_whose_second_wheel_drives_runs_backwards(drawn):
+    """The idler drives a smaller gear, whose mesh is given with the pinion first and with the driver first."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=f"{relief} um")
+             for z, relief in ((25, 10), (30, 0), (19, 8))]  # fmt: skip
+    pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um"), hb.GearPair(*gears[:0:-1], "80 um")
+    wheels = [hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
+              for name, gear, x in zip(("in", "idler", "out"), gears, (0.0, 82.5e-3, 156e-3), strict=True)]  # fmt: skip
+    first = hb.gears.Mesh.of("in", "idler", pairs[0], 100.0)
+    drives = hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)
+    driven = hb.gears.Mesh.of("out", "idler", pairs[2], 76.0)
+    if not drawn:
+        functions = {"contacts": None, "eps": (0.2, 0.1), "e": (2e-6, 1e-6), "torque": None}
+        lags = {"eps_lag": (0.5, 1.5), "e_lag": (2.0, -1.0)}
+        drives = dataclasses.replace(drives, **functions, **lags)
+        lags = {name: tuple(-x for x in lag) for name, lag in lags.items()}
+        driven = dataclasses.replace(driven, **functions, **lags, pitch_phase=-drives.pitch_phase)
+    X, rows = 0.2 * np.random.default_rng(1).normal(size=(2, 13)), []
+    X[:, 0] = 1.3
+    for second in (drives, driven):
+        train = hb.gears.Train(wheels, [first, second], balance="out")
+        rows.append(hb.HarmonicBalance(train, 6).evaluate(X.ravel(), Omega=0.7)[0])
+    np.testing.assert_allclose(rows[0], rows[1], rtol=0, atol=1e-5 * np.abs(rows[0]).max())
 
 
 def helical(teeth, width, sign):

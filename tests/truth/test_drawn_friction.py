@@ -181,13 +181,21 @@ def test_a_train_of_one_mesh_is_the_pair(angle):
     assert of_train["efficiency"][0] == pytest.approx(of_pair["efficiency"][0], abs=1e-5)
 
 
-def test_friction_that_acts_against_the_drive_is_refused():
+def test_friction_and_errors_against_the_drive_are_refused():
     mesh = hb.gears.Mesh.of("a", "b", PAIR, TORQUE, ZETA, friction=MU)
     wheels = [hb.gears.Wheel.of("a", PINION, torque=TORQUE), hb.gears.Wheel.of("b", WHEEL)]
     driven = hb.gears.Mesh.of("c", "b", PAIR, TORQUE, friction=MU)
-    chain = hb.gears.Train([*wheels, hb.gears.Wheel.of("c", PINION)], [mesh, driven], balance="c")
-    with pytest.raises(ValueError, match=r"mesh c-b .* 'b' drives 'c'; exchange them"):
-        chain.system()
+    wheels.append(hb.gears.Wheel.of("c", PINION))
+    with pytest.raises(
+        ValueError, match=r"friction of the mesh c-b is .* 'b' drives 'c'; exchange .* or give friction=0"
+    ):
+        hb.gears.Train(wheels, [mesh, driven], balance="c")
+    eccentric = hb.GearPair(hb.gears.Gear(PINION.teeth, "3 mm", "20 mm", runout="10 um"), WHEEL, "80 um")
+    driven = hb.gears.Mesh.of("c", "b", eccentric, TORQUE)
+    with pytest.raises(ValueError, match=r"errors of single teeth of the mesh c-b are .* exchange .* or omit them"):
+        hb.gears.Train(wheels, [mesh, driven], balance="c")
+    idle = hb.gears.Train(wheels, [mesh, driven], balance="b")
+    assert idle._kinematics.backward == (False, False)
 
 
 def test_benedict_kelley():

@@ -29,7 +29,6 @@ from hbgear.gears.trains.train_kinematics import (
     phase_mismatch,
 )
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.scales import Scales
 
 CARRIER = "carrier"
@@ -335,19 +334,13 @@ class EpicyclicLayout(Model):
 
 def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
     """Return a mesh whose second wheel drives, as one whose first wheel drives: its functions of tau run backwards."""
-
-    def back(one: Phased) -> Phased:
-        function: Phased = one.reversed() if isinstance(one, Periodic) else one
-        return function
-
     internal = wheels[mesh.first].internal or wheels[mesh.second].internal
     direction = None if mesh.direction is None else mesh.direction + pi
     return dataclasses.replace(
-        mesh, first=mesh.second, second=mesh.first, direction=direction, pitch_phase=-mesh.pitch_phase,
+        mesh.backward(),
+        first=mesh.second,
+        second=mesh.first,
+        direction=direction,
         thickness=mesh.thickness[::-1],
         helix_angle=mesh.helix_angle if internal else -mesh.helix_angle,
-        eps_lag=tuple(-x for x in mesh.eps_lag), e_lag=tuple(-x for x in mesh.e_lag),
-        stiffness=None if mesh.stiffness is None else mesh.stiffness.reversed(),
-        error=None if mesh.error is None else mesh.error.reversed(),
-        contacts=None if mesh.contacts is None else mesh.contacts.changed(back, back),
-    )  # fmt: skip
+    )

@@ -44,7 +44,7 @@ from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.fourier import Series
-from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.series.periodic import Phased
 
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
@@ -289,7 +289,7 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         backward = self.kinematics.backward
 
         def turned(one: Phased) -> Phased:
-            function: Phased = one.reversed() if backward and isinstance(one, Periodic) else one
+            function: Phased = one.reversed() if backward else one
             return in_order(function, self.mesh_order, lag)
 
         law: Law = contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)

@@ -228,7 +228,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
                 damping=2 * mesh.damping * sqrt(self._equivalent_mass(mesh) * mesh.k_mean) / (m_c * omega_n),
                 name=mesh.name,
             )
-            for w, mesh, order, lag in zip(self.mesh_vectors().T, self.meshes, found.orders, found.lags, strict=True)
+            for w, mesh, order, lag in zip(self.mesh_vectors().T, self._running, found.orders, found.lags, strict=True)
         ]
         rubbing = [
             element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))

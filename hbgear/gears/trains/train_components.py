@@ -329,11 +329,12 @@ class Bearing:  # numpydoc ignore=PR02
 
 @dataclass(frozen=True)
 class Mesh:  # numpydoc ignore=PR02
-    """Pair of meshing gears; the first one drives the second.
+    """Pair of meshing gears.
 
         k(tau) = k_mean [1 - sum_l eps[l-1] cos(l tau - eps_lag[l-1])],   e(tau) = sum_l e[l-1] cos(l tau - e_lag[l-1])
 
-    tau is the phase of this mesh.
+    tau is the phase of this mesh if the first wheel drives the second. In a train in which the second one drives, all
+    functions of tau run backwards.
 
     Parameters
     ----------
@@ -468,6 +469,20 @@ class Mesh:  # numpydoc ignore=PR02
     def name(self) -> str:
         """Name in tables and legends: "pinion-wheel"."""
         return f"{self.first}-{self.second}"
+
+    def backward(self) -> Mesh:
+        """Return the mesh of a second wheel that drives: all functions of tau run backwards."""
+
+        def back(one: Phased) -> Phased:
+            function: Phased = one.reversed()
+            return function
+
+        return replace(
+            self, pitch_phase=-self.pitch_phase, eps_lag=tuple(-x for x in self.eps_lag),
+            e_lag=tuple(-x for x in self.e_lag), stiffness=None if self.stiffness is None else back(self.stiffness),
+            error=None if self.error is None else back(self.error),
+            contacts=None if self.contacts is None else self.contacts.changed(back, back),
+        )  # fmt: skip
 
     def stiffness_used(self, scale: float = 1.0) -> Phased:
         """Return k(tau)/k_mean with its alternating part times a factor."""

@@ -55,21 +55,11 @@ def friction_elements(
     -------
     tuple of Element
         Three elements "FIRST-SECOND friction 1" to 3.
-
-    Raises
-    ------
-    ValueError
-        If the second wheel drives the first one.
     """
     law = gap.law
     if not isinstance(law, MeshContacts) or law.sliding is None:
         return ()
     first, second, side = wheels[mesh.first], wheels[mesh.second], found.sides[at]
-    if side * float(found.speeds[mesh.first]) < 0:
-        raise ValueError(
-            f"Train: friction of the mesh {mesh.name} is computed for a first wheel that drives, and '{mesh.second}' "
-            f"drives '{mesh.first}'; exchange them in Mesh.of, or give friction=0"
-        )
     w = line_of_action(mesh, side, found.angles[at], first, second)
     lever = tan(found.angles[at][0])
     across = np.zeros((2, 6))

@@ -68,7 +68,9 @@ class Kinematics:
     ratio : Fraction
         Common frequency over the speed of that wheel.
     sides : tuple of int
-        For each mesh, +1 if the outer wheel pushes counter-clockwise, else -1.
+        For each mesh, +1 if the outer wheel pushes counter-clockwise, else -1. Without a torque the first wheel drives.
+    backward : tuple of bool
+        For each mesh, whether the second wheel drives the first.
     lags : tuple of float
         Phase lag of each mesh in its own tau [rad].
     angles : tuple of tuple of float
@@ -83,6 +85,7 @@ class Kinematics:
     orders: tuple[int, ...]
     ratio: Fraction
     sides: tuple[int, ...]
+    backward: tuple[bool, ...]
     lags: tuple[float, ...]
     angles: tuple[tuple[float, float], ...]
     turned: Mapping[str, float]
@@ -129,11 +132,16 @@ def kinematics(
             "give tooth counts with a simpler ratio, or fewer wheels with unbalance, torque orders or errors of teeth"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
-    sides, forces = _static_forces(wheels, groups, meshes, speeds)
-    turning = sides[0] * (-1 if wheels[meshes[0].first].internal else 1) * (-1 if backward else 1)
+    pushes, forces = _static_forces(wheels, groups, meshes, speeds)
+    outer = [-1 if wheels[mesh.first].internal else 1 for mesh in meshes]  # sign of the push of the first wheel
+    turning = (pushes[0] or 1) * outer[0] * (-1 if backward else 1)
     signed = {name: turning * speed for name, speed in speeds.items()}
-    lags, turned = _lags(wheels, groups, meshes, signed, sides, angles)
-    return Kinematics(signed, orders, ratio, sides, lags, angles, turned, forces)
+    forward = [own if signed[mesh.first] > 0 else -own for mesh, own in zip(meshes, outer, strict=True)]
+    sides = ((pushes[0] or 1), *(push or side for push, side in zip(pushes[1:], forward[1:], strict=True)))
+    second = tuple(side != own for side, own in zip(sides, forward, strict=True))
+    running = [mesh.backward() if back else mesh for mesh, back in zip(meshes, second, strict=True)]
+    lags, turned = _lags(wheels, groups, running, signed, sides, angles)
+    return Kinematics(signed, orders, ratio, sides, second, lags, angles, turned, forces)
 
 
 def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fraction]) -> list[Fraction]:
@@ -239,7 +247,7 @@ def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
 def _static_forces(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction]
 ) -> tuple[tuple[int, ...], tuple[float | None, ...]]:
-    """Return the directions in which the outer wheels push under the torques, +1 without a torque, and the forces.
+    """Return the directions in which the outer wheels push under the torques, 0 without a torque, and the forces.
 
     A force is None where several meshes share the load.
     """
@@ -260,11 +268,11 @@ def _static_forces(
             "correct one, or name the wheel that holds the rest as balance"
         )
     forces = np.linalg.lstsq(A, torque, rcond=None)[0]
-    largest = float(np.abs(forces).max(initial=0.0))
+    forces[np.abs(forces) <= 1e-9 * np.abs(forces).max(initial=0.0)] = 0.0
     free = scipy.linalg.null_space(A)  # forces that add up to no torque
     known = [None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
              for row, force in zip(free, forces.tolist(), strict=True)]  # fmt: skip
-    return tuple(-1 if force < -1e-9 * largest else 1 for force in forces.tolist()), tuple(known)
+    return tuple(np.sign(forces).astype(int).tolist()), tuple(known)
 
 
 def _lags(

@@ -88,6 +88,7 @@ class TrainLayout(Model):
         object.__setattr__(self, "beams", tuple(self._placed(beam) for beam in self.beams))
         check_contact_scale("Train", self.eps_scale, [mesh.contacts for mesh in self.meshes])
         self._check_mesh_torques()
+        self._check_drivers()
 
     @property
     def mesh_torques(self) -> dict[str, float | None]:
@@ -111,6 +112,19 @@ class TrainLayout(Model):
                     f"loads it with {static:.6g} N m: give Mesh.of this torque, or the mesh torque=None to "
                     "omit this check"
                 )
+
+    def _check_drivers(self) -> None:
+        """Raise an error if friction or errors of single teeth were computed for a wheel that does not drive."""
+        for mesh, backward in zip(self.meshes, self._kinematics.backward, strict=True):
+            contacts = mesh.contacts
+            if not backward or contacts is None or (contacts.sliding is None and contacts.meshes == 1):
+                continue
+            what, remedy = ("friction", "friction=0") if contacts.sliding else ("errors of single teeth", "omit them")
+            raise ValueError(
+                f"Train: {what} of the mesh {mesh.name} {'is' if contacts.sliding else 'are'} computed for a first "
+                f"wheel that drives, and '{mesh.second}' drives '{mesh.first}'; exchange them in Mesh.of, or "
+                f"{'give ' if contacts.sliding else ''}{remedy}"
+            )
 
     def _check_places(self, names: list[str]) -> None:
         references = [(f"shaft {s.name}", name) for s in self.joints for name in (s.first, s.second)]
@@ -176,6 +190,12 @@ class TrainLayout(Model):
     @cached_property
     def _kinematics(self) -> Kinematics:
         return kinematics(self._by_name, self.joints, self.meshes)
+
+    @cached_property
+    def _running(self) -> tuple[Mesh, ...]:
+        """Meshes with functions of tau in the direction of the rotation."""
+        backward = self._kinematics.backward
+        return tuple(mesh.backward() if back else mesh for mesh, back in zip(self.meshes, backward, strict=True))
 
     @property
     def torques(self) -> dict[str, float]:
