@@ -155,7 +155,43 @@ def test_turning_of_the_carrier():
     C, K = loose.system().speed.at(2.0, 21)
     speed = loose.orders["carrier"]
     assert C[0, 1] == pytest.approx(-2 * loose.m_c / loose.m_p * speed * 2.0) and C[1, 0] == -C[0, 1]
-    assert K[0, 0] == pytest.approx(-loose.m_c / loose.m_p * (2.0 * speed) ** 2) and K[2, 2] == 0
+    assert K[0, 0] == pytest.approx(-loose.m_c / loose.m_p * (2.0 * speed) ** 2)
+    turned = np.zeros(21)
+    turned[[2, *range(10, 21, 3)]] = 1.0  # the carrier and with it the planets
+    np.testing.assert_allclose(K @ turned, 0.0, atol=1e-15)
+    damped = loose.replace(zeta_b=0.2)
+    system = damped.system()
+    C, K = (np.asarray(A) + B for A, B in zip((system.C, system.K), system.speed.at(Omega, 21), strict=True))
+    sun, mass = slice(6, 8), loose.m_s / loose.m_p
+    states = np.block([[np.zeros((2, 2)), np.eye(2)], [-K[sun, sun] / mass, -C[sun, sun] / mass]])
+    still = alone * (-0.2 + 1j * np.sqrt(1 - 0.2**2))  # the bearing does not turn with the frame
+    exact = [still - 1j * carrier, still + 1j * carrier]
+    found = np.linalg.eigvals(states)
+    for pole in exact:
+        assert np.abs(found - pole).min() < 1e-9 * alone
+
+
+def test_multipliers_with_a_turning_carrier():
+    """With constant stiffness they are exp(2 pi lambda / Omega) of the poles lambda except the two of the rotation,
+    and stable: the centrifugal forces turn with the set."""
+    Omega = 1.2
+    one = hb.gears.PlanetarySet(eps_scale=0.0, carrier_rotation=True, zeta_b=0.1)
+    curve = hb.trace(hb.HarmonicBalance(one, 2), "Omega", (Omega, 1.19))
+    assert curve.stable.all()
+    system, n = one.system(), 21
+    C, K = (np.asarray(A) + B for A, B in zip((system.C, system.K), system.speed.at(Omega, n), strict=True))
+    for element in system.elements:
+        w = np.asarray(element.direction)
+        C, K = C + element.damping * np.outer(w, w), K + element.law.reference * np.outer(w, w)
+    M = np.asarray(system.M)
+    poles = np.linalg.eigvals(
+        np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    )
+    poles = poles[np.abs(poles) > 1e-5]
+    assert len(poles) == 40
+    exact = np.exp(2 * np.pi * poles / Omega)
+    distances = np.abs(exact[:, None] - curve.multipliers[0][None, :])
+    assert distances.min(axis=0).max() < 1e-9 and distances.min(axis=1).max() < 1e-9
 
 
 @pytest.mark.parametrize(

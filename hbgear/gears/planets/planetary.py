@@ -9,7 +9,8 @@ The coordinates are in the frame of the carrier: x, y of carrier, ring and sun, 
 eta of a planet at psi_n, and u, the rotation times the base radius (for the carrier: the radius of the planet centres).
 tau = Omega t is the mesh phase. All 2N meshes have the same frequency; their phases follow from the numbers of teeth.
 
-If the carrier turns, M q'' becomes M q'' + Omega_c G q' - Omega_c^2 M_xy q in its frame (``carrier_rotation``).
+If the carrier turns, M q'' becomes M q'' + Omega_c G q' - Omega_c^2 M_xy q in its frame (``carrier_rotation``), with
+eta_n - u_c instead of eta_n in the last term, so that a rotation of the whole set needs no force.
 
 Dimensionless form returned by `PlanetarySet.system`: unit of length b_sp (1 um without backlash), of time
 sqrt(m_p/k_sp), of force k_sp times the length.
@@ -45,6 +46,7 @@ from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.speed_terms import SpeedTerms
 
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))
 
@@ -111,7 +113,8 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         Mean thickness of a planet tooth on its working pitch circles with sun and ring, over the pitch. The phase
         between both meshes of a planet depends on it; profile shifts change it.
     carrier_rotation : bool, default False
-        True to include the Coriolis and centripetal terms of the turning carrier.
+        True to include the Coriolis and centripetal terms of the turning carrier, and that the bearings of the central
+        members do not turn with it.
 
     Raises
     ------
@@ -262,8 +265,14 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
             elements=gaps,
             load=[Load(constant=self._load() / force), *self._fluctuations(force)],
             dof_names=self.dof_names,
-            speed=turning_frame(self._masses / self.m_p, carrier) if self.carrier_rotation and carrier else None,
+            speed=self._turning_frame(carrier) if self.carrier_rotation and carrier else None,
         )
+
+    def _turning_frame(self, speed: float) -> SpeedTerms:
+        """Return the terms of the frame of the carrier, which turns at ``speed`` times Omega."""
+        k, m = (np.array([getattr(self, f"{letter}_{_LETTERS[name]}") for name in MEMBERS]) for letter in "km")
+        dampers = 2 * self.zeta_b * np.sqrt(k * m) / sqrt(self.k_sp * self.m_p)
+        return turning_frame(self._masses / self.m_p, dampers, speed)
 
     def _fluctuations(self, force: float) -> list[Load]:
         """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""

@@ -88,24 +88,35 @@ def _kind(shapes: Array) -> str:
     return "mixed" if sideways or turning else "planet"
 
 
-def turning_frame(masses: Array, speed: float) -> SpeedTerms:
-    """Return the Coriolis and centripetal terms of a frame that turns at ``speed`` times Omega.
+def turning_frame(masses: Array, dampers: Array, speed: float) -> SpeedTerms:
+    """Return the terms of a frame that turns at ``speed`` times Omega.
+
+        x'' - 2 Omega_c y' - Omega_c^2 x,   y'' + 2 Omega_c x' - Omega_c^2 (y - u_c)
+        damping force on central members  -c (x' - Omega_c y),   -c (y' + Omega_c x)
+
+    u_c is subtracted for planets only: where the carrier has turned, the centrifugal force of a planet has turned with
+    it, so that a rotation of the whole set needs no force. The bearings of the central members stand still.
 
     Parameters
     ----------
     masses : ndarray, shape (n,)
-        Diagonal of M; every third coordinate is a rotation, the two before it are displacements in the plane.
+        Diagonal of M; every third coordinate is a rotation, the two before it are displacements in the plane. Carrier,
+        ring and sun are the first members.
+    dampers : ndarray, shape (3,)
+        Damping coefficients of their bearings.
     speed : float
         Speed of the frame over Omega.
     """
-    sideways = np.ones(len(masses), dtype=bool)
-    sideways[2::3] = False
-    G = np.zeros((len(masses), len(masses)))
-    for i in range(0, len(masses), 3):
+    n = len(masses)
+    G, inward, around = np.zeros((3, n, n))
+    for i in range(0, n, 3):
         G[i, i + 1], G[i + 1, i] = -2 * masses[i], 2 * masses[i]
-    inward = np.diag(np.where(sideways, masses, 0.0))
+        sideways = np.eye(n)[i + 1] - (np.eye(n)[2] if i >= 9 else 0.0)
+        inward += masses[i] * (np.outer(np.eye(n)[i], np.eye(n)[i]) + np.outer(sideways, sideways))
+    for i, c in enumerate(dampers.tolist()):
+        around[3 * i, 3 * i + 1], around[3 * i + 1, 3 * i] = -c, c
 
-    def centripetal(Omega: float) -> Any:
-        return -((speed * Omega) ** 2) * inward
+    def stiffness(Omega: float) -> Any:
+        return speed * Omega * around - (speed * Omega) ** 2 * inward
 
-    return SpeedTerms(G, speed, stiffness=centripetal)
+    return SpeedTerms(G, speed, stiffness=stiffness)

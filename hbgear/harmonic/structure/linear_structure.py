@@ -60,6 +60,9 @@ _REFERENCE_TRIALS = (
 _CANCELLATION_RATIO = 1e-5
 """Displacement of an element, relative to the sum of its absolute terms, above which the terms do not cancel."""
 
+_DRIFT_WORK = 1e-9
+"""Work of dampers on a free motion, relative to the largest possible, that counts as rounding."""
+
 _MIN_DISPLACEMENT_RATIO = 1e-9
 """Displacement of an element in a unit motion, relative to the largest possible, that counts as rounding."""
 
@@ -345,12 +348,15 @@ class LinearStructure:
         A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
         if part:
             A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-        poles, V = np.linalg.eig(A)
+        Z = None if free.shape[1] else self._without_drift(clock)
+        poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
         poles, V = poles.astype(complex), V.astype(complex)
         try:
             U = np.linalg.inv(V)
         except np.linalg.LinAlgError:
             U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
+        if Z is not None:
+            V, U = Z @ V, U @ Z.T
         right = B @ V[:size]
         left_vectors = U[:, size:] @ (Mi @ T.T) / clock
         output, input_ = self.W.T @ right, left_vectors @ self.W
@@ -358,6 +364,25 @@ class LinearStructure:
         keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
         condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
         return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
+
+    def _without_drift(self, clock: float) -> Array | None:
+        """Return a basis of the states (q, q'/clock), scaled by the masses, without free motions and their momentum.
+
+        It is None if there are no free motions, or if dampers act on them.
+
+        Gyroscopic forces may act on a free motion r, K r = 0, without doing work, l^T C r = 0 with l^T K = 0. Then
+        l^T (M q' + C q) is constant, and r is a drift that no element measures: the pole zero is double.
+        """
+        if not self.free.shape[1] or self.free.shape != self.free_left.shape:
+            return None
+        s, r, left = self._scale, self.free / self._scale[:, None], self.free_left
+        work = left.T @ self.C @ self.free
+        largest = np.abs(s[:, None] * self.C * s).max() * np.linalg.norm(r) * np.linalg.norm(left / s[:, None])
+        if np.abs(work).max() > _DRIFT_WORK * largest:
+            return None
+        momentum = np.hstack([left.T @ self.C * s, clock * (left.T @ self.M * s)])
+        momentum /= np.linalg.norm(momentum, axis=1, keepdims=True)
+        return _null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
 
     def _undamped(self, free: Array, C: Array) -> Array:
         """Return the free motions that no damper acts on."""
