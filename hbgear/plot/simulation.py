@@ -74,7 +74,7 @@ def sweeps(
     found : sequence of Sweep
         Sweeps.
     branch : Branch, optional
-        Curve below the dots.
+        Curve below the dots, with the other curves of its span; special points are marked if there are none.
     measure : str, optional
         Measure of amplitude, see `Branch.amplitude`; default "pp2".
     element : int or str, optional
@@ -116,8 +116,8 @@ def sweeps(
     factor = factor_of(measure, length)
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
-        if branch is not None:
-            response(branch, measure, element, ax, jumps=False, legend=False, speeds=False,
+        for each in () if branch is None else branch.curves:
+            response(each, measure, element, ax, special=not branch.others, jumps=False, legend=False, speeds=False,
                      dimensionless=dimensionless)  # fmt: skip
         for s in found:
             _dots(ax, s, across.scale * s.values, factor * s.amplitude(measure, element))

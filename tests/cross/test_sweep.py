@@ -331,7 +331,9 @@ def test_table_and_figures(up, down, pair, tmp_path):
     dots = {line.get_gid(): line for line in ax.lines if str(line.get_gid()).startswith("sweep")}
     np.testing.assert_array_equal(dots["sweep up"].get_xdata(), up.values)
     np.testing.assert_array_equal(dots["sweep down"].get_ydata(), down.amplitude())
-    assert any(str(line.get_gid()).startswith("branch") for line in ax.lines)
+    drawn = [str(line.get_gid()).startswith("branch") for line in ax.lines]
+    both = plot.sweeps((up,), dataclasses.replace(pair, others=(pair,)), "rms")
+    assert sum(str(line.get_gid()).startswith("branch") for line in both.lines) == 2 * sum(drawn) > 0
     ax = plot.bifurcation((up,))
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), up.values)
     with pytest.raises(ValueError, match="different parameters"):
