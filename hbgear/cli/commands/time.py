@@ -185,7 +185,10 @@ def basins(
     v: Annotated[
         str, typer.Option(metavar="FROM:TO", help="Range of its initial rate, such as -2:2 or -1m/s:1m/s.")
     ] = "-2:2",
-    shape: Annotated[tuple[int, int], typer.Option(help="Number of initial states along each range.")] = (60, 60),
+    shape: Annotated[
+        tuple[int, int],
+        typer.Option(metavar="COUNT COUNT", help="Numbers of initial states along both ranges, such as 60 60."),
+    ] = (60, 60),
     element: Annotated[
         str | None, typer.Option(help="Element of the coordinate, by number or name; required if there are several.")
     ] = None,
