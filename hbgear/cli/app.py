@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import dataclasses
+import re
 import shutil
 import signal
 import sys
@@ -560,7 +561,8 @@ def plot_command(
     measure = measure or ("pp2" if any(kind_of(each) != "periodic" for each in others) else None)
     branch, which, measure = loaded(file, measure, element, dimensionless)
     chosen = None if point is None else point_of(branch, point)
-    path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
+    name = file.stem if point is None else f"{file.stem}_{re.sub('[^A-Za-z0-9.]', '_', point)}"
+    path = output or file.with_name(f"{name}.png")
     check_writable(path, FIGURES)
     with outputs() as out:
         if chosen is None:

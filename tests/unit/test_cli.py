@@ -201,6 +201,7 @@ def test_points_of_the_second_curve_of_a_file(run):
     assert code == 0 and f"{fold:.6g}" in out
     code, out, _ = run("plot", "w.npz", "--point", "2:LP1", "-o", "p.png")
     assert code == 0 and "point at Omega = 0.4468" in out and Path("p.png").exists()
+    assert run("plot", "w.npz", "--point", "2:LP1")[0] == 0 and Path("w_2_LP1.png").exists()  # a name on any system
     assert run("plot", "w.npz", "--style", "screen", "-o", "s.svg")[0] == 0 and Path("s.svg").exists()
     assert "--style poster: choose journal or screen" in run("plot", "w.npz", "--style", "poster")[2]
     code, _, err = run("sensitivity", "w.npz", "3:LP1")
