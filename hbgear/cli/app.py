@@ -569,7 +569,8 @@ def plot_command(
             out.figure(path, lambda drawing: drawing.responses([branch, *others], measure, which,
                                                                dimensionless=dimensionless), style)  # fmt: skip
         else:
-            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)), style)
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch),
+                                                              dimensionless=dimensionless), style)  # fmt: skip
             names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
             print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import in_figure, in_metres_per_second, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
-from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
+from hbgear.harmonic.models.frequency_units import MESH, PINION, scales_with, speeds_at
 from hbgear.plot.style import (
     COLOURS,
     GREY,
@@ -38,7 +39,10 @@ FLOOR = 1e-6
 
 
 @checked_arguments()
-def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
+def time_history(
+    point: Point, element: int | str = 0, ax: Axes | None = None, *, model: Model | None = None,
+    dimensionless: bool = False,
+) -> Axes:  # fmt: skip
     """Draw the motion of an element over its period, with thin lines at the breakpoints of its law.
 
     Parameters
@@ -49,6 +53,10 @@ def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -
         Element by number or name; default 0.
     ax : Axes, optional
         Axes to draw on; new ones by default.
+    model : Model, optional
+        Model, whose scales convert displacements to um and velocities to m/s; default that of the point.
+    dimensionless : bool, optional
+        Whether the units of the model are kept; default False.
 
     Returns
     -------
@@ -63,19 +71,23 @@ def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -
     >>> axes = hb.plot.time_history(curve["LP1"])
     """
     layout, periods, d = _cycle(point, element)
+    units = _units(point, element, model, dimensionless)
     with styled():
         ax = axes_or_new(ax, (4.2, 2.8))
-        ax.plot(periods, d, color=_colour(point, element))
+        ax.plot(periods, units.length * d, color=_colour(point, element))
         ax.set_xlim(0, layout.nu)
         ax.set_xlabel("excitation periods")
-        ax.set_ylabel(gap_label(layout, element))
+        ax.set_ylabel(units.displacement)
         dress(ax)
-        _breakpoints(layout, element, d, ax.axhline, ax.set_ylim)
+        _breakpoints(layout, element, d, units.length, ax.axhline, ax.set_ylim)
     return ax
 
 
 @checked_arguments()
-def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
+def phase_diagram(
+    point: Point, element: int | str = 0, ax: Axes | None = None, *, model: Model | None = None,
+    dimensionless: bool = False,
+) -> Axes:  # fmt: skip
     """Draw velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per excitation period.
 
     Parameters
@@ -86,6 +98,10 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
         Element by number or name; default 0.
     ax : Axes, optional
         Axes to draw on; new ones by default.
+    model : Model, optional
+        Model, whose scales convert displacements to um and velocities to m/s; default that of the point.
+    dimensionless : bool, optional
+        Whether the units of the model are kept; default False.
 
     Returns
     -------
@@ -108,16 +124,18 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     if "Omega" not in point.parameters:
         raise ValueError(f"a phase diagram needs Omega; the point has {', '.join(point.parameters) or 'no parameters'}")
     v = point.parameters["Omega"] / layout.nu * _cycle(point, element, order=1)[2]
+    units = _units(point, element, model, dimensionless)
     starts = np.searchsorted(periods, np.arange(layout.nu))
     with styled():
         ax = axes_or_new(ax, (3.2, 2.8))
         colour = _colour(point, element)
-        ax.plot(d, v, color=colour)
-        ax.plot(d[starts], v[starts], "o", color=colour, markersize=3.5)
-        ax.set_xlabel(gap_label(layout, element))
-        ax.set_ylabel(layout.labels.get("velocity", f"velocity of {gap_label(layout, element)}"))
+        x, y = units.length * d, units.rate * v
+        ax.plot(x, y, color=colour)
+        ax.plot(x[starts], y[starts], "o", color=colour, markersize=3.5)
+        ax.set_xlabel(units.displacement)
+        ax.set_ylabel(units.velocity)
         dress(ax)
-        _breakpoints(layout, element, d, ax.axvline, ax.set_xlim)
+        _breakpoints(layout, element, d, units.length, ax.axvline, ax.set_xlim)
     return ax
 
 
@@ -130,6 +148,7 @@ def spectrum(
     log: bool = True,
     floor: float = FLOOR,
     model: Model | None = None,
+    dimensionless: bool = False,
 ) -> Axes:
     """Draw the amplitude of each harmonic, without the mean, against multiples of the excitation frequency.
 
@@ -147,7 +166,10 @@ def spectrum(
         Fraction of the largest line below which no line is drawn on the logarithmic axis; the figure states it.
         Default 1e-6.
     model : Model, optional
-        Model; if it has scales, axes above give the frequencies in Hz.
+        Model; if it has scales, amplitudes are in um, and an axis above gives the frequencies in Hz. Default that of
+        the point.
+    dimensionless : bool, optional
+        Whether the units of the model are kept; default False.
 
     Returns
     -------
@@ -172,7 +194,8 @@ def spectrum(
     row = point.coefficients(element)
     layout = _cycle(point, element)[0]
     order = np.arange(1, layout.harmonics + 1) / layout.nu
-    height = np.hypot(row[1::2], row[2::2])
+    units = _units(point, element, model, dimensionless)
+    height = units.length * np.hypot(row[1::2], row[2::2])
     top = float(height.max()) or 1.0
     low = top * floor if log else 0.0
     order, height = order[height >= low], height[height >= low]
@@ -188,9 +211,9 @@ def spectrum(
         ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         ax.set_xlabel("frequency / excitation frequency")
-        ax.set_ylabel(f"amplitude of {gap_label(layout, element)}")
+        ax.set_ylabel(f"amplitude of {units.displacement}")
         dress(ax)
-        mesh = speeds_at(model, point.parameters).get(MESH)
+        mesh = units.speeds.get(MESH)
         if mesh:
             scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
         ax.tick_params(which="both", right=not log)
@@ -215,7 +238,9 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
 
 
 @checked_arguments()
-def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
+def portrait(
+    point: Point, element: int | str = 0, model: Model | None = None, *, dimensionless: bool = False
+) -> Figure:  # fmt: skip
     """Draw time history, phase diagram and spectrum of a point side by side.
 
     Parameters
@@ -225,7 +250,10 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     element : int or str, optional
         Element by number or name; default 0.
     model : Model, optional
-        Model; if it has scales, the title states the mesh frequency and the speed of the pinion.
+        Model; if it has scales, axes are in um, m/s and Hz, and the title states the mesh frequency and the speed of
+        the pinion. Default that of the point.
+    dimensionless : bool, optional
+        Whether the units of the model are kept; default False.
 
     Returns
     -------
@@ -244,13 +272,37 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     with styled():
         figure = new_figure(9.6, 2.9)
         axes = figure.subplots(1, 3)
-        time_history(point, element, axes[0])
-        phase_diagram(point, element, axes[1])
-        spectrum(point, element, axes[2], model=model)
-        known = speeds_at(model, point.parameters)
+        time_history(point, element, axes[0], model=model, dimensionless=dimensionless)
+        phase_diagram(point, element, axes[1], model=model, dimensionless=dimensionless)
+        spectrum(point, element, axes[2], model=model, dimensionless=dimensionless)
+        known = _units(point, element, model, dimensionless).speeds
         units = [f"{known[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if known]
         figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)
     return figure
+
+
+class _Units(NamedTuple):
+    """Factors and labels of the axes of a displacement and its rate; speeds as in `speeds_at`."""
+
+    length: float
+    rate: float
+    displacement: str
+    velocity: str
+    speeds: dict[str, float]
+
+
+def _units(point: Point, element: int | str, model: Model | None, dimensionless: bool) -> _Units:
+    """Return physical units if the model, by default that of the point, has scales; else those of the model."""
+    model = model or getattr(point.problem, "model", None)
+    layout, known = layout_of(point), None if dimensionless else scales_with(model, point.parameters)
+    label, speeds = gap_label(layout, element), speeds_at(model, point.parameters)
+    if known is None:
+        velocity = getattr(layout, "labels", {}).get("velocity", f"velocity of {label}")
+        return _Units(1.0, 1.0, label, velocity, speeds)
+    symbol, comma, name = label.partition(", ")
+    displacement = in_figure(in_micrometres(symbol)) + comma + name
+    velocity = f"velocity of {in_metres_per_second(symbol)}{comma}{name}"
+    return _Units(1e6 * known.length, known.velocity, displacement, velocity, speeds)
 
 
 def _colour(point: Point, element: int | str) -> str:
@@ -275,13 +327,13 @@ def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Ar
     return layout, np.append(theta / (2 * np.pi), 1.0) * layout.nu, np.append(d, d[0])
 
 
-def _breakpoints(layout: Layout, element: int | str, d: Array, line: Any, limits: Any) -> None:
+def _breakpoints(layout: Layout, element: int | str, d: Array, unit: float, line: Any, limits: Any) -> None:
     """Draw thin lines at the breakpoints of the law; the limits include those near the motion."""
     low, high = d.min(), d.max()
     reach = max(high - low, 1e-12 * abs(high), 1e-300)
     breakpoints = layout.breakpoints[layout.index(element)]
     for x in breakpoints:
-        line(x, color=GREY, linewidth=0.7, zorder=0, gid="breakpoint")
+        line(unit * x, color=GREY, linewidth=0.7, zorder=0, gid="breakpoint")
     shown = [low, high, *(x for x in breakpoints if low - reach <= x <= high + reach)]
     margin = 0.06 * (max(shown) - min(shown)) or 0.5
-    limits(min(shown) - margin, max(shown) + margin)
+    limits(unit * (min(shown) - margin), unit * (max(shown) + margin))

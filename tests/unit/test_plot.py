@@ -736,6 +736,23 @@ def test_sweeps_are_in_physical_units():
     np.testing.assert_allclose(section.get_ydata(), [37.6 * points[0, 0, 0] for points in sweep.points], rtol=1e-9)
 
 
+def test_motions_are_in_physical_units():
+    """The model is that of the point; displacements are in um, velocities in m/s."""
+    curve = hb.trace(hb.HarmonicBalance(SCALED, 5), "Omega", (1.5, 1.45), accuracy=None)
+    point, scales = curve[0], SCALED.scales
+    history, plane = plot.time_history(point), plot.phase_diagram(point)
+    bare = plot.phase_diagram(point, dimensionless=True)
+    d, v = bare.lines[0].get_data()
+    np.testing.assert_allclose(history.lines[0].get_ydata(), 1e6 * scales.length * d, rtol=1e-12)
+    np.testing.assert_allclose(plane.lines[0].get_data(), [37.6 * d, 37.6e-6 * 38000.0 * v], rtol=1e-12)
+    assert history.get_ylabel() == "$x$ [\N{MICRO SIGN}m]" and plane.get_ylabel() == "velocity of $x$ [m/s]"
+    (line,) = [line for line in history.lines if line.get_gid() == "breakpoint" and line.get_ydata()[0] > 0]
+    assert line.get_ydata()[0] == pytest.approx(37.6)
+    heights = [plot.spectrum(point, dimensionless=bare).lines[0].get_ydata() for bare in (False, True)]
+    np.testing.assert_allclose(heights[0], 37.6 * heights[1], rtol=1e-12)
+    assert "r/min" in plot.portrait(point).get_suptitle()
+
+
 def test_styles_for_print_and_for_slides(tmp_path):
     """The screen style has sans-serif text, larger relative to the figure; the default is restored after the block."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.2), accuracy=None)

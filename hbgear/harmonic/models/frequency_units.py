@@ -50,16 +50,17 @@ def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, fl
 
 def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float | None:
     """Return the unit of element coordinates [m] with these parameters; None if the model has no scales."""
-    own = _scales_with(model, parameters)
+    own = scales_with(model, parameters)
     return None if own is None else own.length
 
 
 def scales_at(branch: Branch, row: int) -> Scales | None:
     """Return the scales of the model at a point of a branch; None if it has none."""
-    return _scales_with(model_of(branch), branch.parameters_at(row))
+    return scales_with(model_of(branch), branch.parameters_at(row))
 
 
-def _scales_with(model: Model | None, parameters: Mapping[str, float]) -> Scales | None:
+def scales_with(model: Model | None, parameters: Mapping[str, float]) -> Scales | None:
+    """Return the scales of a model with these parameters; None if it has none."""
     own = None if model is None else model.scales
     return own if model is None or own is None or not parameters else model.at(parameters).scales
 
