@@ -116,8 +116,9 @@ def sweeps(
     factor = factor_of(measure, length)
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
-        for each in () if branch is None else branch.curves:
-            response(each, measure, element, ax, special=not branch.others, jumps=False, legend=False, speeds=False,
+        curves = () if branch is None else branch.curves
+        for each in curves:
+            response(each, measure, element, ax, special=len(curves) == 1, jumps=False, legend=False, speeds=False,
                      dimensionless=dimensionless)  # fmt: skip
         for s in found:
             _dots(ax, s, across.scale * s.values, factor * s.amplitude(measure, element))
