@@ -214,6 +214,16 @@ def test_scatter_of_a_jump_at_a_neimark_sacker_point():
     assert one.draws[0] == pytest.approx(place.parameters["Omega"], rel=1e-7)
 
 
+def test_draws_outside_the_range_of_a_parameter_are_left_out_with_a_warning():
+    """They are no draws without the jump: its frequency exists for any admissible damping below the cusp."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.02), 3), "Omega", (0.8, 2.0), accuracy=None)
+    negative = int((0.02 + 0.01 * np.random.default_rng(0).normal(size=60) < 0).sum())
+    with pytest.warns(UserWarning, match=rf"{negative} of 60 draws are left out, because zeta must not be negative"):
+        found = hb.design.jump_tolerance(curve, {"zeta": 0.01}, draws=60)
+    falling = next(one for one in found if one.direction < 0)
+    assert negative > 0 and falling.lost == 0 and len(falling.draws) == 60 - negative
+
+
 def test_branch_point_and_its_imperfections():
     """A mean load separates the curves at a symmetry-breaking branch point: derivatives with respect to it are nan."""
 

@@ -45,9 +45,15 @@ class RelocatedPoint:
         self._names = parameter_names(problem, here, parameter, names)
         at = PointSensitivity(with_cache_size(problem, point, 4), point, here, parameter, self._names)
         self._equations, self._here = at.equations(), here
+        self._ranges = {name: problem.range_of(name) for name in self._names}
         slopes = at.slopes()
         self._U = np.append(at.X, here[parameter])
         self._slopes = np.column_stack([slopes.X, slopes.p])
+
+    def refused(self, changes: Array) -> str:
+        """Return the condition of a parameter that is outside its range for changes of the parameters, or ""."""
+        here = _changed(self._here, self._names, changes)
+        return next((f"{name} must {x}" for name, x in self._ranges.items() if here[name] not in x), "")
 
     def at(self, changes: Array) -> float:
         """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""

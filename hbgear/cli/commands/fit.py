@@ -146,7 +146,8 @@ def scatter(
             print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *deviations], rows, title)
             for label, one in jumps:
                 if one.lost:
-                    print(f"{label} vanishes in {one.lost} of {draws} draws")
+                    count = f"{one.lost} of {draws} draws"
+                    print(f"{label} is not found in {count}: the jump vanishes, or occurs at another kind of point")
         else:
             print("no curve of the file has jumps" if branch.others else "the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):

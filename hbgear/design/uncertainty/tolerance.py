@@ -4,12 +4,14 @@
     Monte Carlo   Omega(a + s xi),  xi independent and normal: the equations of the jump are solved for each draw
 
 The difference of the two results measures the error of the first order. If the equations have no solution near the
-jump, the draw is lost: the jump has vanished, or almost.
+jump, the draw is lost: the jump has vanished, or almost, or it occurs at a point of another kind, such as a fold
+instead of a Neimark-Sacker point.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,7 +48,7 @@ class JumpTolerance:
     draws : ndarray, shape (D,)
         Frequencies of the jump in the draws.
     lost : int
-        Number of draws without this jump.
+        Number of draws without this special point: the jump has vanished, or occurs at a point of another kind.
     unit : str
         Unit of the frequencies: "pinion r/min", "mesh Hz", or "Omega".
 
@@ -112,6 +114,11 @@ def jump_tolerance(
     tuple of JumpTolerance
         Scatter of each jump of the curve.
 
+    Warns
+    -----
+    UserWarning
+        If draws are left out, because a parameter is outside its range.
+
     Raises
     ------
     KeyError
@@ -151,7 +158,14 @@ def jump_tolerance(
         frequencies: list[float] = []
         lost = 0
         again = RelocatedPoint(jump.before, names)
+        refused = [again.refused(s * row) for row in xi]
+        if any(refused):
+            why = ", ".join(sorted({*refused} - {""}))
+            text = f"{sum(map(bool, refused))} of {draws} draws are left out, because {why}"
+            warnings.warn(f"{text}; the others are a one-sided sample", stacklevel=3)
         for i, row in enumerate(xi):
+            if refused[i]:
+                continue
             if progress is not None:
                 done = (number + i / draws) / len(branch.jumps())
                 progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
