@@ -153,12 +153,44 @@ def test_motions_that_are_no_limit_cycles_are_refused(hunting):
 
 
 def test_functions_of_the_multipliers_change_sign_at_the_circle():
-    assert (
-        CycleDoublingEvent().function(np.array([-0.99, 0.3]))
-        > 0
-        > CycleDoublingEvent().function(np.array([-1.01, 0.3]))
-    )
+    doubling, torus = CycleDoublingEvent(), CycleTorusEvent()
+    assert doubling.functions(np.array([-0.99, 0.3]))[0] > 0 > doubling.functions(np.array([-1.01, 0.3]))[0]
     pair = np.array([0.3 + 0.8j, 0.3 - 0.8j])
     inside, outside = pair / abs(pair[0]) * 0.99, pair / abs(pair[0]) * 1.01
-    assert CycleTorusEvent().function(inside) < 0 < CycleTorusEvent().function(outside)
-    assert np.isnan(CycleTorusEvent().function(np.array([0.5, -0.5])))
+    assert torus.functions(inside)[0] < 0 < torus.functions(outside)[0]
+    assert torus.occurs(inside)
+    assert not torus.occurs(np.array([1.0 + 1e-7j, -0.5]))  # a fold: one part of the double multiplier, by rounding
+
+
+@hb.mechanics.model
+def beside(first: float = 0.3, second: float = 0.3) -> hb.System:
+    """A van der Pol oscillator, and two oscillators at rest: their multipliers are exp(s T), s = -c / 2 + i w."""
+    springs = [hb.Element([1.0, 0.0, 0.0], VanDerPol(0.3)), *(hb.Element(w, hb.Cubic(0.0)) for w in np.eye(3)[1:])]
+    return hb.System(np.eye(3), np.diag([0.0, first, second]), np.diag([1.0, 2.0, 3.3]), springs)
+
+
+@pytest.fixture(scope="module")
+def settled():
+    return hb.time.integrate(beside(), [2.0, 0.0, 0.0, 0.0, 0.0, 0.0], 20, 1.0, tolerance=1e-9, samples=256)
+
+
+@pytest.mark.parametrize("second, span", [(-0.35, (0.1, 0.6)), (0.01, (0.5, -0.2)), (0.35, (0.5, -0.2))])
+def test_a_pair_passes_the_circle_next_to_another_pair(settled, second, span):
+    """One pair passes at zero damping; the distances of both pairs from the circle are equal elsewhere."""
+    own = beside(first=span[0], second=second)
+    cycles = hb.analysis.limit_cycles(own, settled, span, parameter="first", harmonics=9)
+    found = [point.parameters["first"] for point in cycles.special]
+    assert len(found) == (min(span) < 0 < max(span))
+    assert np.abs(found).max(initial=0.0) < 1e-12
+
+
+def test_two_equal_pairs_that_pass_together_are_one_point(settled):
+    both = hb.mechanics.model(_equal)
+    cycles = hb.analysis.limit_cycles(both(), settled, (0.5, -0.2), parameter="damping", harmonics=9)
+    assert [(point.kind, abs(point.parameters["damping"]) < 1e-12) for point in cycles.special] == [("NS", True)]
+
+
+def _equal(damping: float = 0.5) -> hb.System:
+    """Three oscillators, of which two are equal and without motion."""
+    system = beside().system()
+    return hb.System(system.M, np.diag([0.0, damping, damping]), np.diag([1.0, 2.0, 2.0]), system.elements)

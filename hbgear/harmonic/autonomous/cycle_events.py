@@ -1,7 +1,7 @@
 """Events of limit cycles: period doublings and Neimark-Sacker points, as roots of functions of the multipliers.
 
 PD  det(Phi + 1) = 0 without the multiplier of the arbitrary phase.
-NS  the modulus of a complex pair passes one.
+NS  one of the moduli in descending order, which are continuous, passes one, and the multiplier is one of a pair.
 
 Their accuracy is that of the multipliers.
 """
@@ -9,6 +9,7 @@ Their accuracy is that of the multipliers.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,15 +25,23 @@ _COMPLEX = 1e-8
 """Imaginary part of a multiplier, relative to its modulus, above which it belongs to a pair."""
 
 
+_SAME_POINT = 1e-6
+"""Distance of two points, as a fraction of the segment, up to which they are one point: a pair has two moduli."""
+
+
 class _CycleEvent(Event):
-    """Zero of a function of the multipliers of a limit cycle, without the one of the arbitrary phase."""
+    """Zero of functions of the multipliers of a limit cycle, without the one of the arbitrary phase."""
 
     def __init__(self) -> None:
         pass
 
-    def function(self, multipliers: ComplexArray) -> float:
-        """Return the function of the multipliers (r,)."""
+    def functions(self, multipliers: ComplexArray) -> Array:
+        """Return the functions (T,) of the multipliers (r,)."""
         raise NotImplementedError
+
+    def occurs(self, multipliers: ComplexArray) -> bool:
+        """Return whether a zero with these multipliers (r,) is a point of this kind."""
+        return True
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -40,19 +49,30 @@ class _CycleEvent(Event):
         known = [point.observed["multipliers"] for point in points if "multipliers" in point.observed]
         if len(known) < len(points):
             return np.zeros((len(points), 0))
-        return np.array([[self.function(mu)] for mu in known])
+        return np.array([self.functions(mu) for mu in known])
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        def test(point: CurvePoint) -> float:
-            mu = point.observed.get("multipliers")
+        def multipliers(point: CurvePoint) -> ComplexArray:
+            mu: ComplexArray | None = point.observed.get("multipliers")
             if mu is None:
                 values = {**segment.parameters, segment.name: point.value}
                 mu = segment.problem.observe(point.X, True, **values)["multipliers"]
-            return self.function(mu)
+            return mu
 
         if any("multipliers" not in end.observed for end in (segment.a, segment.b)):
             return []
-        return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
+
+        def value(k: int, point: CurvePoint) -> float:
+            return float(self.functions(multipliers(point))[k])
+
+        before, after = (self.functions(multipliers(end)) for end in (segment.a, segment.b))
+        located: list[LocatedEvent] = []
+        for k in np.flatnonzero(before * after < 0).tolist():
+            one = locate_root(segment, self, partial(value, k))
+            is_new = all(abs(one.s - other.s) > _SAME_POINT for other in located)
+            if is_new and self.occurs(multipliers(one.point)):
+                located.append(one)
+        return located
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None
@@ -63,9 +83,9 @@ class CycleDoublingEvent(_CycleEvent):
 
     kind, meaning, marker = PeriodDoublingEvent.kind, PeriodDoublingEvent.meaning, PeriodDoublingEvent.marker
 
-    def function(self, multipliers: ComplexArray) -> float:
+    def functions(self, multipliers: ComplexArray) -> Array:
         """Return the product of 1 + mu, each factor at most of order one."""
-        return float(np.prod((1 + multipliers) / np.maximum(np.abs(multipliers), 1.0)).real)
+        return np.array([np.prod((1 + multipliers) / np.maximum(np.abs(multipliers), 1.0)).real])
 
 
 class CycleTorusEvent(_CycleEvent):
@@ -73,8 +93,16 @@ class CycleTorusEvent(_CycleEvent):
 
     kind, meaning, marker = NeimarkSackerEvent.kind, NeimarkSackerEvent.meaning, NeimarkSackerEvent.marker
 
-    def function(self, multipliers: ComplexArray) -> float:
-        """Return log|mu| of the complex pair nearest to the unit circle; nan without pairs."""
-        pairs = multipliers[multipliers.imag > _COMPLEX * np.abs(multipliers)]
-        sizes = np.log(np.abs(pairs))
-        return float(sizes[np.argmin(np.abs(sizes))]) if len(sizes) else float("nan")
+    def functions(self, multipliers: ComplexArray) -> Array:
+        """Return log|mu| in descending order."""
+        sizes: Array = np.log(np.maximum(np.sort(np.abs(multipliers))[::-1], np.finfo(float).tiny))
+        return sizes
+
+    def occurs(self, multipliers: ComplexArray) -> bool:
+        """Return whether the multiplier nearest to the unit circle belongs to a complex pair.
+
+        At a fold the multiplier +1 is double, and its parts are complex by rounding; one of them has been left out.
+        """
+        nearest = multipliers[np.argmin(np.abs(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))))]
+        partner = np.abs(multipliers - nearest.conjugate()).min()
+        return bool(abs(nearest.imag) > _COMPLEX * abs(nearest) and partner < abs(nearest.imag))
