@@ -55,13 +55,18 @@ def branch_warnings(branch: BranchData) -> tuple[str, ...]:
     return tuple(out)
 
 
+_SMALLEST_SIZE = 1e-3
+"""Size of a parameter at a special point, relative to its largest value on the curve; a value near zero is no size."""
+
+
 def _inaccurate_special_points(branch: BranchData) -> list[str]:
     """Return a warning if errors of special points are unknown or larger than twice the accuracy of the trace."""
     accuracy = branch.meta.get("trace", {}).get("accuracy") or math.inf
     with_errors = math.isfinite(accuracy) and bool(np.isfinite(branch.error).any())
+    smallest = _SMALLEST_SIZE * float(np.abs(branch.values).max(initial=0.0))
     labels = []
     for point in branch.special:
-        size = abs(point.parameters[branch.parameter]) or 1.0
+        size = max(abs(point.parameters[branch.parameter]), smallest)
         inaccurate = with_errors if math.isnan(point.error) else point.error > 2 * accuracy * size
         if not point.located or inaccurate:
             labels.append(point.label)
