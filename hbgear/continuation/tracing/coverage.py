@@ -85,13 +85,13 @@ def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -
     [(0.4, 0.5), (0.7, 0.9)]
     """
     low, high = sorted(map(float, span))
-    passed = [np.append(b.values, list(b.asymptotes.values())) for b in branches]
-    free, reached, least = [], low, MIN_INTERVAL_RATIO * (high - low)
-    for begin, end in sorted((float(x.min()), float(x.max())) for x in passed):
-        if begin > reached + least:
-            free.append((reached, begin))
+    values = [np.append(b.values, list(b.asymptotes.values())) for b in branches]
+    uncovered, reached, min_width = [], low, MIN_INTERVAL_RATIO * (high - low)
+    for begin, end in sorted((float(x.min()), float(x.max())) for x in values):
+        if begin > reached + min_width:
+            uncovered.append((reached, begin))
         reached = max(reached, end)
-    return [*free, (reached, high)] if high > reached + least else free
+    return [*uncovered, (reached, high)] if high > reached + min_width else uncovered
 
 
 MIN_INTERVAL_RATIO = 1e-4
@@ -133,15 +133,15 @@ def cover_span(
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
         with suppress(*_SEARCH_ERRORS):
             others += [search.follow(span[::-1], None, False)]
-    tried: set[tuple[float, bytes]] = set()
+    searched: set[tuple[float, bytes]] = set()
     while inside and len(others) < MAX_CURVES and (missing := uncovered_intervals([first, *others], span)):
-        guess = next((g for g in _guesses([first, *others], missing) if _key(g) not in tried), None)
+        guess = next((g for g in _guesses([first, *others], missing) if _key(g) not in searched), None)
         if guess is None:
             return
-        tried.add(_key(guess))
+        searched.add(_key(guess))
         with suppress(*_SEARCH_ERRORS):
-            other = _trace_from_guess(*guess, span, search)
-            others += [other] if uncovered_intervals([first, *others, other], span) != missing else []
+            branch = _trace_from_guess(*guess, span, search)
+            others += [branch] if uncovered_intervals([first, *others, branch], span) != missing else []
 
 
 def _guesses(
@@ -161,14 +161,14 @@ def _guesses(
 
 def _key(guess: tuple[float, Array | None]) -> tuple[float, bytes]:
     """Return a hashable form of a guess."""
-    value, near = guess
-    return value, b"" if near is None else near.tobytes()
+    value, X = guess
+    return value, b"" if X is None else X.tobytes()
 
 
-def _trace_from_guess(value: float, near: Array | None, span: tuple[float, float], search: CoverageSearch) -> Branch:
+def _trace_from_guess(value: float, X: Array | None, span: tuple[float, float], search: CoverageSearch) -> Branch:
     """Return the curve through a solution at a value of the parameter, near a guess or computed by the problem."""
-    start = search.start(value, near)
-    if near is not None:
+    start = search.start(value, X)
+    if X is not None:
         start = _smallest(trace_both_directions(start, span, partial(search.follow, rough=True), None))
     return trace_both_directions(start, span, partial(search.follow, rough=False), search.settings)
 
@@ -206,12 +206,12 @@ def trace_both_directions(
         Both parts in one.
     """
     low, high = sorted(span)
-    forth = follow((low, high), start)
-    if forth.status in (Status.CLOSED, Status.RETRACED):
-        return forth
-    back = follow((high, low), replace(start, direction=-start.direction))
-    whole = replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))
-    return whole if settings is None else replace(whole, jump_records=find_jumps(whole, settings))
+    forward = follow((low, high), start)
+    if forward.status in (Status.CLOSED, Status.RETRACED):
+        return forward
+    backward = follow((high, low), replace(start, direction=-start.direction))
+    branch = replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))
+    return branch if settings is None else replace(branch, jump_records=find_jumps(branch, settings))
 
 
 def reversed_span_message(name: str, value: float) -> str:

@@ -89,7 +89,7 @@ class CurveEnds:
     def at_span_end(self, last: CurvePoint, point: CurvePoint, end: float) -> CurvePoint:
         """Return the point at an end of the span that the last step crossed; the point given if that fails."""
         state, setup = self.state, self.state.setup
-        segment, here, name = state.segment(last, point), setup.parameters_at(end), setup.name
+        segment, parameters, name = state.segment(last, point), setup.parameters_at(end), setup.name
         s = (end - last.value) / (point.value - last.value)
         try:
             guess = (
@@ -97,8 +97,8 @@ class CurveEnds:
                 if last.parameter_direction * point.parameter_direction < 0
                 else segment.guess(s)
             )
-            solution = solve(state.problem, guess[:-1], here, name, setup.settings.newton)
-            solution = refine(state.problem, solution, here, name)
+            solution = solve(state.problem, guess[:-1], parameters, name, setup.settings.newton)
+            solution = refine(state.problem, solution, parameters, name)
             normal = normal_of(point.u - last.u, state.scale)
             return point_from_solution(solution, normal, state.scale, s * point.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
@@ -111,9 +111,9 @@ class CurveEnds:
         """
         state, setup, last = self.state, self.state.setup, self.state.last
         unit = last.tangent / norm(last.tangent / state.scale)
-        beyond, ends = last.value + step * unit[-1], (setup.span.start, setup.span.end)
-        end = next((x for x in ends if (x - last.value) * (x - beyond) < 0), None)
-        if end is None or math.nextafter(end, beyond) in setup.span.admissible:
+        predicted, ends = last.value + step * unit[-1], (setup.span.start, setup.span.end)
+        end = next((x for x in ends if (x - last.value) * (x - predicted) < 0), None)
+        if end is None or math.nextafter(end, predicted) in setup.span.admissible:
             return None
         guess = last.u + (end - last.value) / unit[-1] * unit
         try:
@@ -128,17 +128,19 @@ class CurveEnds:
         state.boundary_value = end
         return point
 
-    def left_range(self, point: CurvePoint) -> str:
+    def range_violation(self, point: CurvePoint) -> str:
         """Return which parameter among the unknowns is outside its admissible range at a point, and the range."""
         problem = self.state.problem
         unknown = problem.split(point.X)[1].items() if problem.unknown_parameters else ()
         return next((f"{name} leaves its range (it must {allowed})" for name, value in unknown
                      if value not in (allowed := problem.range_of(name))), "")  # fmt: skip
 
-    def leaving_range(self) -> str:
-        """Return `left_range` at the prediction of the shortest step, at which the problem cannot be evaluated."""
+    def predicted_range_violation(self) -> str:
+        """Return `range_violation` at the prediction of the shortest step, at which the problem cannot be evaluated."""
         state, last = self.state, self.state.last
-        return self.left_range(replace(last, u=last.u + state.step / norm(last.tangent / state.scale) * last.tangent))
+        return self.range_violation(
+            replace(last, u=last.u + state.step / norm(last.tangent / state.scale) * last.tangent)
+        )
 
     # ---- infinity
 
@@ -180,10 +182,10 @@ class CurveEnds:
         else:
             return None
         sizes, values = np.array([(float(size(point.X)), point.value) for point in reversed(points)]).T
-        found = power_law_limit(sizes, values)
-        if found is None or abs(found[0] - last.value) > reach:
+        fit = power_law_limit(sizes, values)
+        if fit is None or abs(fit[0] - last.value) > reach:
             return None
-        limit, error = found
+        limit, error = fit
         nearest = limit - math.copysign(error, limit - last.value)  # the end of the span may be the limit
         return rounded_to_error(limit, error) if span.end_at(nearest) is None else None
 
@@ -223,8 +225,8 @@ class CurveEnds:
         chord = (point.u - last.u) / state.scale
         offsets = earlier - last.u / state.scale
         s = np.clip(offsets @ chord / (chord @ chord), 0, 1)
-        across = offsets - s[:, None] * chord
-        squared = np.einsum("ij,ij->i", across, across)
-        near = np.flatnonzero(squared < MAX_SQUARED_OFFSET_RATIO * (chord @ chord))
-        others, segment = [state.resized(state.points[i]) for i in near], state.segment(last, point)
-        return any(cosine(point, other, state.scale) < 0 and segment.passes(other) for other in others)
+        normals = offsets - s[:, None] * chord
+        squared = np.einsum("ij,ij->i", normals, normals)
+        candidates = np.flatnonzero(squared < MAX_SQUARED_OFFSET_RATIO * (chord @ chord))
+        neighbours, segment = [state.resized(state.points[i]) for i in candidates], state.segment(last, point)
+        return any(cosine(point, neighbour, state.scale) < 0 and segment.passes(neighbour) for neighbour in neighbours)

@@ -28,12 +28,12 @@ MAX_SEARCH_ROUNDS = 4
 class _Section:
     """Successive points of a curve, the number of the first of them, and the special points known between them.
 
-    ``known`` holds the special points of each segment by the number of the point after it.
+    ``events`` holds the special points of each segment by the number of the point after it.
     """
 
     points: Points
     first: int
-    known: dict[int, list[LocatedEvent]]
+    events: dict[int, list[LocatedEvent]]
 
     def number(self, segment: int) -> int:
         """Return the number of the point after a segment."""
@@ -64,11 +64,11 @@ class EvenCrossingSearch:
         """
         if len({len(point.u) for point in points}) > 1:
             return
-        known = {**located}
+        events = {**located}
         for number, event in self.state.located:
             if number > first and number not in located:
-                known[number] = [*known.get(number, []), event]
-        section = _Section(points, first, known)
+                events[number] = [*events.get(number, []), event]
+        section = _Section(points, first, events)
         segments: Sequence[int] = range(len(points) - 1)
 
         @cache  # successive rounds need the same points
@@ -78,7 +78,7 @@ class EvenCrossingSearch:
         for _ in range(MAX_SEARCH_ROUNDS):
             fresh = self._search_round(section, segments, between)
             located.update(fresh)
-            known.update(fresh)
+            events.update(fresh)
             segments = sorted({number - first - 1 + offset for number in fresh for offset in (-1, 0, 1)})
             if not segments:
                 break
@@ -91,58 +91,58 @@ class EvenCrossingSearch:
         ``between`` computes a point at a fraction of a segment; see `SampledCurve.through`.
         """
         state, first = self.state, section.first
-        events = {(number - first - 1, one.s): one for number, some in section.known.items() for one in some
-                  if one.located and 0 < one.s < 1 and len(one.point.u) == len(state.scale)}  # fmt: skip
+        events = {(number - first - 1, event.s): event for number, group in section.events.items() for event in group
+                  if event.located and 0 < event.s < 1 and len(event.point.u) == len(state.scale)}  # fmt: skip
         self.monitor.observe([event.point for event in events.values()])
         path = SampledCurve.through(section.points, events, between)
-        found: dict[int, list[LocatedEvent]] = {}
-        self._add_unmatched_sign_changes(section, segments, path, found)
-        self._add_even_crossings(section, segments, path, found)
-        return found
+        result: dict[int, list[LocatedEvent]] = {}
+        self._add_unmatched_sign_changes(section, segments, path, result)
+        self._add_even_crossings(section, segments, path, result)
+        return result
 
     def _add_unmatched_sign_changes(
-        self, section: _Section, segments: Sequence[int], path: SampledCurve, found: dict[int, list[LocatedEvent]]
+        self, section: _Section, segments: Sequence[int], path: SampledCurve, result: dict[int, list[LocatedEvent]]
     ) -> None:
         """Add the special points at which test functions change sign more often than is known."""
         state, points = self.state, section.points
-        for segment, parts in path.unmatched_sign_changes(self.detector, points).items():
+        for segment, changes in path.unmatched_sign_changes(self.detector, points).items():
             if segment not in segments:
                 continue
-            segments_with_event = [(state.segment(*path.points[k : k + 2]), event) for k, event in parts]
+            segments_with_event = [(state.segment(*path.points[k : k + 2]), event) for k, event in changes]
             number = section.number(segment)
-            others = section.known.get(number, [])
+            known_events = section.events.get(number, [])
             candidates = [(part, point) for part, event in segments_with_event for point in event.find(part)
-                          if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
+                          if point.located and not any(_coincide(point, known) for known in known_events)]  # fmt: skip
             confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
             fresh = drop_odd_counts(
-                confirmed, made_up=any(one.event.kind in STABILITY_CHANGING_KINDS for one in others)
+                confirmed, made_up=any(known.event.kind in STABILITY_CHANGING_KINDS for known in known_events)
             )
             if fresh:
-                found[number] = sorted([*others, *fresh], key=lambda point: point.s)
+                result[number] = sorted([*known_events, *fresh], key=lambda point: point.s)
 
     def _add_even_crossings(
-        self, section: _Section, segments: Sequence[int], path: SampledCurve, found: dict[int, list[LocatedEvent]]
+        self, section: _Section, segments: Sequence[int], path: SampledCurve, result: dict[int, list[LocatedEvent]]
     ) -> None:
         """Add the special points found by additional points where test functions come close to zero."""
         state, points = self.state, section.points
-        for k, near in path.near_zero_candidates(self.detector, points, state.scale).items():
+        for k, near_zeros in path.near_zero_candidates(self.detector, points, state.scale).items():
             segment, low, high = path.ends(k)
             if segment not in segments:
                 continue
             part = state.segment(*path.points[k : k + 2])
-            candidates = find_even_crossings(self.detector, part, near, self.monitor.solve_on_segment, path, k)
-            number, whole = section.number(segment), state.segment(points[segment], points[segment + 1])
-            others = found.get(number, section.known.get(number, []))
-            kept = [point for point in others if not low < point.s < high]
-            fresh = self._confirmed(candidates, whole)
-            fresh = fresh if len(kept) < len(others) or any(path.kinds[k : k + 2]) else drop_odd_counts(fresh)
-            if len(fresh) > len(others) - len(kept):
-                found[number] = sorted(kept + fresh, key=lambda point: point.s)
+            candidates = find_even_crossings(self.detector, part, near_zeros, self.monitor.solve_on_segment, path, k)
+            number, full_segment = section.number(segment), state.segment(points[segment], points[segment + 1])
+            known_events = result.get(number, section.events.get(number, []))
+            outside = [point for point in known_events if not low < point.s < high]
+            fresh = self._confirmed(candidates, full_segment)
+            fresh = fresh if len(outside) < len(known_events) or any(path.kinds[k : k + 2]) else drop_odd_counts(fresh)
+            if len(fresh) > len(known_events) - len(outside):
+                result[number] = sorted(outside + fresh, key=lambda point: point.s)
 
-    def _confirmed(self, candidates: Sequence[tuple[Segment, LocatedEvent]], whole: Segment) -> list[LocatedEvent]:
+    def _confirmed(self, candidates: Sequence[tuple[Segment, LocatedEvent]], segment: Segment) -> list[LocatedEvent]:
         """Return the candidates that exist at a higher resolution, with their fractions of the whole segment."""
         confirmed = (self._confirm(part, point) for part, point in candidates)
-        return [replace(one, s=whole.fraction_of(one.point.u)) for one in confirmed if one is not None]
+        return [replace(event, s=segment.fraction_of(event.point.u)) for event in confirmed if event is not None]
 
     def _confirm(self, part: Segment, point: LocatedEvent) -> LocatedEvent | None:
         """Return a candidate with its error; None if it does not exist at a higher resolution."""
@@ -157,11 +157,11 @@ class EvenCrossingSearch:
         return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.point.value) else assessed
 
 
-def _coincide(one: LocatedEvent, other: LocatedEvent) -> bool:
+def _coincide(a: LocatedEvent, b: LocatedEvent) -> bool:
     """Return whether two points of one kind on a segment are the same point at the resolution of the curve.
 
     Two multipliers that cross the limit simultaneously do so once. The equations are singular there and determine few
     digits, so that points found with an event of another kind are the same.
     """
-    simultaneous = one.finder is not None and other.finder is not None
-    return one.event.kind == other.event.kind and (simultaneous or are_equal(one.point.u, other.point.u))
+    simultaneous = a.finder is not None and b.finder is not None
+    return a.event.kind == b.event.kind and (simultaneous or are_equal(a.point.u, b.point.u))

@@ -114,15 +114,15 @@ def _initial_guess(setup: TraceSetup, start: Point | Array | None) -> tuple[floa
     return span.start, solution_by_problem(setup, problem, setup.parameters_at(span.start))
 
 
-def solution_by_problem(setup: TraceSetup, problem: ContinuationProblem, here: dict[str, float]) -> Array:
+def solution_by_problem(setup: TraceSetup, problem: ContinuationProblem, parameters: dict[str, float]) -> Array:
     """Return the initial guess of the problem, searched at the requested resolution if that succeeds."""
-    X = setup.requested.start(**here)
+    X = setup.requested.start(**parameters)
     if setup.requested is problem:
         return X
     try:
-        return solve(problem, problem.resized(X), here, "", setup.settings.newton).X
+        return solve(problem, problem.resized(X), parameters, "", setup.settings.newton).X
     except NoConvergence:
-        return problem.start(**here)
+        return problem.start(**parameters)
 
 
 def _check_start(problem: ContinuationProblem, X: Array) -> None:
@@ -138,24 +138,24 @@ def _check_start(problem: ContinuationProblem, X: Array) -> None:
 
 def _initial_solution(setup: TraceSetup, value: float, X: Array, check_uniqueness: bool) -> tuple[TraceState, Solution]:
     """Solve for the initial solution, with as many samples as it requires; return it with the state of the trace."""
-    name, newton, here = setup.name, setup.settings.newton, setup.parameters_at(value)
-    original, problem = setup.problem, setup.problem.with_borders_at(X, here)
-    solution = solve(problem, X, here, name, newton)
+    name, newton, parameters = setup.name, setup.settings.newton, setup.parameters_at(value)
+    original, problem = setup.problem, setup.problem.with_borders_at(X, parameters)
+    solution = solve(problem, X, parameters, name, newton)
     if check_uniqueness and problem.changes:
-        problem, solution = _search_resolved(problem, solution, name, here, newton)
+        problem, solution = _search_resolved(problem, solution, name, parameters, newton)
         original = problem
-    finer = problem.resolved(solution.X, here)
+    finer = problem.resolved(solution.X, parameters)
     if finer is not problem:
-        solution = solve(finer, solution.X, here, name, newton)
+        solution = solve(finer, solution.X, parameters, name, newton)
         original = problem = finer
-    family = problem.arbitrary(solution.X, here) if check_uniqueness else None
+    family = problem.arbitrary(solution.X, parameters) if check_uniqueness else None
     if family is not None:
-        raise ArbitrarySolutionError(solution.X, here, *family)
+        raise ArbitrarySolutionError(solution.X, parameters, *family)
     return TraceState(setup, problem, original), solution
 
 
 def _search_resolved(
-    problem: ContinuationProblem, solution: Solution, name: str, here: dict[str, float], newton: NewtonSettings
+    problem: ContinuationProblem, solution: Solution, name: str, parameters: dict[str, float], newton: NewtonSettings
 ) -> tuple[ContinuationProblem, Solution]:
     """Search an initial solution with more unknowns until it does not depend on their number, and return its problem.
 
@@ -163,17 +163,17 @@ def _search_resolved(
     many: the solution that is found with more unknowns must be the one that Newton's method finds from the first one.
     """
     while True:
-        finer = problem.adapted(problem.observe(solution.X, False, **here))
+        finer = problem.adapted(problem.observe(solution.X, False, **parameters))
         if finer is None or finer.size is None or problem.size is None or finer.size <= problem.size:
             return problem, solution
         try:
-            found = solve(finer, finer.start(**here), here, name, newton)
+            candidate = solve(finer, finer.start(**parameters), parameters, name, newton)
         except NoConvergence:
             return problem, solution
-        previous, problem, solution = solution, finer, found
+        previous, problem, solution = solution, finer, candidate
         with suppress(NoConvergence):
-            refined = solve(finer, finer.resized(previous.X), here, name, newton)
-            if norm(refined.X - found.X) <= SAME_SOLUTION * finer.solution_norm(found.X):
+            refined = solve(finer, finer.resized(previous.X), parameters, name, newton)
+            if norm(refined.X - candidate.X) <= SAME_SOLUTION * finer.solution_norm(candidate.X):
                 return problem, solution
 
 
@@ -241,30 +241,30 @@ def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint
     """
     setup, scale = state.setup, state.scale
     smallest = MIN_STEP_RATIO * setup.settings.steps.first_step
-    step, found = setup.settings.steps.first_step, None
+    step, second = setup.settings.steps.first_step, None
     while step >= smallest:
         try:
             point = _point_along_branch(state, start, step)
         except (NoConvergence, np.linalg.LinAlgError):
-            if found is None and step < 10 * MIN_STEP_RATIO * setup.settings.steps.first_step:
+            if second is None and step < 10 * MIN_STEP_RATIO * setup.settings.steps.first_step:
                 raise
         else:
-            found = point
+            second = point
             if _first_term_dominates(start.parameters[setup.name], point, step, scale):
                 break
         step *= 0.5
-    assert found is not None  # else the corrector raised
+    assert second is not None  # else the corrector raised
     u = np.append(start.X, start.parameters[setup.name])
     solution = solution_at(state.problem, u, setup.name, setup.fixed)
     direction = start.direction / np.linalg.norm(start.direction / scale)
-    first = replace(found, u=u, tangent=direction, residual=solution.residual, iterations=0, step=0.0, observed={})
-    return first, found
+    first = replace(second, u=u, tangent=direction, residual=solution.residual, iterations=0, step=0.0, observed={})
+    return first, second
 
 
 def _first_term_dominates(value: float, point: CurvePoint, step: float, scale: Array) -> bool:
     """Return whether the first non-zero term dominates the parameter change from a value to the point."""
-    moved, slope = (point.value - value) / scale[-1], point.tangent[-1] / scale[-1]
-    if abs(moved) <= VERTICAL_SLOPE * step:
+    change, slope = (point.value - value) / scale[-1], point.tangent[-1] / scale[-1]
+    if abs(change) <= VERTICAL_SLOPE * step:
         return True
     low, high = DOMINANT_TERM_RANGE
-    return bool(low <= step * slope / moved <= high)
+    return bool(low <= step * slope / change <= high)

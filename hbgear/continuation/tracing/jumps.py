@@ -55,25 +55,25 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     """
     if branch.multipliers is None or branch.problem is None:
         return ()
-    left, likely = [], is_stable(branch.multipliers)  # undecided points by their most likely stability
+    departures, stability = [], is_stable(branch.multipliers)  # undecided points by their most likely stability
     for fold in branch.special:
         if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
-        sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, likely, fold, side)) is not None]
+        sides = [(side, point) for side in (-1, 1) if (point := _departure(branch, stability, fold, side)) is not None]
         if not sides:
             continue
         # a fold ends one stable section; if uncertain points suggest two, the longer one is taken
-        side, point = max(sides, key=lambda found: _stable_run(branch, likely, fold.index, found[0]))
+        side, point = max(sides, key=lambda pair: _stable_run(branch, stability, fold.index, pair[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
         onward = continuing(branch, point, direction, settings) if point.kind in _BRANCHING else None
         if onward is not None and point.kind == "PD":
             continue
-        others = [] if onward is not None else _solutions_on_other_sections(branch, point, fold, direction, settings)
-        left.append((point, direction, onward, others))
+        solutions = [] if onward is not None else _solutions_on_other_sections(branch, point, fold, direction, settings)
+        departures.append((point, direction, onward, solutions))
     jumps = []
-    groups = monitored_points(branch, [others for *_, others in left])
-    for (point, direction, onward, _), found in zip(left, groups, strict=True):
-        value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
+    groups = monitored_points(branch, [solutions for *_, solutions in departures])
+    for (point, direction, onward, _), points in zip(departures, groups, strict=True):
+        value, stable = point.parameters[branch.parameter], tuple(p for p in points if p.stable)
         if onward is not None:
             note = f"no jump: a stable branch leaves there, hb.switch(curve, '{point.label}')"
             jumps.append(
@@ -85,19 +85,19 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     return tuple(jumps)
 
 
-def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
+def _departure(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
     """Return the point at which a sweep towards a fold loses stability; None if that side is unstable."""
     marks = {p.index: p for p in branch.special if p.kind in STABILITY_CHANGING_KINDS}
-    lost: SpecialPoint | None = None
+    departure: SpecialPoint | None = None
     i = fold.index + side
     while 0 <= i < len(branch):
         mark = marks.get(i)
         if mark is not None and mark.kind == "LP":
             return None
         if mark is not None:
-            lost = mark
+            departure = mark
         elif stable[i]:
-            return lost or (fold if abs(i - fold.index) <= UNCERTAIN_POINTS_AT_FOLD else None)
+            return departure or (fold if abs(i - fold.index) <= UNCERTAIN_POINTS_AT_FOLD else None)
         i += side
     return None
 
@@ -111,16 +111,16 @@ def _stable_run(branch: Branch, stable: np.ndarray, start: int, side: int) -> in
 
 
 def _solutions_on_other_sections(
-    branch: Branch, left: SpecialPoint, fold: SpecialPoint, direction: int, settings: NewtonSettings
+    branch: Branch, departure: SpecialPoint, fold: SpecialPoint, direction: int, settings: NewtonSettings
 ) -> list[Solution]:
     """Return the solutions on other sections of the curve at the parameter value at which a sweep leaves it.
 
     A fold located with more unknowns may lie before the fold of the points. The points then pass its parameter value
     once more on both sides of the fold. These crossings belong to the section that is left and are skipped.
     """
-    value = left.parameters[branch.parameter]
-    low, high = sorted((left.index, fold.index))
-    past = (branch.values - value) * direction > 0 if left is fold else np.zeros(len(branch), dtype=bool)
+    value = departure.parameters[branch.parameter]
+    low, high = sorted((departure.index, fold.index))
+    past = (branch.values - value) * direction > 0 if departure is fold else np.zeros(len(branch), dtype=bool)
     while low > 0 and past[low]:
         low -= 1
     while high < len(branch) - 1 and past[high]:
@@ -147,19 +147,19 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
     list of Solution
         Solutions in the order of the branch; a crossing at which the corrector fails is left out.
     """
-    found, problem = [], as_problem(branch.problem)
+    solutions, problem = [], as_problem(branch.problem)
     for crossing in crossings_at(branch, value):
         if crossing.index in skip:
             continue
-        here = {**branch.parameters_at(crossing.index), branch.parameter: value}
+        parameters = {**branch.parameters_at(crossing.index), branch.parameter: value}
         unknown = {name: float(crossing.interpolate(branch.tracked[name])) for name in problem.unknown_parameters}
-        here = {name: x for name, x in here.items() if name not in unknown}
+        parameters = {name: x for name, x in parameters.items() if name not in unknown}
         U = problem.join(crossing.interpolate(branch.X), unknown)
         try:
-            found.append(solve(problem.with_borders_at(U, here), U, here, branch.parameter, settings))
+            solutions.append(solve(problem.with_borders_at(U, parameters), U, parameters, branch.parameter, settings))
         except NoConvergence:
             continue
-    return found
+    return solutions
 
 
 def points_at(branch: Branch, value: float) -> tuple[Point, ...]:
@@ -199,26 +199,30 @@ def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[
     list of list of Point
         Points in the same groups.
     """
-    every = [solution for group in groups for solution in group]
-    if not every:
+    solutions = [solution for group in groups for solution in group]
+    if not solutions:
         return [[] for _ in groups]
     problem = as_problem(branch.problem)
-    left_out = {branch.parameter, *problem.unknown_parameters}
-    fixed = {k: v for k, v in branch.parameters_at(0).items() if k not in left_out}
-    parts = [problem.split(solution.X) if problem.unknown_parameters else (solution.X, {}) for solution in every]
-    here = [{**fixed, branch.parameter: solution.value, **own} for solution, (_, own) in zip(every, parts, strict=True)]
-    u = np.array([np.append(solution.X, solution.value) for solution in every])
+    excluded = {branch.parameter, *problem.unknown_parameters}
+    fixed = {k: v for k, v in branch.parameters_at(0).items() if k not in excluded}
+    splits = [problem.split(solution.X) if problem.unknown_parameters else (solution.X, {}) for solution in solutions]
+    parameters = [
+        {**fixed, branch.parameter: solution.value, **unknown}
+        for solution, (_, unknown) in zip(solutions, splits, strict=True)
+    ]
+    u = np.array([np.append(solution.X, solution.value) for solution in solutions])
     observed = observe_all(problem, u, branch.parameter, fixed, True)
     points = iter([
         Point(
-            X, p, solution.residual, solution.iterations, one.get("multipliers"),
-            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout, problem=branch.problem,
-        ) for solution, (X, _), p, one in zip(every, parts, here, observed, strict=True)
+            X, p, solution.residual, solution.iterations, data.get("multipliers"),
+            data.get("regime", np.zeros(0, np.int8)), data.get("error", math.nan), branch.layout,
+            problem=branch.problem,
+        ) for solution, (X, _), p, data in zip(solutions, splits, parameters, observed, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]
 
 
-def nearest(left: Point, found: Sequence[Point]) -> Point | None:
+def nearest(departure: Point, solutions: Sequence[Point]) -> Point | None:
     """Return the stable solution with the smallest distance from the point at which a sweep leaves the branch.
 
     The basins of attraction determine which solution a jump reaches; only time integration computes them. During the
@@ -227,9 +231,9 @@ def nearest(left: Point, found: Sequence[Point]) -> Point | None:
 
     Parameters
     ----------
-    left : Point
+    departure : Point
         Point at which the sweep leaves the branch.
-    found : sequence of Point
+    solutions : sequence of Point
         Solutions at the same parameter value.
 
     Returns
@@ -237,10 +241,10 @@ def nearest(left: Point, found: Sequence[Point]) -> Point | None:
     Point or None
         The nearest stable solution; None if no solution is stable.
     """
-    return min((p for p in found if p.stable), key=lambda point: distance(left, point), default=None)
+    return min((p for p in solutions if p.stable), key=lambda point: distance(departure, point), default=None)
 
 
-def distance(one: Point, other: Point) -> float:
+def distance(a: Point, b: Point) -> float:
     """Return the distance of two solutions: of their layout (`HasDistance`), else the norm of the difference.
 
     Parameters
@@ -253,9 +257,9 @@ def distance(one: Point, other: Point) -> float:
     float
         The distance.
     """
-    if isinstance(one.layout, HasDistance) and isinstance(other.layout, type(one.layout)):
-        return one.layout.distance(one.X, other.layout, other.X)
-    return float(np.linalg.norm(one.X - other.X))
+    if isinstance(a.layout, HasDistance) and isinstance(b.layout, type(a.layout)):
+        return a.layout.distance(a.X, b.layout, b.X)
+    return float(np.linalg.norm(a.X - b.X))
 
 
 # ---- branches that continue a sweep
@@ -285,15 +289,15 @@ def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: Ne
         The solution; None if no such branch is stable.
     """
     name = branch.parameter
-    for away in DISTANCES_FROM_BRANCH_POINT:
-        for one in (point_on_new_branch(branch, point, side, away, settings) for side in (1, -1)):
-            if one is not None and one.stable and (one.parameters[name] - point.parameters[name]) * direction > 0:
-                return one
+    for offset in DISTANCES_FROM_BRANCH_POINT:
+        for new in (point_on_new_branch(branch, point, side, offset, settings) for side in (1, -1)):
+            if new is not None and new.stable and (new.parameters[name] - point.parameters[name]) * direction > 0:
+                return new
     return None
 
 
 def point_on_new_branch(
-    branch: Branch, point: SpecialPoint, side: int, away: float, settings: NewtonSettings
+    branch: Branch, point: SpecialPoint, side: int, offset: float, settings: NewtonSettings
 ) -> Point | None:
     """Return the monitored solution at a distance from a special point on the new branch; None if it does not exist.
 
@@ -312,15 +316,15 @@ def point_on_new_branch(
     """
     event = event_of(branch, point)
     try:
-        left = event.branch_direction(branch, point, side) if event else None
+        new_branch = event.branch_direction(branch, point, side) if event else None
     except NoConvergence:
         return None
-    if left is None:
+    if new_branch is None:
         return None
-    problem, start = left
+    problem, start = new_branch
     name = branch.parameter
     if not start.direction.any():  # the problem follows curves itself
-        return _first_point(problem, start, branch, away, settings)
+        return _first_point(problem, start, branch, offset, settings)
     u = np.append(start.X, start.parameters[name])
     size = problem.solution_norm(start.X) or 1.0
     scale = np.append(np.full(len(start.X), size), np.ptp(branch.values) or 1.0)
@@ -329,20 +333,20 @@ def point_on_new_branch(
     normal = normal / np.linalg.norm(normal)
     fixed = {key: value for key, value in start.parameters.items() if key != name}
     try:
-        found = correct(problem, u + away * direction, normal, name, fixed, settings).solution
+        solution = correct(problem, u + offset * direction, normal, name, fixed, settings).solution
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
-    here = {**start.parameters, name: found.value}
-    rest = {key: value for key, value in here.items() if key != name}
-    observed = as_problem(problem).observe_many(found.X[None], name, np.array([found.value]), True, **rest)[0]
+    parameters = {**start.parameters, name: solution.value}
+    constant = {key: value for key, value in parameters.items() if key != name}
+    observed = as_problem(problem).observe_many(solution.X[None], name, np.array([solution.value]), True, **constant)[0]
     return Point(
-        found.X, here, found.residual, found.iterations, observed.get("multipliers"),
+        solution.X, parameters, solution.residual, solution.iterations, observed.get("multipliers"),
         observed.get("regime", np.zeros(0, np.int8)), observed.get("error", np.nan), problem.layout, problem=problem,
     )  # fmt: skip
 
 
 def _first_point(
-    problem: ContinuationProblem, start: BranchStart, branch: Branch, away: float, settings: NewtonSettings
+    problem: ContinuationProblem, start: BranchStart, branch: Branch, offset: float, settings: NewtonSettings
 ) -> Point | None:
     """Return the first point at a distance from a special point on a branch that a problem follows itself."""
     steps, span = StepControl(max_points=POINTS_OF_NEW_BRANCH), (float(branch.values.min()), float(branch.values.max()))
@@ -353,8 +357,8 @@ def _first_point(
         return None
     if curve is None:
         return None
-    distance = np.linalg.norm(curve.X - curve.X[0], axis=1) / (problem.solution_norm(curve.X[0]) or 1.0)
-    return curve[int(np.argmax(distance > away))] if (distance > away).any() else curve[-1]
+    distances = np.linalg.norm(curve.X - curve.X[0], axis=1) / (problem.solution_norm(curve.X[0]) or 1.0)
+    return curve[int(np.argmax(distances > offset))] if (distances > offset).any() else curve[-1]
 
 
 POINTS_OF_NEW_BRANCH = 5

@@ -84,14 +84,14 @@ class ContinuationLoop:
                 return Status.STEP_TOO_SMALL, f"{reason} {state.location_text()}"
             path, asymptote = self.ends.up_to_infinity(path)
             if len(path) == 1:
-                if left := self.ends.leaving_range():
-                    return self._left_range(left)
+                if violation := self.ends.predicted_range_violation():
+                    return self._end_by_range_violation(violation)
                 status = Status.RETRACED if reason == _RETRACED else Status.STEP_TOO_SMALL
-                where = f"{reason} {state.location_text()}; the shortest step was tried"
-                ahead = self._special_point_ahead()
-                if ahead is not None and ahead.event.terminal:
-                    return ahead.event.termination(state.setup.name, ahead.value)
-                return status, where if ahead is None else where + self._turning_text(ahead)
+                message = f"{reason} {state.location_text()}; the shortest step was tried"
+                special_point = self._special_point_ahead()
+                if special_point is not None and special_point.event.terminal:
+                    return special_point.event.termination(state.setup.name, special_point.value)
+                return status, message if special_point is None else message + self._turning_text(special_point)
             ended = self._accept_points(path)
             if ended is not None:
                 if state.terminal is None:
@@ -124,18 +124,18 @@ class ContinuationLoop:
         if len(values) < MAX_SINGULAR_POINTS or np.ptp(values) > 1e-12 * abs(values[-1]):
             return False
         first = len(state.points) - MAX_SINGULAR_POINTS
-        crossings = [n for n, one in state.located if n > first and one.event.kind == BranchPointEvent.kind]
+        crossings = [n for n, event in state.located if n > first and event.event.kind == BranchPointEvent.kind]
         return 2 * len(crossings) > MAX_SINGULAR_POINTS
 
     def _over_corner(self) -> tuple[Points, str]:
         """Return the last point with a point beyond a corner that short steps only approach, or with none; see `_step`.
 
-        Beyond the corner steps begin to be counted again.
+        Beyond the corner the count of short steps starts again.
         """
         state = self.state
-        found = self._stepper().over_corner(state.last, state.scale, state.step)
-        state.step, self.first_after_corner = found.step, len(state.points)
-        path = Points([state.last, *found.points])
+        result = self._stepper().over_corner(state.last, state.scale, state.step)
+        state.step, self.first_after_corner = result.step, len(state.points)
+        path = Points([state.last, *result.points])
         return path, f"{STALLED_STEPS} steps in succession were close to the smallest size"
 
     def _stepper(self) -> Stepper:
@@ -148,23 +148,23 @@ class ContinuationLoop:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
         state, setup = self.state, self.state.setup
         steps, stepper = setup.settings.steps, self._stepper()
-        last = [state.last, *(state.resized(point) for point in state.points[-2 : -1 - steps.predictor_points : -1])]
-        most = min(steps.max_points - len(state.points), setup.batch_size)
+        recent = [state.last, *(state.resized(point) for point in state.points[-2 : -1 - steps.predictor_points : -1])]
+        max_points = min(steps.max_points - len(state.points), setup.batch_size)
         while True:
-            tried = state.step
+            step = state.step
             points, state.step, reason, is_beyond_corner = stepper.stride(
-                last, state.scale, state.solution_scale, tried, most
+                recent, state.scale, state.solution_scale, step, max_points
             )
-            path = Points([last[0], *points])
+            path = Points([recent[0], *points])
             if is_beyond_corner:
                 return path, reason
-            kept = self.ends.points_before_retrace(path)
-            if kept < len(points):
-                shorter = max(0.5 * points[kept].step, steps.min_step)
-                path, reason, state.step = Points(path[: kept + 1]), _RETRACED, shorter
-            if len(path) == 1 and (point := self.ends.at_range_boundary(tried)):
-                return Points([last[0], point]), ""
-            if len(path) > 1 or state.step >= tried or reason != _RETRACED:  # the smallest step is not shortened
+            retained = self.ends.points_before_retrace(path)
+            if retained < len(points):
+                shorter = max(0.5 * points[retained].step, steps.min_step)
+                path, reason, state.step = Points(path[: retained + 1]), _RETRACED, shorter
+            if len(path) == 1 and (point := self.ends.at_range_boundary(step)):
+                return Points([recent[0], point]), ""
+            if len(path) > 1 or state.step >= step or reason != _RETRACED:  # the smallest step is not shortened
                 return path, reason
 
     def _special_point_ahead(self) -> LocatedEvent | None:
@@ -189,22 +189,22 @@ class ContinuationLoop:
 
     # ---- acceptance
 
-    def _left_range(self, which: str) -> tuple[Status, str]:
+    def _end_by_range_violation(self, violation: str) -> tuple[Status, str]:
         """Return status and message of a curve on which an unknown parameter leaves its range."""
-        return Status.EVENT, f"{which} beyond {self.state.location_text().removeprefix('at ')}"
+        return Status.EVENT, f"{violation} beyond {self.state.location_text().removeprefix('at ')}"
 
     def _accept_points(self, path: Points) -> tuple[Status, str] | None:
         """Accept the new points of a path, whose first point is the last one; return status and message at an end."""
-        points, done = path[1:], 0
+        points, accepted = path[1:], 0
         for i in self._terminal_candidates(path):
-            if done < i:
-                self._append(points[done:i])
+            if accepted < i:
+                self._append(points[accepted:i])
             ended = self._accept_point(points[i])
             if ended is not None:
                 return ended
-            done = i + 1
-        if done < len(points):
-            self._append(points[done:])
+            accepted = i + 1
+        if accepted < len(points):
+            self._append(points[accepted:])
         return None
 
     def _terminal_candidates(self, path: Points) -> Sequence[int]:
@@ -218,9 +218,9 @@ class ContinuationLoop:
         """Accept a point; return status and message if the curve ends there."""
         state, span = self.state, self.state.setup.span
         last = state.last
-        left = self.ends.left_range(point)
-        if left:
-            return self._left_range(left)
+        violation = self.ends.range_violation(point)
+        if violation:
+            return self._end_by_range_violation(violation)
         point = self.ends.fold_outside_span(last, point)
         end = span.end_at(point.value)
         if state.boundary_value is not None:
@@ -279,5 +279,5 @@ class ContinuationLoop:
         if len(state.pending) >= setup.batch_size:
             self.special_points.process_pending()
         if state.problem.unknown_parameters:
-            here = setup.parameters_at(points[-1].value)
-            state.problem = state.problem.with_borders_at(points[-1].X, here, renew=True)
+            parameters = setup.parameters_at(points[-1].value)
+            state.problem = state.problem.with_borders_at(points[-1].X, parameters, renew=True)

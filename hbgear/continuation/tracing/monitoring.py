@@ -56,19 +56,19 @@ class CallbackError(Exception):
 
     Attributes
     ----------
-    given : BaseException
+    cause : BaseException
         The exception as it was raised.
     """
 
-    def __init__(self, given: BaseException) -> None:
-        super().__init__(f"in progress, {type(given).__name__}: {given}")
-        self.given = given
+    def __init__(self, cause: BaseException) -> None:
+        super().__init__(f"in progress, {type(cause).__name__}: {cause}")
+        self.cause = cause
 
     def with_branch(self, branch: Branch) -> BaseException:
         """Return the exception as it was raised, with the partial branch as its attribute ``branch``."""
-        self.given.branch = branch  # type: ignore[attr-defined]
-        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
-        return self.given
+        self.cause.branch = branch  # type: ignore[attr-defined]
+        self.cause.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
+        return self.cause
 
 
 class Monitor:
@@ -100,15 +100,15 @@ class Monitor:
         about a second, and each part is reported.
         """
         fresh = [point for point in points if not point.observed]
-        done, part = 0, len(fresh) if self.state.setup.settings.progress is None else 1
-        while done < len(fresh):
+        finished, batch_size = 0, len(fresh) if self.state.setup.settings.progress is None else 1
+        while finished < len(fresh):
             begin = time.monotonic()
-            self._observe_together(fresh[done : done + part], problem or self.state.problem, errors)
-            done = min(done + part, len(fresh))
-            seconds_each = (time.monotonic() - begin) / part
-            part = max(int(MAX_SECONDS_WITHOUT_PROGRESS / max(seconds_each, 1e-6)), 1)
-            self.slow = part < len(fresh)
-            self.report_if_slow(f"stability of {done} of {len(fresh)} points")
+            self._observe_together(fresh[finished : finished + batch_size], problem or self.state.problem, errors)
+            finished = min(finished + batch_size, len(fresh))
+            seconds_per_point = (time.monotonic() - begin) / batch_size
+            batch_size = max(int(MAX_SECONDS_WITHOUT_PROGRESS / max(seconds_per_point, 1e-6)), 1)
+            self.slow = batch_size < len(fresh)
+            self.report_if_slow(f"stability of {finished} of {len(fresh)} points")
 
     def _observe_together(self, fresh: Sequence[CurvePoint], problem: ContinuationProblem, errors: bool) -> None:
         """Store the monitored quantities with some points."""
@@ -134,10 +134,10 @@ class Monitor:
         progress, setup, count = self.state.setup.settings.progress, self.state.setup, len(self.state.points)
         if progress is None:
             return
-        done = min(max((point.value - setup.span.start) / (setup.span.end - setup.span.start), 0.0), 1.0)
+        fraction = min(max((point.value - setup.span.start) / (setup.span.end - setup.span.start), 0.0), 1.0)
         text = f"{setup.name} = {point.value:.5f}, {count} points, {activity or f'step {point.step:.1e}'}"
         try:
-            progress(Progress(done, text, {"value": point.value, "points": count, "step": point.step}))
+            progress(Progress(fraction, text, {"value": point.value, "points": count, "step": point.step}))
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -197,8 +197,8 @@ class Monitor:
         try:
             state.problem.verify_stability(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
         except Exception as error:
-            where = f"near {setup.name} = {u[-1, -1]:.6g}"
-            state.termination.record_error(error, f"in the verification of the stability {where}")
+            location = f"near {setup.name} = {u[-1, -1]:.6g}"
+            state.termination.record_error(error, f"in the verification of the stability {location}")
 
     def resolve_contradictions(self, start: int, located: Mapping[int, list[LocatedEvent]]) -> bool:
         """Verify points again that contradict the special points between them; return whether a stability changed.
@@ -220,12 +220,12 @@ class Monitor:
             both_stable = codes[i - 1] == codes[i] == STABLE and kinds == [FoldEvent.kind]
             if changed or both_stable:
                 contradicting |= {i - 1, i}
-        again = [path[i] for i in sorted(contradicting) if not path[i].observed.get("contradicts")]
-        for point in again:
+        rechecked = [path[i] for i in sorted(contradicting) if not path[i].observed.get("contradicts")]
+        for point in rechecked:
             point.observed["contradicts"] = True
             point.observed.pop("modulus_error", None)
-        self.verify_stability(again)
-        return bool(again) and codes_of(path) != codes
+        self.verify_stability(rechecked)
+        return bool(rechecked) and codes_of(path) != codes
 
 
 def codes_of(points: Sequence[CurvePoint]) -> list[int]:
@@ -233,8 +233,8 @@ def codes_of(points: Sequence[CurvePoint]) -> list[int]:
     sets = [point.observed.get("multipliers") for point in points]
     if len({None if mu is None else len(mu) for mu in sets}) > 1:  # compare the largest multiplier alone
         sets = [None if mu is None else mu[[np.abs(mu).argmax()]] for mu in sets]
-    none = np.full(next((len(mu) for mu in sets if mu is not None), 1), np.nan + 0j)
-    multipliers = np.array([none if mu is None else mu for mu in sets])
+    missing = np.full(next((len(mu) for mu in sets if mu is not None), 1), np.nan + 0j)
+    multipliers = np.array([missing if mu is None else mu for mu in sets])
     errors = [point.observed.get("modulus_error", math.nan) for point in points]
     codes: list[int] = stability_codes(multipliers, np.array(errors)).tolist()
     return codes

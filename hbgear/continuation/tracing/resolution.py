@@ -41,10 +41,10 @@ class ResolutionControl:
         state = self.state
         while True:
             before = state.problem, state.scale, state.points[-1]
-            other = state.problem.adapted(state.points[-1].observed)
-            if other is None or (last and size_of(other) < size_of(state.problem)):
+            adapted = state.problem.adapted(state.points[-1].observed)
+            if adapted is None or (last and size_of(adapted) < size_of(state.problem)):
                 return
-            if not any(self._change(other, fixed_value) for fixed_value in self._fixed_values(last)):
+            if not any(self._change(adapted, fixed_value) for fixed_value in self._fixed_values(last)):
                 return
             if len(state.points[-1].u) < len(before[2].u):  # a lower resolution is kept only if it suffices
                 if state.problem.adapted(state.points[-1].observed) is not None:
@@ -93,8 +93,8 @@ class ResolutionControl:
         """Locate the special points of a segment again at the resolution that they require."""
         state = self.state
         while segment.problem.changes:
-            self.monitor.observe([one.point for one in located], segment.problem)
-            required = [segment.problem.adapted(one.point.observed) for one in located if one.located]
+            self.monitor.observe([event.point for event in located], segment.problem)
+            required = [segment.problem.adapted(event.point.observed) for event in located if event.located]
             finer = max((p for p in required if p is not None), key=size_of, default=segment.problem)
             if size_of(finer) <= size_of(segment.problem):
                 break
@@ -102,9 +102,9 @@ class ResolutionControl:
             if a is None or b is None:
                 break
             segment = replace(segment, problem=finer, a=a, b=b, scale=state.scale_for(finer))
-            again = find(segment)
-            if [point.event.kind for point in again] != [point.event.kind for point in located]:
+            relocated = find(segment)
+            if [point.event.kind for point in relocated] != [point.event.kind for point in located]:
                 break
-            located = again
+            located = relocated
             state.keep_largest(finer)
         return located

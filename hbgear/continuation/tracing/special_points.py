@@ -73,11 +73,11 @@ class SpecialPoints:
         if self.monitor.resolve_contradictions(start, located):
             located = self._search(start)
         if state.setup.batch_size == 1:  # the problem may be another one at the next point
-            fresh = [one.point for some in located.values() for one in some]
+            fresh = [event.point for events in located.values() for event in events]
             self.monitor.observe(state.at_present_resolution(fresh))
         self._insert_stability_samples(located)
-        before = [one for one in state.located if one[0] not in located]
-        state.pending, state.located = [], before + [(i, point) for i, some in located.items() for point in some]
+        unchanged = [entry for entry in state.located if entry[0] not in located]
+        state.pending, state.located = [], unchanged + [(i, event) for i, events in located.items() for event in events]
 
     def flush_pending(self) -> None:
         """Process the pending segments at the end of a trace.
@@ -90,12 +90,12 @@ class SpecialPoints:
             self.process_pending()
             return
         processed = len(state.points) - len(state.pending)
-        rest = list(zip(state.points[processed:], state.pending, strict=True))
+        unprocessed = list(zip(state.points[processed:], state.pending, strict=True))
         del state.points[processed:]
         state.pending = []
         self.process_pending()
         end = time.monotonic() + (INTERRUPT_GRACE_SECONDS if state.setup.batch_size > 1 else 0.0)
-        for point, segment in rest:
+        for point, segment in unprocessed:
             if time.monotonic() >= end:
                 break
             state.points.append(point)
@@ -105,10 +105,10 @@ class SpecialPoints:
     def complete(self) -> None:
         """Compute the monitored quantities that are still missing: of special points, and of unprocessed points."""
         self.monitor.observe(self.state.points)
-        self.monitor.observe([one.point for _, one in self.state.located])
-        for _, one in self.state.located:
-            if one.sharp is not None:
-                self.monitor.observe([one.sharp.point], one.sharp.problem)
+        self.monitor.observe([event.point for _, event in self.state.located])
+        for _, event in self.state.located:
+            if event.sharp is not None:
+                self.monitor.observe([event.sharp.point], event.sharp.problem)
 
     # ---- search
 
@@ -155,8 +155,8 @@ class SpecialPoints:
         for point in located:
             limit = SPURIOUS_POINT_ERROR * segment.problem.unit_of(name, point.value)
             if point.error > limit and self.monitor.can_refine():
-                where = f"{name} = {point.value:.6g}"
-                finding = f"it open whether there is the {point.event.kind} near {where}"
+                location = f"{name} = {point.value:.6g}"
+                finding = f"it open whether there is the {point.event.kind} near {location}"
                 raise UnderResolvedError(self.state.problem, finding)
 
     # ---- insertion
@@ -168,9 +168,9 @@ class SpecialPoints:
         """
         state = self.state
         for number, points in located.items() if state.setup.settings.stability else ():
-            ends = [one for one in sorted(points, key=lambda one: one.s)
-                    if one.event.kind in STABILITY_CHANGING_KINDS and one.located
-                    and 0 < one.s < 1 and len(one.point.u) == len(state.scale)]  # fmt: skip
+            ends = [event for event in sorted(points, key=lambda event: event.s)
+                    if event.event.kind in STABILITY_CHANGING_KINDS and event.located
+                    and 0 < event.s < 1 and len(event.point.u) == len(state.scale)]  # fmt: skip
             solve = partial(self.monitor.solve_on_segment, s=0.5, errors=True)
             samples = [(0.5 * (a.s + b.s), solve(state.segment(a.point, b.point))) for a, b in pairwise(ends)]
             state.samples[number] = [(s, point) for s, point in samples if point is not None]
@@ -185,22 +185,22 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
     points: list[CurvePoint] = []
     marks: list[SpecialPointMark] = []
     inserted: list[tuple[int, float, LocatedEvent | CurvePoint]] = [
-        (i, point.s, point) for i, point in (_on_own_segment(state, *one) for one in _deduplicated(state.located))
+        (i, point.s, point) for i, point in (_on_its_segment(state, *entry) for entry in _deduplicated(state.located))
     ]
-    inserted += [(i, s, point) for i, some in state.samples.items() for s, point in some]
-    inserted.sort(key=lambda one: one[:2])
+    inserted += [(i, s, point) for i, samples in state.samples.items() for s, point in samples]
+    inserted.sort(key=lambda entry: entry[:2])
     for i, point in enumerate(state.points):
         while inserted and inserted[0][0] == i:
-            one = inserted.pop(0)[2]
-            if isinstance(one, CurvePoint):
-                points.append(one)
+            addition = inserted.pop(0)[2]
+            if isinstance(addition, CurvePoint):
+                points.append(addition)
                 continue
-            if one.located:
-                if _coincides_with_last(one.point, points, marks):
+            if addition.located:
+                if _coincides_with_last(addition.point, points, marks):
                     points.pop()
-                points.append(one.point)
+                points.append(addition.point)
             interval = (state.points[i - 1].value, point.value)
-            marks.append(SpecialPointMark(len(points) - 1, one, interval))
+            marks.append(SpecialPointMark(len(points) - 1, addition, interval))
         is_special = bool(marks) and marks[-1].index == len(points) - 1 and marks[-1].found.located
         if is_special and i < len(state.points) - 1 and _coincide(points[-1], point):
             continue
@@ -218,9 +218,9 @@ It is the accuracy of the corrector. Two points so close determine no direction 
 """
 
 
-def _coincide(one: CurvePoint, other: CurvePoint) -> bool:
+def _coincide(a: CurvePoint, b: CurvePoint) -> bool:
     """Return whether two points are equal up to the accuracy of the corrector."""
-    return len(one.u) == len(other.u) and norm(one.u - other.u) <= COINCIDENT_POINT_DISTANCE * norm(one.u)
+    return len(a.u) == len(b.u) and norm(a.u - b.u) <= COINCIDENT_POINT_DISTANCE * norm(a.u)
 
 
 def _coincides_with_last(point: CurvePoint, points: list[CurvePoint], marks: list[SpecialPointMark]) -> bool:
@@ -233,15 +233,15 @@ def _deduplicated(located: list[tuple[int, LocatedEvent]]) -> list[tuple[int, Lo
     """Return the special points; of those that coincide at a higher resolution, only the one that moves least."""
     out: list[tuple[int, LocatedEvent]] = []
     for number, point in located:
-        same = next((i for i, (_, other) in enumerate(out) if _are_same(point, other)), None)
-        if same is None:
+        duplicate = next((i for i, (_, kept) in enumerate(out) if _are_same(point, kept)), None)
+        if duplicate is None:
             out.append((number, point))
-        elif _rank(point) < _rank(out[same][1]):
-            out[same] = number, point
+        elif _rank(point) < _rank(out[duplicate][1]):
+            out[duplicate] = number, point
     return out
 
 
-def _on_own_segment(state: TraceState, number: int, event: LocatedEvent) -> tuple[int, LocatedEvent]:
+def _on_its_segment(state: TraceState, number: int, event: LocatedEvent) -> tuple[int, LocatedEvent]:
     """Return a special point with the number and the fraction of the segment that it lies on.
 
     Its equations may move it beyond the ends of the segment on which it was found.
@@ -254,9 +254,9 @@ def _on_own_segment(state: TraceState, number: int, event: LocatedEvent) -> tupl
         if not len(a.u) == len(b.u) == len(event.point.u) == len(state.scale):
             break
         segment = state.segment(a, b)
-        s, before = segment.fraction_of(event.point.u), state.segment(*state.points[number - 1 : number + 1])
+        s, current = segment.fraction_of(event.point.u), state.segment(*state.points[number - 1 : number + 1])
         beyond_both = (s - 0.5) * (event.s - 0.5) < 0  # the point lies beyond the adjacent ends of both segments
-        if not beyond_both or _excess(s) * segment.length < _excess(event.s) * before.length:
+        if not beyond_both or _excess(s) * segment.length < _excess(event.s) * current.length:
             number, event = neighbour, replace(event, s=s)
         if beyond_both:
             break
@@ -268,15 +268,15 @@ def _excess(s: float) -> float:
     return max(-s, s - 1.0)
 
 
-def _are_same(one: LocatedEvent, other: LocatedEvent) -> bool:
+def _are_same(a: LocatedEvent, b: LocatedEvent) -> bool:
     """Return whether two special points coincide at the resolution at which they are known.
 
     Newton's method ends at one point more than once where multipliers change so fast that their test function changes
     sign several times. Two branch points that coincide are different points: there the curve crosses itself.
     """
-    if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == BranchPointEvent.kind:
+    if (a.event.kind, a.note) != (b.event.kind, b.note) or a.event.kind == BranchPointEvent.kind:
         return False
-    u, v = ((event.sharp or event).point.u for event in (one, other))
+    u, v = ((event.sharp or event).point.u for event in (a, b))
     return are_equal(u, v)
 
 

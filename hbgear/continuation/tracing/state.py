@@ -188,10 +188,10 @@ def set_up(
         If the span is empty or not admissible, a parameter has no value or two meanings, or stability cannot be
         computed.
     """
-    name, at = settings.parameter, settings.at or {}
-    for each in (name, *at):
-        problem.check_parameter(each)
-    if name in at:
+    name, values = settings.parameter, settings.at or {}
+    for parameter in (name, *values):
+        problem.check_parameter(parameter)
+    if name in values:
         raise ValueError(f"at={{'{name}': ...}}: it is what changes along the curve; give its span")
     section = _checked_span(name, span, problem.range_of(name))
     fixed = _fixed_parameters(problem, settings, start)

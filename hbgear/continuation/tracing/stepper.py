@@ -115,16 +115,16 @@ class Stepper:
         u, t = np.zeros((2, history, width))
         for i, point in enumerate(recent[:count]):
             u[i], t[i] = point.u, point.tangent
-        miss = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
-        control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, miss])
+        limit = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
+        control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, limit])
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
-        pursue = self.problem.compiled_continuation(self.name, self.fixed)
-        if pursue is None:
-            found, step, reason = self._single_step(u, t, count, scale, step, control)
+        compiled_loop = self.problem.compiled_continuation(self.name, self.fixed)
+        if compiled_loop is None:
+            table, step, reason = self._single_step(u, t, count, scale, step, control)
         else:
-            most = 1 if self.single else max(1, min(max_points, int(MAX_MULTIPLICATIONS_PER_CALL / width**3)))
-            out = np.empty((most, 2 * width + 4))
-            made, step, why, number = pursue(
+            max_count = 1 if self.single else max(1, min(max_points, int(MAX_MULTIPLICATIONS_PER_CALL / width**3)))
+            out = np.empty((max_count, 2 * width + 4))
+            accepted, step, status, detail = compiled_loop(
                 u,
                 t,
                 count,
@@ -135,13 +135,13 @@ class Stepper:
                 tolerances,
                 out,
             )
-            found, reason = out[:made], status_message(why, number)
-        if not len(found):
-            over = self.over_corner(recent[0], scale, step)
-            return over if over.points else over._replace(reason=reason)
-        return StepResult(self._points(found, recent[0], scale), step, reason)
+            table, reason = out[:accepted], status_message(status, detail)
+        if not len(table):
+            corner = self.over_corner(recent[0], scale, step)
+            return corner if corner.points else corner._replace(reason=reason)
+        return StepResult(self._points(table, recent[0], scale), step, reason)
 
-    def over_corner(self, before: CurvePoint, scale: Array, step: float) -> StepResult:
+    def over_corner(self, last: CurvePoint, scale: Array, step: float) -> StepResult:
         """Compute a point beyond a corner near the last point, if the curve can have corners and has one there.
 
         Parameters
@@ -161,22 +161,22 @@ class Stepper:
         if not (self.problem.is_nonsmooth or isinstance(self.problem, SpecialPointProblem)):
             return StepResult([], step, "")
         smallest, turn = self.steps.min_step, self.steps.max_turn_deg
-        found = step_over_corner(
-            self.problem, before.u, before.tangent, before.orientation, scale, smallest, turn, self.name, self.fixed,
+        crossing = step_over_corner(
+            self.problem, last.u, last.tangent, last.orientation, scale, smallest, turn, self.name, self.fixed,
             self.settings,
         )  # fmt: skip
-        if found is None:
+        if crossing is None:
             return StepResult([], step, "")
-        (solution, direction, orientation), step = found
+        (solution, direction, orientation), step = crossing
         numbers = [step, orientation, solution.iterations, solution.residual]
         row = np.concatenate([solution.X, [solution.value], direction, numbers])
-        return StepResult(self._points(row[None], before, scale), step, "", True)
+        return StepResult(self._points(row[None], last, scale), step, "", True)
 
-    def _points(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
+    def _points(self, table: Array, last: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Return the points of a table with u, tangent, step, orientation, iterations and residual in each row."""
-        out, n, direction = [], len(scale), before.parameter_direction
-        moves = (found[:, 2 * n - 1] / scale[-1]).tolist()
-        for row, move, (step, sign, iterations, residual) in zip(found, moves, found[:, 2 * n :].tolist(), strict=True):
+        out, n, direction = [], len(scale), last.parameter_direction
+        moves = (table[:, 2 * n - 1] / scale[-1]).tolist()
+        for row, move, (step, sign, iterations, residual) in zip(table, moves, table[:, 2 * n :].tolist(), strict=True):
             direction = parameter_direction(move, direction)
             out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, direction))
         return out
@@ -209,19 +209,19 @@ class Stepper:
             try:
                 point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, POLISH_ABOVE)
                 solution, direction = point.solution, np.array(point.direction)
-                found = np.append(solution.X, solution.value)
-                why, turn, missed = accept_step(found, direction, predicted, u[0], t[0], scale, step, limits)
-                reason = status_message(why, missed if why == PREDICTION_ERROR else turn)
+                u_new = np.append(solution.X, solution.value)
+                status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)
+                reason = status_message(status, deviation if status == PREDICTION_ERROR else turn)
             except (
                 ValueError,
                 NoConvergence,
                 np.linalg.LinAlgError,
             ) as error:  # ValueError of a model
-                why, reason = NOT_CONVERGED, str(error)
-            if why == ACCEPTED:
+                status, reason = NOT_CONVERGED, str(error)
+            if status == ACCEPTED:
                 numbers = [step, point.orientation, solution.iterations, solution.residual]
-                step = next_step(step, solution.iterations, turn, missed, control)
-                return np.concatenate([found, direction, numbers])[None], step, ""
+                step = next_step(step, solution.iterations, turn, deviation, control)
+                return np.concatenate([u_new, direction, numbers])[None], step, ""
             if step <= control[0]:
                 return np.empty((0, 2 * len(scale) + 4)), step, reason
             step = max(0.5 * step, float(control[0]))

@@ -187,11 +187,11 @@ def trace(
         checked("trace", "work", work, NOT_NEGATIVE)
     bound = Work(math.inf if work is None else float(work))
     located = resolved_events(events, requested, parameter)
-    given = TraceSettings(parameter, at, steps, settings, stability, special, located, progress, accuracy)
-    own = requested.own_trace(span, start, given, cover)
-    if own is not None:
-        return own
-    return _trace_refined(requested, given, span, start, cover, bound)
+    trace_settings = TraceSettings(parameter, at, steps, settings, stability, special, located, progress, accuracy)
+    branch = requested.own_trace(span, start, trace_settings, cover)
+    if branch is not None:
+        return branch
+    return _trace_refined(requested, trace_settings, span, start, cover, bound)
 
 
 def _trace_refined(
@@ -203,46 +203,46 @@ def _trace_refined(
     work: Work,
 ) -> Branch:
     """Trace the curve; at a higher resolution if it is under-resolved, from the other end if it has no start."""
-    problem, refined = requested, ""
-    reversed_span = ""
+    problem, refinement = requested, ""
+    reversal = ""
     while True:
         follow = partial(Tracer, settings=settings, work=work)
         try:
             search = cover and start is None
             tracer = follow(problem, span=span, start=start, cover=search, requested=requested)
-        except ArbitrarySolutionError as found:
-            return _trace_chosen_solution(found, follow, problem, span, cover)
+        except ArbitrarySolutionError as arbitrary:
+            return _trace_chosen_solution(arbitrary, follow, problem, span, cover)
         except NoConvergence:
-            if reversed_span or start is not None or not cover:
+            if reversal or start is not None or not cover:
                 raise
-            reversed_span = reversed_span_message(settings.parameter, span[0])
+            reversal = reversed_span_message(settings.parameter, span[0])
             span = span[::-1]
             continue
         try:
             branch = tracer.run()
         except UnderResolvedError as finding:
-            own = None if refined else requested.own_trace(span, start, settings, cover, unresolved=True)
-            if own is not None:
-                return own
-            problem, refined = finding.finer, str(finding)
+            problem_branch = None if refinement else requested.own_trace(span, start, settings, cover, unresolved=True)
+            if problem_branch is not None:
+                return problem_branch
+            problem, refinement = finding.finer, str(finding)
             work = work.renewed()
             continue
-        if not refined and not reversed_span:
+        if not refinement and not reversal:
             return branch
-        message = "; ".join(text for text in (branch.message, refined, reversed_span) if text)
+        message = "; ".join(text for text in (branch.message, refinement, reversal) if text)
         return replace(branch, message=message)
 
 
 def _trace_chosen_solution(
-    found: ArbitrarySolutionError,
+    arbitrary: ArbitrarySolutionError,
     follow: Callable[..., Tracer],
     problem: ContinuationProblem,
     span: tuple[float, float],
     cover: bool,
 ) -> Branch:
     """Trace the chosen solution of a continuum, and the curve behind its end where solutions are isolated again."""
-    curve = follow(found.problem, span=span, start=found.X).run()
-    text = f"{found.description}; {curve.message}"
+    curve = follow(arbitrary.problem, span=span, start=arbitrary.X).run()
+    text = f"{arbitrary.description}; {curve.message}"
     if not curve.status.complete:
         return replace(curve, message=text)
     others: tuple[Branch, ...] = ()
@@ -304,11 +304,11 @@ class Tracer:
         self._coverage_message = ""
         self._branch: Branch | None = None
         self.state, self._second = begin(setup, start)
-        known = events_of(setup.problem, setup.name)
-        searched = known if settings.special else [event for event in known if event.terminal]
-        kinds = {type(event) for event in searched}  # a name may select an event that is located anyway
-        added = [event for event in settings.events if type(event) not in kinds]
-        detector = EventDetector([*searched, *added], setup.problem, setup.name, setup.fixed)
+        standard = events_of(setup.problem, setup.name)
+        selected = standard if settings.special else [event for event in standard if event.terminal]
+        kinds = {type(event) for event in selected}  # a name may select an event that is located anyway
+        additional = [event for event in settings.events if type(event) not in kinds]
+        detector = EventDetector([*selected, *additional], setup.problem, setup.name, setup.fixed)
         self.monitor = Monitor(self.state)
         self.resolution = ResolutionControl(self.state, self.monitor)
         self.special_points = SpecialPoints(self.state, self.monitor, self.resolution, detector)
@@ -380,41 +380,41 @@ class Tracer:
         if not self.cover or self._branch is None or termination.error or termination.status not in UNCOVERED:
             return
         ends, settings = (span.start, span.end), self.setup.settings
-        search = CoverageSearch(self._trace_other, self._start_at, settings.newton if settings.special else None)
+        search = CoverageSearch(self._trace_other_branch, self._start_at, settings.newton if settings.special else None)
         inside = not self.state.ended_at_sharp_turn
         cover_span(self._branch, self.others, ends, search, inside=inside)
         self._coverage_message = coverage_message(self._branch, self.others, ends, inside=inside)
         distance = SAME_END_RATIO * span.width
-        for other in self.others if termination.status is Status.STEP_TOO_SMALL else ():
-            same_end = abs(other.values[-1] - self.state.last.value) <= distance
-            if other.status is Status.ARBITRARY and same_end:
-                termination.record_end(Status.ARBITRARY, f"{other.message}; this curve ends there")
+        for branch in self.others if termination.status is Status.STEP_TOO_SMALL else ():
+            same_end = abs(branch.values[-1] - self.state.last.value) <= distance
+            if branch.status is Status.ARBITRARY and same_end:
+                termination.record_end(Status.ARBITRARY, f"{branch.message}; this curve ends there")
 
-    def _trace_other(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
+    def _trace_other_branch(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Trace another branch of the span, its points alone if ``rough``; Ctrl-C ends this trace too."""
         settings = self.setup.settings.points_only() if rough else self.setup.settings
         follow = partial(Tracer, settings=settings, span=span, requested=self._requested, work=self.setup.work)
         description = ""
         try:
             abort = self.setup.abort_if_under_resolved
-            other = follow(self.state.original, start=start, abort_if_under_resolved=abort)
-        except ArbitrarySolutionError as found:
-            other, description = follow(found.problem, start=found.X), found.description
-        branch = other.traced()
+            tracer = follow(self.state.original, start=start, abort_if_under_resolved=abort)
+        except ArbitrarySolutionError as arbitrary:
+            tracer, description = follow(arbitrary.problem, start=arbitrary.X), arbitrary.description
+        branch = tracer.traced()
         if description and branch.status.complete:
             branch = replace(branch, status=Status.ARBITRARY, message=f"{description}; {branch.message}")
-        error = other.state.termination.error
+        error = tracer.state.termination.error
         if isinstance(error, KeyboardInterrupt | CallbackError):
             self.others += [branch]
             raise error
         return branch
 
-    def _start_at(self, value: float, near: Array | None) -> BranchStart:
+    def _start_at(self, value: float, estimate: Array | None) -> BranchStart:
         """Return a solution at a value of the parameter, near given unknowns or found by the problem."""
-        here, problem = self.setup.parameters_at(value), self.state.original
-        guess = solution_by_problem(self.setup, problem, here) if near is None else problem.resized(near)
-        X = solve(problem, guess, here, "", self.setup.settings.newton).X
-        return BranchStart(X, here, np.append(np.zeros(len(X)), 1.0), away=False)
+        parameters, problem = self.setup.parameters_at(value), self.state.original
+        guess = solution_by_problem(self.setup, problem, parameters) if estimate is None else problem.resized(estimate)
+        X = solve(problem, guess, parameters, "", self.setup.settings.newton).X
+        return BranchStart(X, parameters, np.append(np.zeros(len(X)), 1.0), away=False)
 
     # ---- result
 
