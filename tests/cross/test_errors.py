@@ -323,7 +323,7 @@ def test_of_two_answers_beyond_a_piece_the_nearer_one_is_the_point(monkeypatch, 
 
     def answer(moved):
         u = np.append(finer.resized(rows[0].X), rows[0].value + moved)
-        return accuracy.MovedPoint(rows[0].value + moved, moved, lambda: RefinedLocation(finer, replace(rows[0], u=u)))
+        return accuracy.Comparison(rows[0].value + moved, moved, lambda: RefinedLocation(finer, replace(rows[0], u=u)))
 
     answers = [answer(1e-4), answer(8e-3)]
     by_equations, by_pieces = answers if near == "equations" else answers[::-1]

@@ -366,7 +366,7 @@ def test_a_singular_step_leads_to_the_damped_iteration():
 def test_a_point_beyond_the_ends_has_left_its_segment(x, left):
     segment, fold = fold_of(Moved())
     there = RefinedLocation(segment.problem, segment.problem.at(x))
-    moved = accuracy.MovedPoint(there.point.value, abs(x) or 1.0, lambda: there)
+    moved = accuracy.Comparison(there.point.value, abs(x) or 1.0, lambda: there)
     assert accuracy._left_segment(segment, fold, moved) == left
     assert not accuracy._left_segment(segment, fold, replace(moved, distance=0.99e-3 * 0.02))
     if left:

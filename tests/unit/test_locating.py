@@ -298,11 +298,11 @@ def test_a_point_more_than_half_a_segment_away_is_another_one(x, beyond, inside)
     segment = Graph(0.0, 0.0, -0.01).segment(-x, 1 - x)
     extended = FoldProblem(segment.problem, "p")
     if inside:
-        found = locate_by_newton(segment, FoldEvent(), extended, 0.0, beyond=beyond)
+        found = locate_by_newton(segment, FoldEvent(), extended, 0.0, margin=beyond)
         assert found.s == pytest.approx(x, abs=1e-3)
     else:
         with pytest.raises(NoConvergence, match="left the segment"):
-            locate_by_newton(segment, FoldEvent(), extended, 0.0, beyond=beyond)
+            locate_by_newton(segment, FoldEvent(), extended, 0.0, margin=beyond)
 
 
 # ---- folds

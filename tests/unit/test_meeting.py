@@ -207,7 +207,7 @@ def test_of_points_that_change_a_sign_an_even_number_is_kept(made_up):
     """A single two-sided event is kept if another special point may explain it, as are points found by other events."""
     twice, once, pair_ = [located("PD"), located("PD")], located("LP"), located("NS", two_sided=True)
     by_another = located("BP", finder=event("LP"))
-    kept = drop_odd_counts([*twice, once, pair_, by_another], made_up=made_up)
+    kept = drop_odd_counts([*twice, once, pair_, by_another], explained=made_up)
     assert kept == [*twice, *([pair_] if made_up else []), by_another]
     assert drop_odd_counts([*twice, located("PD")]) == []
 

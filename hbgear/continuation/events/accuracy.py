@@ -91,7 +91,7 @@ SAME_SEGMENT_FRACTION = 1e-3
 
 
 @dataclass(frozen=True)
-class MovedPoint:
+class Comparison:
     """A special point at another number of unknowns.
 
     Attributes
@@ -109,17 +109,17 @@ class MovedPoint:
     sharp: Callable[[], RefinedLocation | None]
 
 
-_NOT_FOUND = MovedPoint(math.nan, math.inf, lambda: None)
+_NOT_FOUND = Comparison(math.nan, math.inf, lambda: None)
 
 
-def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work: Work | None = None) -> LocatedEvent:
+def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work: Work | None = None) -> LocatedEvent:
     """Return a special point with its error estimate, refined until the error is below the target.
 
     Parameters
     ----------
     segment : Segment
         Segment on which the point was found.
-    found : LocatedEvent
+    event : LocatedEvent
         The special point.
     accuracy : float
         Target error, relative to the size of the parameter (`ContinuationProblem.unit_of`).
@@ -135,50 +135,50 @@ def estimate_error(segment: Segment, found: LocatedEvent, accuracy: float, work:
         error, if its multipliers at the largest number of unknowns deviate by more than 1e-3 from the values that the
         event requires.
     """
-    rough = (
+    under_resolved = (
         is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
     )
-    if not segment.problem.comparisons or any(rough):
-        return found
+    if not segment.problem.comparisons or any(under_resolved):
+        return event
     work = work or Work(math.inf)
-    unit = segment.problem.unit_of(segment.name, found.point.value)
+    unit = segment.problem.unit_of(segment.name, event.point.value)
     goal, problem, failures, error = accuracy * unit, segment.problem, 0, math.inf
-    moved: dict[str, MovedPoint] = {}
+    points: dict[str, Comparison] = {}
     while True:
         if not _may_compare(problem, problem is segment.problem, work):
             error = math.nan if problem is segment.problem else error
             break
-        error = _estimate(segment, found, problem, goal, moved)
-        if math.isinf(error) and found.located:
+        error = _estimate(segment, event, problem, goal, points)
+        if math.isinf(error) and event.located:
             work.estimates(0, FAILED_COMPARISON_COST)
         finer = None if problem.refined_problem is None else problem.refined_problem
-        if (error <= goal and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
+        if (error <= goal and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
         if not work.allows(finer.equivalent_size, LOCATION_COST):
-            error = _estimate(segment, found, problem, math.inf, moved)
+            error = _estimate(segment, event, problem, math.inf, points)
             break
-        sharp = _known_at(finer, segment, found, moved).sharp()
+        sharp = _comparison(finer, segment, event, points).sharp()
         failures, problem = (0 if sharp else failures + 1), finer
         if sharp:
-            found = replace(found, sharp=sharp, located=True)
+            event = replace(event, sharp=sharp, located=True)
         elif failures == MAX_FAILED_REFINEMENTS:
             break
-    located = found.located and _deviation(segment, found) <= MAX_MULTIPLIER_DEVIATION
-    unknown = failures or (found.located and not located)
-    return replace(found, error=math.inf if unknown else max(error, PARAMETER_ROUNDING * unit), located=located)
+    located = event.located and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION
+    unknown = failures or (event.located and not located)
+    return replace(event, error=math.inf if unknown else max(error, PARAMETER_ROUNDING * unit), located=located)
 
 
-def _deviation(segment: Segment, found: LocatedEvent) -> float:
+def _deviation(segment: Segment, event: LocatedEvent) -> float:
     """Return the distance of the multipliers of a point from the values that its event requires; 0 if unknown."""
-    if not found.located or "multipliers" not in segment.a.observed or found.event.deviation(np.empty(0, complex)) == 0:
+    if not event.located or "multipliers" not in segment.a.observed or event.event.deviation(np.empty(0, complex)) == 0:
         return 0.0
-    there = found.sharp or RefinedLocation(segment.problem, found.point)
-    if not there.point.observed:
-        there.point.observed.update(
-            observe_all(there.problem, there.point.u[None], segment.name, segment.parameters, True)[0]
+    location = event.sharp or RefinedLocation(segment.problem, event.point)
+    if not location.point.observed:
+        location.point.observed.update(
+            observe_all(location.problem, location.point.u[None], segment.name, segment.parameters, True)[0]
         )
-    multipliers = there.point.observed.get("multipliers", np.full(1, math.nan))
-    return 0.0 if np.isnan(multipliers).any() else found.event.deviation(multipliers)
+    multipliers = location.point.observed.get("multipliers", np.full(1, math.nan))
+    return 0.0 if np.isnan(multipliers).any() else event.event.deviation(multipliers)
 
 
 def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
@@ -188,41 +188,41 @@ def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
     """
     if not problem.comparisons:
         return False
-    largest = max(other.equivalent_size for other, _ in problem.comparisons)
+    largest = max(comparison.equivalent_size for comparison, _ in problem.comparisons)
     return work.estimates(largest, COMPARISON_COST) if first else work.allows(largest, COMPARISON_COST)
 
 
 def _estimate(
     segment: Segment,
-    found: LocatedEvent,
+    event: LocatedEvent,
     problem: ContinuationProblem,
     goal: float,
-    moved: dict[str, MovedPoint],
+    points: dict[str, Comparison],
 ) -> float:
     """Return the error of a point at the resolution of a problem; an infinite goal gives the complete estimate.
 
-    The comparisons stop at the first one that exceeds the goal. ``moved`` has the points that are known at other
+    The comparisons stop at the first one that exceeds the goal. ``points`` has the points that are known at other
     resolutions, by the texts of their resolutions, and receives further ones.
     """
-    own = (found.sharp.problem if found.sharp else segment.problem) is problem
-    if not found.located or not own:  # not located at this resolution
+    is_current = (event.sharp.problem if event.sharp else segment.problem) is problem
+    if not event.located or not is_current:  # not located at this resolution
         return math.inf
-    value, errors = found.value, []
-    for other, weight in problem.comparisons:
-        errors.append(weight * abs(_known_at(other, segment, found, moved).value - value))
+    value, errors = event.value, []
+    for comparison, weight in problem.comparisons:
+        errors.append(weight * abs(_comparison(comparison, segment, event, points).value - value))
         if problem.refined_problem is not None and not errors[-1] <= goal:
             return math.inf if math.isnan(errors[-1]) else errors[-1]
-    known = [error for error in errors if not math.isnan(error)]
-    return max(known, default=math.inf)
+    finite = [error for error in errors if not math.isnan(error)]
+    return max(finite, default=math.inf)
 
 
-def _known_at(
-    problem: ContinuationProblem, segment: Segment, found: LocatedEvent, moved: dict[str, MovedPoint]
-) -> MovedPoint:
-    """Return the point at another resolution, from ``moved`` if it is known there."""
-    if problem.resolution not in moved:
-        moved[problem.resolution] = _at_other_resolution(segment, found, problem)
-    return moved[problem.resolution]
+def _comparison(
+    problem: ContinuationProblem, segment: Segment, event: LocatedEvent, points: dict[str, Comparison]
+) -> Comparison:
+    """Return the point at another resolution, from ``points`` if it is known there."""
+    if problem.resolution not in points:
+        points[problem.resolution] = _at_other_resolution(segment, event, problem)
+    return points[problem.resolution]
 
 
 def is_under_resolved(problem: ContinuationProblem, X: Array, error: float) -> bool:
@@ -245,109 +245,111 @@ def is_under_resolved(problem: ContinuationProblem, X: Array, error: float) -> b
     return error > UNDER_RESOLVED_ERROR * problem.solution_norm(X)
 
 
-def _at_other_resolution(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint:
+def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison:
     """Return the point at another resolution: by its equations, else on the segment solved again.
 
     If the solution of the equations leaves the segment, it may be another special point. Then both methods are used,
     and the nearer result is returned.
     """
-    simple = found.located and found.finder is None  # the equations are singular if two multipliers cross at once
-    if simple and (segment.problem.smooth or isinstance(found.event, FoldEvent)):
-        first = _by_equations(segment, found, problem)
+    simple = event.located and event.finder is None  # the equations are singular if two multipliers cross at once
+    if simple and (segment.problem.smooth or isinstance(event.event, FoldEvent)):
+        first = _by_equations(segment, event, problem)
         if first is not None:
-            sharp = first.sharp() if _left_segment(segment, found, first) else None
+            sharp = first.sharp() if _left_segment(segment, event, first) else None
             if sharp is None:
                 return first
-            second = _on_segment(segment, found, problem)
+            second = _on_segment(segment, event, problem)
             return second if second.distance < first.distance else first
-    if found.located and isinstance(found.event, FoldEvent):
+    if event.located and isinstance(event.event, FoldEvent):
         try:
-            change = _fold_shift(segment, found.sharp.point if found.sharp else found.point, problem)
-            return MovedPoint(found.value + change, 0.0, lambda: _on_segment(segment, found, problem).sharp())
+            change = _fold_shift(segment, event.sharp.point if event.sharp else event.point, problem)
+            return Comparison(event.value + change, 0.0, lambda: _on_segment(segment, event, problem).sharp())
         except (NoConvergence, np.linalg.LinAlgError):
             pass
-    return _on_segment(segment, found, problem)
+    return _on_segment(segment, event, problem)
 
 
-def _by_equations(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint | None:
+def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison | None:
     """Return the point by Newton's method on its equations at another resolution; None if it fails.
 
     In a problem that is not smooth, only folds at corners are solved in this way; the corner is that of the point.
     """
-    now = found.sharp or RefinedLocation(segment.problem, found.point)
-    located, here = now.point, {**segment.parameters, segment.name: now.point.value}
+    location = event.sharp or RefinedLocation(segment.problem, event.point)
+    located, parameters = location.point, {**segment.parameters, segment.name: location.point.value}
     start = np.append(problem.resized(located.X), located.value)
     try:
         point = SpecialPoint(
-            **point_fields(now.problem, segment.name, here, located), kind=found.event.kind, note=found.note
+            **point_fields(location.problem, segment.name, parameters, located), kind=event.event.kind, note=event.note
         )
         smooth = segment.problem.smooth
-        extended = found.event.equations(problem if smooth else now.problem, segment.name, point)
+        extended = event.event.equations(problem if smooth else location.problem, segment.name, point)
         if extended is None or (not smooth and isinstance(extended, FoldProblem)):
             return None
         if not smooth:
             extended = type(extended)(problem.original, segment.name, *extended.arguments)
         unit = problem.unit_of(segment.name, located.value)
-        U = _newton_until_settled(extended, start, here, PARAMETER_ROUNDING * unit)
+        U = _newton_until_settled(extended, start, parameters, PARAMETER_ROUNDING * unit)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
 
     def sharp() -> RefinedLocation | None:
         try:
-            solution = extended.located(U, here)
+            solution = extended.located(U, parameters)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        there = _point_of(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
-        good = _distance(segment, there, located) <= MAX_POINT_SHIFT and there.residual <= segment.settings.tolerance
-        return RefinedLocation(problem, there) if good else None
+        refined = _curve_point(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
+        valid = (
+            _distance(segment, refined, located) <= MAX_POINT_SHIFT and refined.residual <= segment.settings.tolerance
+        )
+        return RefinedLocation(problem, refined) if valid else None
 
     distance = _distance(segment, replace(located, u=U), located)
-    return MovedPoint(float(U[-1]), distance, sharp) if distance <= MAX_POINT_SHIFT else None
+    return Comparison(float(U[-1]), distance, sharp) if distance <= MAX_POINT_SHIFT else None
 
 
 def _newton_until_settled(
-    extended: MinimallyAugmentedProblem, start: Array, here: dict[str, float], rounding: float
+    extended: MinimallyAugmentedProblem, start: Array, parameters: dict[str, float], rounding: float
 ) -> Array:
     """Return unknowns (X, p) of a special point whose change of p is accurate to a tenth."""
-    U, own = start, extended
+    U, equations = start, extended
     for _ in range(MAX_PLAIN_STEPS):
         last = U
         try:
-            own, U = own.stepped(U, here, 1)
+            equations, U = equations.stepped(U, parameters, 1)
         except np.linalg.LinAlgError:
             break
         if not np.isfinite(U).all():
             break
         if abs(U[-1] - last[-1]) <= max(SETTLED_STEP_RATIO * abs(U[-1] - start[-1]), rounding):
             return U
-    return extended.located(start, here).X
+    return extended.located(start, parameters).X
 
 
-def _left_segment(segment: Segment, found: LocatedEvent, moved: MovedPoint) -> bool:
+def _left_segment(segment: Segment, event: LocatedEvent, comparison: Comparison) -> bool:
     """Return whether a point moved beyond the ends of its segment, and may be another special point."""
-    if moved.distance <= SAME_SEGMENT_FRACTION * segment.length:
+    if comparison.distance <= SAME_SEGMENT_FRACTION * segment.length:
         return False
-    sharp = moved.sharp()
+    sharp = comparison.sharp()
     return sharp is not None and not 0 <= segment.fraction_of(_resized(segment, sharp.point)) <= 1
 
 
-def _on_segment(segment: Segment, found: LocatedEvent, problem: ContinuationProblem) -> MovedPoint:
+def _on_segment(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison:
     """Return the point located on the segment solved again at another resolution."""
-    find = (found.finder or found.event).find
+    find = (event.finder or event.event).find
     try:
-        again = _solved_again(segment, problem)
+        resolved = _segment_at_resolution(segment, problem)
         points = [
             p
-            for p in find(again) or _on_extended_segment(again, find)
-            if p.located and p.event.kind == found.event.kind
+            for p in find(resolved) or _on_extended_segment(resolved, find)
+            if p.located and p.event.kind == event.event.kind
         ]
     except (NoConvergence, np.linalg.LinAlgError):
         return _NOT_FOUND
     if not points:
         return _NOT_FOUND
-    point = min(points, key=lambda p: abs(again.fraction_of(p.point.u) - found.s)).point
-    return MovedPoint(
-        point.value, _distance(segment, point, (found.sharp or found).point), lambda: RefinedLocation(problem, point)
+    point = min(points, key=lambda p: abs(resolved.fraction_of(p.point.u) - event.s)).point
+    return Comparison(
+        point.value, _distance(segment, point, (event.sharp or event).point), lambda: RefinedLocation(problem, point)
     )
 
 
@@ -366,7 +368,7 @@ def _fold_shift(segment: Segment, point: CurvePoint, finer: ContinuationProblem)
     return float(abs(near_fold.value - point.value) + near_fold.tangent[-1] ** 2 / abs(2 * curvature))
 
 
-def _solved_again(segment: Segment, finer: ContinuationProblem) -> Segment:
+def _segment_at_resolution(segment: Segment, finer: ContinuationProblem) -> Segment:
     """Return the segment with its ends solved at a higher resolution, with their monitored quantities."""
     scale = rescaled(segment.scale, finer, len(finer.resized(segment.a.X)))
     finer = finer.with_borders_at(finer.resized(segment.a.X), {**segment.parameters, segment.name: segment.a.value})
@@ -383,11 +385,11 @@ def _on_extended_segment(segment: Segment, find: Callable[[Segment], list[Locate
         if extension > 1 and extension * segment.length > MAX_POINT_SHIFT:
             break
         try:
-            found = find(_segment_between(segment, segment.at(-extension), segment.at(1.0 + extension)))
+            events = find(_segment_between(segment, segment.at(-extension), segment.at(1.0 + extension)))
         except (NoConvergence, np.linalg.LinAlgError):
             break
-        if found:
-            return found
+        if events:
+            return events
     return []
 
 
@@ -402,16 +404,16 @@ def _segment_between(segment: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
     return segment.part(a, b)
 
 
-def _point_of(segment: Segment, problem: ContinuationProblem, point: Solution) -> CurvePoint:
+def _curve_point(segment: Segment, problem: ContinuationProblem, point: Solution) -> CurvePoint:
     """Return the point of a solution on a segment, with the tangent of the first end."""
     u = np.append(point.X, point.value)
     tangent = np.append(problem.resized(segment.a.tangent[:-1]), segment.a.tangent[-1])
     return CurvePoint(u, tangent, segment.a.orientation, point.residual, point.iterations)
 
 
-def _distance(segment: Segment, one: CurvePoint, other: CurvePoint) -> float:
+def _distance(segment: Segment, a: CurvePoint, b: CurvePoint) -> float:
     """Return the scaled distance of two points in the unknowns of the segment."""
-    return norm((_resized(segment, one) - _resized(segment, other)) / segment.scale)
+    return norm((_resized(segment, a) - _resized(segment, b)) / segment.scale)
 
 
 def _resized(segment: Segment, point: CurvePoint) -> Array:

@@ -58,9 +58,9 @@ class BranchPointEvent(Event):
         self, branch: Branch, point: SpecialPoint, side: int
     ) -> tuple[ContinuationProblem, BranchStart] | None:
         """Return the start across the traced curve, within the null space of [dR/dX, dR/dp]."""
-        there = as_traced(branch, point)
-        direction = side * _across(branch, there)
-        return as_problem(branch.problem), BranchStart(there.X, dict(there.parameters), direction, event=self)
+        traced = as_traced(branch, point)
+        direction = side * _transverse_direction(branch, traced)
+        return as_problem(branch.problem), BranchStart(traced.X, dict(traced.parameters), direction, event=self)
 
 
 def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
@@ -83,19 +83,19 @@ def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
     return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)
 
 
-def _across(branch: Branch, point: SpecialPoint) -> Array:
+def _transverse_direction(branch: Branch, point: SpecialPoint) -> Array:
     """Return the direction in the null space of [dR/dX, dR/dp] orthogonal to the traced curve, in scaled unknowns."""
     problem = as_problem(branch.problem)
-    now = linearise(problem, point.X, branch.parameter, point.parameters)
+    linearised = linearise(problem, point.X, branch.parameter, point.parameters)
     size = float(problem.solution_norms(branch.X).max()) or 1.0  # the point itself may be zero up to rounding
     scale = np.append(np.full(len(point.X), size), np.ptp(branch.values) or 1.0)
-    null = scipy.linalg.svd(np.column_stack([as_dense(now.dR_dX), now.dR_dp]) * scale)[2][-2:]
+    null = scipy.linalg.svd(np.column_stack([as_dense(linearised.dR_dX), linearised.dR_dp]) * scale)[2][-2:]
     i = point.index
     before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
-    inside = null @ along
-    inside = inside / np.linalg.norm(inside)
-    out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
+    projection = null @ along
+    projection = projection / np.linalg.norm(projection)
+    out: Array = scale * (np.array([-projection[1], projection[0]]) @ null)
     return out
 
 
@@ -117,10 +117,10 @@ def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
     point = singular(segment, U, rough.point)
-    near = np.linalg.norm((U - u) / segment.scale) <= MAX_REFINEMENT_FRACTION * segment.length
+    is_close = np.linalg.norm((U - u) / segment.scale) <= MAX_REFINEMENT_FRACTION * segment.length
     return (
         replace(rough, point=point)
-        if rough.located and near and point.residual <= segment.settings.tolerance
+        if rough.located and is_close and point.residual <= segment.settings.tolerance
         else rough
     )
 
@@ -133,9 +133,9 @@ def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
     """Return the signed bordered determinant as a function of a point, relative to its size at the first point."""
 
     def logdet(point: CurvePoint) -> tuple[float, float]:
-        here = {**segment.parameters, segment.name: point.value}
-        now = linearise(segment.problem, point.X, segment.name, here)
-        return slogdet(bordered(now.dR_dX, now.dR_dp, point.tangent / segment.scale**2))
+        parameters = {**segment.parameters, segment.name: point.value}
+        linearised = linearise(segment.problem, point.X, segment.name, parameters)
+        return slogdet(bordered(linearised.dR_dX, linearised.dR_dp, point.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]
 

@@ -53,9 +53,9 @@ def event_at(problem: ContinuationProblem, parameter: str, point: SpecialPoint) 
     Event or None
         The event, if it is known.
     """
-    known = [] if point.event is None else [point.event]
-    own = events_of(problem, parameter)
-    return next((event for event in (*known, *own) if event.kind == point.kind), None)
+    stored = [] if point.event is None else [point.event]
+    problem_events = events_of(problem, parameter)
+    return next((event for event in (*stored, *problem_events) if event.kind == point.kind), None)
 
 
 def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]:
@@ -76,9 +76,9 @@ def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]
         The events.
     """
     turning = CuspEvent() if problem.turning_kind == CuspEvent.kind else FoldEvent()
-    own = problem.events(parameter)
-    replaced = {event.kind for event in own}
-    return *(event for event in (turning, BranchPointEvent()) if event.kind not in replaced), *own
+    problem_events = problem.events(parameter)
+    replaced = {event.kind for event in problem_events}
+    return *(event for event in (turning, BranchPointEvent()) if event.kind not in replaced), *problem_events
 
 
 # ---- detection
@@ -126,34 +126,34 @@ class EventDetector:
 
     def sign_changes(self, points: Sequence[CurvePoint]) -> list[int]:
         """Return the numbers i of the segments from point i to i + 1 on which a test function changes sign."""
-        some = np.zeros(len(points) - 1, dtype=bool)
+        changed = np.zeros(len(points) - 1, dtype=bool)
         for event in self.passing:
-            some |= self.changes(event, points) > 0
-        segments: list[int] = np.flatnonzero(some).tolist()
+            changed |= self.changes(event, points) > 0
+        segments: list[int] = np.flatnonzero(changed).tolist()
         return segments
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return all special points of a segment in the order of the curve."""
-        return sorted((found for event in self.passing for found in event.find(segment)), key=lambda found: found.s)
+        return sorted((point for event in self.passing for point in event.find(segment)), key=lambda point: point.s)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the first special point slightly beyond a segment; see `Event.ahead`."""
         events = (*self.passing, *self.terminal)
-        found = [one for event in events if (one := event.ahead(segment)) is not None]
-        return min(found, key=lambda one: one.s, default=None)
+        points = [point for event in events if (point := event.ahead(segment)) is not None]
+        return min(points, key=lambda point: point.s, default=None)
 
     def ends(self, segment: Segment) -> LocatedEvent | None:
         """Return the first terminal event on a segment."""
-        found = [one for event in self.terminal for one in event.find(segment)]
-        return min(found, key=lambda one: one.s, default=None)
+        points = [point for event in self.terminal for point in event.find(segment)]
+        return min(points, key=lambda point: point.s, default=None)
 
     def touching(self, points: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
         """Return candidates for even numbers of crossings: by segment, the events, each with a fraction s."""
-        found: dict[int, list[tuple[Event, float]]] = {}
+        candidates: dict[int, list[tuple[Event, float]]] = {}
         for event in self.searched:
             for segment, s in event.near_zeros(points, self.values(event, points), scale):
-                found.setdefault(segment, []).append((event, s))
-        return found
+                candidates.setdefault(segment, []).append((event, s))
+        return candidates
 
     def changes(self, event: Event, points: Sequence[CurvePoint]) -> np.ndarray:
         """Return `Event.sign_changes` of points, which are stored with them."""

@@ -95,19 +95,19 @@ class SampledCurve:
 
         The function ``between`` solves for the point at a fraction of a segment; it returns None if that fails.
         """
-        every = {(i, 0.0): (point, "") for i, point in enumerate(curve_points)}
-        order, held = sorted([*every, *points]), dict[Position, str]()
+        samples = {(i, 0.0): (point, "") for i, point in enumerate(curve_points)}
+        order, replaced = sorted([*samples, *points]), dict[Position, str]()
         for before, position, after in zip(order, order[1:], order[2:], strict=False):
             if position in points:
                 point, event = points[position].point, points[position].event
                 sides = _points_on_both_sides(before, position, after, between, point) if event.needs_two_sides else {}
-                every.update(sides or {position: (point, event.kind)})
+                samples.update(sides or {position: (point, event.kind)})
                 if sides:
-                    held[min(sides)] = event.kind
-        positions = sorted(every)
-        replaced_kinds = {k: held[position] for k, position in enumerate(positions) if position in held}
-        path = Points(every[position][0] for position in positions) if points else curve_points
-        return cls(path, positions, [every[position][1] for position in positions], replaced_kinds)
+                    replaced[min(sides)] = event.kind
+        positions = sorted(samples)
+        replaced_kinds = {k: replaced[position] for k, position in enumerate(positions) if position in replaced}
+        path = Points(samples[position][0] for position in positions) if points else curve_points
+        return cls(path, positions, [samples[position][1] for position in positions], replaced_kinds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
         """Return the segment that contains part k of the sampled curve, and the fractions of the ends of the part."""
@@ -118,17 +118,17 @@ class SampledCurve:
         self, detector: EventDetector, curve_points: Points, scale: Array
     ) -> dict[int, list[Candidate]]:
         """Return candidates by part: from the sampled curve, and from the points without the special points."""
-        found = detector.touching(self.points, scale)
+        by_part = detector.touching(self.points, scale)
         if self.points is curve_points:
-            return found
-        for segment_number, further in detector.touching(curve_points, scale).items():
-            for event, s in further:
+            return by_part
+        for segment_number, extra in detector.touching(curve_points, scale).items():
+            for event, s in extra:
                 k = bisect.bisect(self.positions, (segment_number, s)) - 1
                 _, low, high = self.ends(k)
-                fraction, candidates = (s - low) / (high - low), found.setdefault(k, [])
-                if all(other is not event or abs(fraction - at) > SAME_CANDIDATE_DISTANCE for other, at in candidates):
+                fraction, candidates = (s - low) / (high - low), by_part.setdefault(k, [])
+                if all(known is not event or abs(fraction - x) > SAME_CANDIDATE_DISTANCE for known, x in candidates):
                     candidates.append((event, fraction))
-        return found
+        return by_part
 
     def unmatched_sign_changes(
         self, detector: EventDetector, curve_points: Points
@@ -139,9 +139,9 @@ class SampledCurve:
         event. A segment is left out if it has a known sign change whose special point lies on another segment, because
         more accurate equations may have moved the point there.
         """
-        found: dict[int, list[tuple[int, Event]]] = {}
+        unmatched: dict[int, list[tuple[int, Event]]] = {}
         if self.points is curve_points:
-            return found
+            return unmatched
         segments = [segment_number for segment_number, _ in self.positions]
         ends = {
             segment_number
@@ -150,21 +150,21 @@ class SampledCurve:
         }
         for event in detector.searched:
             changes = detector.changes(event, self.points)
-            held = [k for k, kind in self.replaced_kinds.items() if kind == event.kind]
-            known = np.flatnonzero(detector.changes(event, curve_points)).tolist()
-            uncertain = set(known) - {segments[k] for k in held}
+            replaced = [k for k, kind in self.replaced_kinds.items() if kind == event.kind]
+            changed = np.flatnonzero(detector.changes(event, curve_points)).tolist()
+            uncertain = set(changed) - {segments[k] for k in replaced}
             uncertain -= ends if event.needs_two_sides else set()  # other kinds change its number as well
             uncertain.update(
                 segment_number for segment_number, kind in zip(segments, self.kinds, strict=True) if kind == event.kind
             )
-            fresh = [k for k in np.flatnonzero(changes).tolist() if k not in held or changes[k] > 1]
-            for k in (k for k in held if not changes[k]):  # its sign change is on a part nearby
-                near = [other for other in fresh if segments[other] == segments[k]]
-                fresh = [other for other in fresh if not near or other != min(near, key=lambda one: abs(one - k))]
+            fresh = [k for k in np.flatnonzero(changes).tolist() if k not in replaced or changes[k] > 1]
+            for k in (k for k in replaced if not changes[k]):  # its sign change is on a part nearby
+                nearby = [part for part in fresh if segments[part] == segments[k]]
+                fresh = [part for part in fresh if not nearby or part != min(nearby, key=lambda j: abs(j - k))]
             for k in fresh:
                 if segments[k] not in uncertain:
-                    found.setdefault(segments[k], []).append((k, event))
-        return found
+                    unmatched.setdefault(segments[k], []).append((k, event))
+        return unmatched
 
 
 def _points_on_both_sides(
@@ -179,17 +179,17 @@ def _points_on_both_sides(
     nearest = max(SIDE_POINT_MARGIN * _circle_distance(special, 0.0), STABILITY_TOLERANCE)
     points: dict[Position, tuple[CurvePoint, str]] = {}
     for end in (before[1], after[1] if after[0] == segment_number else 1.0):
-        found: dict[Position, tuple[CurvePoint, str]] = {}
+        side_point: dict[Position, tuple[CurvePoint, str]] = {}
         for fraction in SIDE_POINT_FRACTIONS:
             point = between(segment_number, s + fraction * (end - s))
             if point is None:
                 break
-            found = {(segment_number, s + fraction * (end - s)): (point, "")}
+            side_point = {(segment_number, s + fraction * (end - s)): (point, "")}
             if _circle_distance(point, math.inf) > nearest:
                 break
-        if not found:
+        if not side_point:
             return {}
-        points.update(found)
+        points.update(side_point)
     return points
 
 
@@ -234,11 +234,11 @@ def find_even_crossings(
     first, kinds = min(k, 1), path.kinds[k : k + 2]
     curve_points = path.points[k - first : k + 3]  # with one point on either side
     positions = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(curve_points)]
-    known = len(detector.sign_changes(curve_points))
+    count = len(detector.sign_changes(curve_points))
     for event, s in candidates:
         _bisect_candidate(detector, segment, event, s, solved, positions, curve_points)
     segments = detector.sign_changes(curve_points)
-    if len(segments) <= known:
+    if len(segments) <= count:
         return []
     out: list[tuple[Segment, LocatedEvent]] = []
     for i in segments:
@@ -257,14 +257,14 @@ def find_even_crossings(
     return out
 
 
-def drop_odd_counts(points: Sequence[LocatedEvent], made_up: bool = False) -> list[LocatedEvent]:
+def drop_odd_counts(points: Sequence[LocatedEvent], explained: bool = False) -> list[LocatedEvent]:
     """Return special points without the kinds that occur an odd number of times between equal signs.
 
     Parameters
     ----------
     points : sequence of LocatedEvent
         Special points of a segment with equal signs at its ends.
-    made_up : bool, optional
+    explained : bool, optional
         Whether other special points of the segment may explain an odd number of events with
         `Event.needs_two_sides`. The default is False.
 
@@ -275,7 +275,7 @@ def drop_odd_counts(points: Sequence[LocatedEvent], made_up: bool = False) -> li
     """
     odd = {kind for kind, count in Counter(p.event.kind for p in points if p.finder is None).items() if count % 2}
     return [
-        p for p in points if p.finder is not None or p.event.kind not in odd or (made_up and p.event.needs_two_sides)
+        p for p in points if p.finder is not None or p.event.kind not in odd or (explained and p.event.needs_two_sides)
     ]
 
 
@@ -292,7 +292,7 @@ def _bisect_candidate(
 
     ``positions`` contains the fraction of each point: 0 and 1 for the ends, any value outside for points beyond.
     """
-    before = np.count_nonzero(detector.changes(event, curve_points))
+    count = np.count_nonzero(detector.changes(event, curve_points))
     for _ in range(MAX_POINTS_PER_EVENT):
         if not 0 < s < 1 or s in positions:
             return
@@ -303,12 +303,12 @@ def _bisect_candidate(
         positions.insert(i, s)
         curve_points.insert(i, point)
         values = detector.values(event, curve_points)
-        near = [
-            (segment_number, at)
-            for segment_number, at in event.near_zeros(curve_points, values, segment.scale)
+        candidates = [
+            (segment_number, location)
+            for segment_number, location in event.near_zeros(curve_points, values, segment.scale)
             if 0 <= positions[segment_number] < 1
         ]
-        if not near or np.count_nonzero(detector.changes(event, curve_points)) > before:
+        if not candidates or np.count_nonzero(detector.changes(event, curve_points)) > count:
             return
-        segment_number, fraction = near[0]
+        segment_number, fraction = candidates[0]
         s = positions[segment_number] + fraction * (positions[segment_number + 1] - positions[segment_number])

@@ -154,8 +154,8 @@ class Event:
         if not isinstance(kind, str) or not re.fullmatch(r"[A-Za-z_]*[A-Za-z]", kind):
             raise ValueError(f"Event: kind = {kind!r} must be letters, such as 'limit'; labels add the number")
         if kind in RESERVED:
-            taken = ", ".join(RESERVED)
-            raise ValueError(f"Event: kind = {kind!r} is reserved by hbgear ({taken}); choose another")
+            reserved = ", ".join(RESERVED)
+            raise ValueError(f"Event: kind = {kind!r} is reserved by hbgear ({reserved}); choose another")
         if not is_marker(marker):
             raise ValueError(f"Event: marker = {marker!r} must be one of {' '.join(MARKERS)}")
         self.kind, self._test, self.meaning = kind, test, meaning or kind
@@ -463,8 +463,8 @@ def locate_root(
 
     try:
         root = find_root_bracketed(value_or_zero, 0.0, 1.0, fine, first)
-        near = [x for x in values if abs(x - root) <= ROUNDING_FRACTION]
-        s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last value may be rounding error
+        candidates = [x for x in values if abs(x - root) <= ROUNDING_FRACTION]
+        s = min(candidates, key=lambda x: abs(values[x]))  # near a singular point the last value may be rounding error
         return LocatedEvent(event, s, points[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
@@ -478,10 +478,10 @@ def _interpolated_point(segment: Segment, a: CurvePoint, b: CurvePoint, weight: 
     return singular(segment, (1 - weight) * a.u + weight * b.u, replace(a, tangent=tangent))
 
 
-def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
+def singular(segment: Segment, u: Array, neighbour: CurvePoint) -> CurvePoint:
     """Return the point at u, where the equations are singular, with tangent and orientation of a point nearby."""
     point = solution_at(segment.problem, u, segment.name, segment.parameters)
-    return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
+    return CurvePoint(u, neighbour.tangent, neighbour.orientation, point.residual, point.iterations)
 
 
 def locate_by_newton(
@@ -490,7 +490,7 @@ def locate_by_newton(
     extended: MinimallyAugmentedProblem,
     s: float,
     note: str = "",
-    beyond: float = MAX_FRACTION_BEYOND_END,
+    margin: float = MAX_FRACTION_BEYOND_END,
 ) -> LocatedEvent:
     """Locate a special point by Newton's method on its equations.
 
@@ -506,7 +506,7 @@ def locate_by_newton(
         Fraction of the segment at which the iteration starts.
     note : str, optional
         Remark for the user.
-    beyond : float, optional
+    margin : float, optional
         Largest fraction of the segment by which the point may lie beyond its ends. It allows for equations that are
         more accurate than the test function. The default is 1e-6.
 
@@ -526,8 +526,8 @@ def locate_by_newton(
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
     fraction = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
-    inside = -beyond <= fraction <= 1 + beyond
-    if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
+    inside = -margin <= fraction <= 1 + margin
+    if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + margin) * np.linalg.norm(chord):
         raise NoConvergence("Newton's method left the segment", U, segment.parameters, [])
     return LocatedEvent(
         event, fraction, point_from_solution(on_curve(solution), chord / segment.scale, segment.scale), True, note

@@ -44,8 +44,8 @@ def equations_of_fold(
         `FoldProblem`, or the equations of `Event.corner`.
     """
     if problem.is_nonsmooth:
-        each = (event.corner(problem, parameter, X, parameters) for event in problem.events(parameter))
-        corner: MinimallyAugmentedProblem | None = next((one for one in each if one is not None), None)
+        corners = (event.corner(problem, parameter, X, parameters) for event in problem.events(parameter))
+        corner: MinimallyAugmentedProblem | None = next((e for e in corners if e is not None), None)
         if corner is not None:
             return corner
     return FoldProblem(problem.original, parameter)
@@ -82,12 +82,12 @@ class FoldEvent(Event):
         slope = tangents[:, -1] / norms(tangents / scale)
         begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
         b, c = rise - 4 * begin - 2 * end, 3 * (begin + end) - rise
-        bent = np.flatnonzero((begin * end > 0) & (begin * c > 0) & (begin * b < 0))
-        begin, end, b, c = begin[bent], end[bent], b[bent], c[bent]
+        candidates = np.flatnonzero((begin * end > 0) & (begin * c > 0) & (begin * b < 0))
+        begin, end, b, c = begin[candidates], end[candidates], b[candidates], c[candidates]
         s = -0.5 * b / c
         ratio = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
         close = (s < 1) & (ratio < NEAR_ZERO_RATIO)
-        return list(zip(bent[close].tolist(), s[close].tolist(), strict=True))
+        return list(zip(candidates[close].tolist(), s[close].tolist(), strict=True))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the fold of a segment on which the parameter direction changes.
@@ -115,8 +115,8 @@ class FoldEvent(Event):
         return [locate_root(segment, self, lambda point: float(point.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        one = as_problem(problem)
-        return equations_of_fold(one, parameter, one.from_point(point), point.parameters)
+        curve_problem = as_problem(problem)
+        return equations_of_fold(curve_problem, parameter, curve_problem.from_point(point), point.parameters)
 
 
 class CuspEvent(FoldEvent):
@@ -126,8 +126,8 @@ class CuspEvent(FoldEvent):
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the cusp, or the isola centre if the first parameter does not turn back."""
-        return [replace(one, event=IsolaCentreEvent(), finder=self) if _is_moving(segment, one) else one
-                for one in super().find(segment)]  # fmt: skip
+        return [replace(fold, event=IsolaCentreEvent(), finder=self) if _is_moving(segment, fold) else fold
+                for fold in super().find(segment)]  # fmt: skip
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None
@@ -143,11 +143,11 @@ TURNING_KINDS = (CuspEvent.kind, IsolaCentreEvent.kind)
 """Kinds of the turning points of a curve of folds, at which two folds appear or vanish."""
 
 
-def _is_moving(segment: Segment, found: LocatedEvent) -> bool:
+def _is_moving(segment: Segment, turning: LocatedEvent) -> bool:
     """Return whether the first parameter changes along a curve of folds at a turning point in the second one."""
-    if not found.located or not segment.problem.unknown_parameters:
+    if not turning.located or not segment.problem.unknown_parameters:
         return False
-    direction = found.point.tangent / segment.scale
+    direction = turning.point.tangent / segment.scale
     return abs(float(direction[-2])) > MOVING_PARAMETER * norm(direction)
 
 
@@ -185,7 +185,7 @@ def far_side_of_fold(segment: Segment, value: float) -> Array:
         If the parameter does not return to this value, or the corrector fails.
     """
     behind = segment.part(segment.at(fold_on_segment(segment)), segment.b)
-    found = locate_root(behind, FoldEvent(), lambda point: point.value - value, fine=1e-9)
-    if not found.located:
-        raise NoConvergence("the curve does not return to this parameter value", found.point.X, segment.parameters, [])
-    return found.point.u
+    event = locate_root(behind, FoldEvent(), lambda point: point.value - value, fine=1e-9)
+    if not event.located:
+        raise NoConvergence("the curve does not return to this parameter value", event.point.X, segment.parameters, [])
+    return event.point.u

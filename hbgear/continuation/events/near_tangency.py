@@ -36,10 +36,10 @@ def near_zeros(f: Array, length: Array) -> list[tuple[int, float]]:
 
     if len(f) < 3:
         return []
-    found = np.empty((f.size, 2))
-    values, lengths = (np.ascontiguousarray(each, dtype=float) for each in (f, length))
-    count = near_zeros_kernel(values, lengths, NEAR_ZERO_RATIO, SECANT_REACH, found)
-    return sorted((int(segment), s) for segment, s in found[:count].tolist())
+    candidates = np.empty((f.size, 2))
+    values, lengths = (np.ascontiguousarray(array, dtype=float) for array in (f, length))
+    count = near_zeros_kernel(values, lengths, NEAR_ZERO_RATIO, SECANT_REACH, candidates)
+    return sorted((int(segment), s) for segment, s in candidates[:count].tolist())
 
 
 SECANT_REACH = 0.2

@@ -9,8 +9,8 @@ from hbgear.common.process.compiling import kernel
 
 
 @kernel
-def near_zeros_kernel(f: Any, length: Any, ratio: float, reach: float, found: Any) -> int:
-    """Fill the array ``found`` with candidate segments and fractions; return their number. See `near_zeros`.
+def near_zeros_kernel(f: Any, length: Any, ratio: float, reach: float, candidates: Any) -> int:
+    """Fill the array ``candidates`` with candidate segments and fractions; return their number. See `near_zeros`.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def near_zeros_kernel(f: Any, length: Any, ratio: float, reach: float, found: An
         Extremum of a parabola, relative to the smallest value at its points, below which it is close to zero.
     reach : float
         Fraction of a segment within which a single secant that reaches zero suffices.
-    found : ndarray, shape (P T, 2)
+    candidates : ndarray, shape (P T, 2)
         Result: the number of each segment and the fraction on it.
 
     Returns
@@ -37,28 +37,28 @@ def near_zeros_kernel(f: Any, length: Any, ratio: float, reach: float, found: An
             if 0 < i < last - 1:
                 s = _secant_intersection(f[i - 1, j], f[i, j], f[i + 1, j], f[i + 2, j], length, i, reach)
             if i > 0:
-                at = _parabola_minimum(f[i - 1, j], f[i, j], f[i + 1, j], length[i - 1], length[i], ratio)
-                s = at / length[i] if at >= 0.0 else s
+                distance = _parabola_minimum(f[i - 1, j], f[i, j], f[i + 1, j], length[i - 1], length[i], ratio)
+                s = distance / length[i] if distance >= 0.0 else s
             if i < last - 1:
-                at = _parabola_minimum(f[i, j], f[i + 1, j], f[i + 2, j], length[i], length[i + 1], ratio)
-                s = 1.0 + at / length[i] if at < 0.0 else s
+                distance = _parabola_minimum(f[i, j], f[i + 1, j], f[i + 2, j], length[i], length[i + 1], ratio)
+                s = 1.0 + distance / length[i] if distance < 0.0 else s
             if not math.isnan(s):
-                found[count, 0], found[count, 1] = i, s
+                candidates[count, 0], candidates[count, 1] = i, s
                 count += 1
     return count
 
 
 @kernel
-def _parabola_minimum(before: float, here: float, after: float, h: float, k: float, ratio: float) -> float:
+def _parabola_minimum(before: float, mid: float, after: float, h: float, k: float, ratio: float) -> float:
     """Return the distance from the middle one of three points, h and k apart, to the parabola minimum; nan if large."""
-    if not (before * here > 0.0 and here * after > 0.0 and abs(here) <= abs(before) and abs(here) <= abs(after)):
+    if not (before * mid > 0.0 and mid * after > 0.0 and abs(mid) <= abs(before) and abs(mid) <= abs(after)):
         return math.nan
-    rise, fall = (here - before) / h, (after - here) / k
+    rise, fall = (mid - before) / h, (after - mid) / k
     bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
-    if not bend * here > 0.0:
+    if not bend * mid > 0.0:
         return math.nan
-    at: float = -0.5 * slope / bend
-    return at if 1.0 + 0.5 * slope * at / here <= ratio else math.nan
+    distance: float = -0.5 * slope / bend
+    return distance if 1.0 + 0.5 * slope * distance / mid <= ratio else math.nan
 
 
 @kernel

@@ -95,26 +95,26 @@ def register_event(event: _Event, /, *, name: str | None = None) -> _Event:
     1.3
     """
     create = _factory(event)
-    made = create()
-    if made.kind in RESERVED:
+    created = create()
+    if created.kind in RESERVED:
         raise ValueError(
-            f"register_event: kind = {made.kind!r} is one that hbgear uses itself ({', '.join(RESERVED)}); "
+            f"register_event: kind = {created.kind!r} is one that hbgear uses itself ({', '.join(RESERVED)}); "
             "choose another"
         )
-    name = made.kind if name is None else name
+    name = created.kind if name is None else name
     if not isinstance(name, str) or not name or name in RESERVED or any(c.isspace() or c == "," for c in name):
         raise ValueError(
             f"register_event: the name {quoted(name)} must be a word, and none of {', '.join(RESERVED)}; "
             "give another one: register_event(event, name=...)"
         )
     origin = _module_of(event)
-    known = EVENTS.get(name)
-    if known is not None and known.origin != origin:
+    registered = EVENTS.get(name)
+    if registered is not None and registered.origin != origin:
         raise ValueError(
-            f"register_event: the name '{name}' belongs to an event of {known.origin}; "
+            f"register_event: the name '{name}' belongs to an event of {registered.origin}; "
             "give another one: register_event(event, name=...)"
         )
-    EVENTS[name] = RegisteredEvent(name, create, made.meaning, False, origin)
+    EVENTS[name] = RegisteredEvent(name, create, created.meaning, False, origin)
     return event
 
 
@@ -168,8 +168,8 @@ def event_of_kind(kind: str) -> Event | None:
     Event or None
         The event; None if none is registered.
     """
-    made = (entry.create() for entry in optional_events().values() if entry.name not in RESERVED)
-    return next((event for event in made if event.kind == kind), None)
+    events = (entry.create() for entry in optional_events().values() if entry.name not in RESERVED)
+    return next((event for event in events if event.kind == kind), None)
 
 
 def resolved_events(events: Sequence[Event | str], problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]:
@@ -194,23 +194,23 @@ def resolved_events(events: Sequence[Event | str], problem: ContinuationProblem,
     ValueError
         If no event has the name, or the event cannot be located on curves of the problem.
     """
-    found = []
-    own = {event.kind: event for event in events_of(problem, parameter)}
+    resolved = []
+    standard = {event.kind: event for event in events_of(problem, parameter)}
     for event in events:
         if isinstance(event, Event):
-            found.append(event)
-        elif event in own:
-            found.append(own[event])
+            resolved.append(event)
+        elif event in standard:
+            resolved.append(standard[event])
         elif event in EVENTS and EVENTS[event].applies(problem, parameter):
-            found.append(EVENTS[event].create())
+            resolved.append(EVENTS[event].create())
         else:
-            raise ValueError(_unknown(event, own, problem, parameter))
-    return tuple(found)
+            raise ValueError(_unknown(event, standard, problem, parameter))
+    return tuple(resolved)
 
 
-def _unknown(name: str, own: dict[str, Event], problem: ContinuationProblem, parameter: str) -> str:
+def _unknown(name: str, standard: dict[str, Event], problem: ContinuationProblem, parameter: str) -> str:
     """Return the message for an event that cannot be located, with the events that can."""
-    usable = [known for known, entry in optional_events().items() if entry.applies(problem, parameter)]
+    usable = [key for key, entry in optional_events().items() if entry.applies(problem, parameter)]
     reason = "the event {} does not exist for this problem and parameter" if name in EVENTS else "no event {}"
     names = f"; on request: {', '.join(usable)}" if usable else ""
-    return f"{reason.format(quoted(name))}; always located: {', '.join(own)}{names}"
+    return f"{reason.format(quoted(name))}; always located: {', '.join(standard)}{names}"

@@ -50,22 +50,22 @@ def in_residual_form(problem: Any, point: AnyPoint, parameter: str, event: Event
     NoConvergence
         If the residual form does not have the point at its highest resolution.
     """
-    own = problem.residual_form
-    if own is problem:
+    form = problem.residual_form
+    if form is problem:
         return problem, point
     while True:
         with suppress(NoConvergence, np.linalg.LinAlgError):
-            here = replace(point, X=problem.in_residual_form(point, own), layout=own.layout, problem=own)
-            if _difference(own, here, parameter, event) <= RESIDUAL_FORM_ACCURACY:
-                return own, here
-        if own.refined_problem is None:
+            converted = replace(point, X=problem.in_residual_form(point, form), layout=form.layout, problem=form)
+            if _difference(form, converted, parameter, event) <= RESIDUAL_FORM_ACCURACY:
+                return form, converted
+        if form.refined_problem is None:
             raise NoConvergence(
-                f"{getattr(point, 'label', '') or 'the point'} is not known to {own}, which has the equations to "
+                f"{getattr(point, 'label', '') or 'the point'} is not known to {form}, which has the equations to "
                 "follow and differentiate it: its contacts are too short; choose another point, or trace the curve at "
                 "neighbouring values of the parameter",
                 point.X, dict(point.parameters), [],
             )  # fmt: skip
-        own = own.refined_problem
+        form = form.refined_problem
 
 
 def _difference(problem: Any, point: Point, parameter: str, event: Event | None) -> float:
@@ -76,5 +76,5 @@ def _difference(problem: Any, point: Point, parameter: str, event: Event | None)
         return norm(X - point.X) / (norm(X) or 1.0)
     value = point.parameters[parameter]
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    found = equations.located(np.append(point.X, value), fixed)
-    return abs(float(found.X[-1]) - value) / (abs(value) or 1.0)
+    solution = equations.located(np.append(point.X, value), fixed)
+    return abs(float(solution.X[-1]) - value) / (abs(value) or 1.0)

@@ -115,7 +115,7 @@ class EvenCrossingSearch:
                           if point.located and not any(_coincide(point, known) for known in known_events)]  # fmt: skip
             confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
             fresh = drop_odd_counts(
-                confirmed, made_up=any(known.event.kind in STABILITY_CHANGING_KINDS for known in known_events)
+                confirmed, explained=any(known.event.kind in STABILITY_CHANGING_KINDS for known in known_events)
             )
             if fresh:
                 result[number] = sorted([*known_events, *fresh], key=lambda point: point.s)

@@ -170,7 +170,7 @@ def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugme
         return rough
     try:
         refined = locate_by_newton(
-            segment, rough.event, extended, rough.s, beyond=MAX_TRUNCATION_SHIFT / segment.length
+            segment, rough.event, extended, rough.s, margin=MAX_TRUNCATION_SHIFT / segment.length
         )
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
