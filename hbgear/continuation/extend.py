@@ -73,23 +73,23 @@ def extend(
         span = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
     first, last = span
     _check_end(branch, float(first), float(last))
-    before, here = (_unknowns(problem, branch, i) for i in (-2, -1))
-    direction = np.append(here - before, branch.values[-1] - branch.values[-2])
-    start = BranchStart(here, branch.parameters_at(-1), direction, away=False)
+    X_previous, X_last = (_unknowns(problem, branch, i) for i in (-2, -1))
+    direction = np.append(X_last - X_previous, branch.values[-1] - branch.values[-2])
+    start = BranchStart(X_last, branch.parameters_at(-1), direction, away=False)
     options = {"stability": branch.multipliers is not None, **options}
     new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
-    whole = append_continuation(*padded_to_common_size(branch, new))
-    whole = dataclasses.replace(whole, problem=most_resolved(branch, new))
-    return dataclasses.replace(whole, jump_records=find_jumps(whole, options.get("settings", NewtonSettings())))
+    extended = append_continuation(*padded_to_common_size(branch, new))
+    extended = dataclasses.replace(extended, problem=most_resolved(branch, new))
+    return dataclasses.replace(extended, jump_records=find_jumps(extended, options.get("settings", NewtonSettings())))
 
 
 def _check_end(branch: Branch, first: float, last: float) -> None:
     """Raise ValueError if there is nothing to trace beyond the last point."""
     if branch.status in (Status.CLOSED, Status.MERGED, Status.UNBOUNDED):
         raise ValueError(f"the branch is complete ({branch.message}); there is nothing to extend")
-    before, end = branch.values[-2:]
+    previous, end = branch.values[-2:]
     low, high = sorted((first, last))
-    if not low <= end <= high or (end in (low, high) and not low <= 2 * end - before <= high):
+    if not low <= end <= high or (end in (low, high) and not low <= 2 * end - previous <= high):
         raise ValueError(
             f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span; give a longer span"
         )

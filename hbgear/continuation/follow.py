@@ -107,42 +107,42 @@ def follow(
     True
     """
     branch = replace(branch, problem=branch.continued_problem())
-    here = branch[point] if isinstance(point, str) else point
-    assert isinstance(here, SpecialPoint)
+    special = branch[point] if isinstance(point, str) else point
+    assert isinstance(special, SpecialPoint)
     problem = as_problem(branch.problem)
     if isinstance(problem, SpecialPointProblem):
         raise ValueError("the branch is a curve of special points or limit cycles; follow a point of another curve")
-    chosen = event or event_of(branch, here) or event_of_kind(here.kind)
-    if chosen is None:
+    special_event = event or event_of(branch, special) or event_of_kind(special.kind)
+    if special_event is None:
         raise ValueError(
-            f"the event that located {here.label} is unknown, because files do not store it: give event= or register "
-            "it with hb.continuation.register_event"
+            f"the event that located {special.label} is unknown, because files do not store it: give event= or "
+            "register it with hb.continuation.register_event"
         )
-    if chosen.kind != here.kind:
-        raise ValueError(f"event '{chosen.kind}' did not locate {here.label}; give the one that did")
-    exact = problem.special_point_equations(branch.parameter, here, branch)
+    if special_event.kind != special.kind:
+        raise ValueError(f"event '{special_event.kind}' did not locate {special.label}; give the one that did")
+    exact = problem.special_point_equations(branch.parameter, special, branch)
     if exact is not None:
         with suppress(NoConvergence):  # of the first point
-            return trace_to_both_ends(exact, parameter, span, here, **options)
-    own, start = in_residual_form(problem.at_resolution_of(here), here, branch.parameter, chosen)
-    equations = chosen.equations(as_problem(own).original, branch.parameter, start)
+            return trace_to_both_ends(exact, parameter, span, special, **options)
+    form, start = in_residual_form(problem.at_resolution_of(special), special, branch.parameter, special_event)
+    equations = special_event.equations(as_problem(form).original, branch.parameter, start)
     if equations is None:
         raise ValueError(
-            f"{here.label} ({here.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no equations "
-            "are known for it; choose LP, PD, NS, GR, SL, PK or an event of your own"
+            f"{special.label} ({special.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no "
+            "equations are known for it; choose LP, PD, NS, GR, SL, PK or an event of your own"
         )
     try:
-        found = trace_to_both_ends(equations, parameter, span, start, **options)
+        curve = trace_to_both_ends(equations, parameter, span, start, **options)
     except NoConvergence as error:
         raise NoConvergence(
-            f"{here.label} (stated error {here.error:.1e}) cannot be followed, because it does not solve the equations "
-            f"of this kind of point: {error}. If the curve has a corner there, no equations are known; else trace it "
-            "with more harmonics",
+            f"{special.label} (stated error {special.error:.1e}) cannot be followed, because it does not solve the "
+            f"equations of this kind of point: {error}. If the curve has a corner there, no equations are known; else "
+            "trace it with more harmonics",
             error.X, error.parameters, error.residuals,
         ) from error  # fmt: skip
     if isinstance(equations, BranchPointProblem):
-        equations.require_solutions(found)
-    return found
+        equations.require_solutions(curve)
+    return curve
 
 
 def trace_to_both_ends(
@@ -168,10 +168,10 @@ def trace_to_both_ends(
     Branch
         Both parts in one, from the first to the last value.
     """
-    forth = trace(equations, parameter, span, point, **options)
+    forward = trace(equations, parameter, span, point, **options)
     low, high = sorted(map(float, span))
     value = {**point.parameters, **options.get("at", {})}.get(parameter, low)
-    if not low < value < high or forth.status in (Status.CLOSED, Status.INTERRUPTED):
-        return forth
-    back = trace(equations, parameter, (span[1], span[0]), point, **options)
-    return replace(concatenate(*padded_to_common_size(back, forth)), problem=most_resolved(back, forth))
+    if not low < value < high or forward.status in (Status.CLOSED, Status.INTERRUPTED):
+        return forward
+    backward = trace(equations, parameter, (span[1], span[0]), point, **options)
+    return replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))

@@ -73,23 +73,23 @@ class BranchPointProblem(MinimallyAugmentedProblem):
     True
     """
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        now = linearise(self.problem, X, self.parameter, here)
-        if not dense(now.dR_dX):
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        if not dense(evaluation.dR_dX):
             raise ValueError("branch points require dense matrices; reduce the problem")
         scale = np.full(len(X) + 1, self.problem.solution_norm(X) or 1.0)
-        scale[-1] = self.problem.unit_of(self.parameter, here[self.parameter])
-        u, s, vt = scipy.linalg.svd(_matrix(now) * scale)
+        scale[-1] = self.problem.unit_of(self.parameter, parameters[self.parameter])
+        u, s, vt = scipy.linalg.svd(_matrix(evaluation) * scale)
         if len(s) > 1 and s[-2] <= MIN_SECOND_SINGULAR_VALUE * s[0]:
             raise ValueError("more than two curves cross here: the point is not a simple branch point")
         return BranchPointResidual(
-            now.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
+            evaluation.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
         )  # s[0] is zero if all entries are
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders at X with the orientation of the previous ones."""
         assert isinstance(base, BranchPointResidual)
-        w, V, _ = self._null(linearise(self.problem, X, self.parameter, here), base)
+        w, V, _ = self._null(linearise(self.problem, X, self.parameter, parameters), base)
         u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
         return BranchPointResidual(base.weight, w / norm(w), u @ vt, base.scale)
 
@@ -101,59 +101,61 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         """
         name = branch.parameter
         for i in range(len(branch)):
-            now = linearise(self.problem, branch.X[i], "", branch.parameters_at(i))
-            if norm(now.R) > MAX_IMPERFECTION * now.size:
+            evaluation = linearise(self.problem, branch.X[i], "", branch.parameters_at(i))
+            if norm(evaluation.R) > MAX_IMPERFECTION * evaluation.size:
                 last = branch.values[max(i - 1, 0)]
                 raise ValueError(
                     f"branch points exist at single values of {name} only: beyond {name} = {last:.6g} the curves no "
                     f"longer cross, because {name} breaks their symmetry; follow a fold instead"
                 )
 
-    def _null(self, now: Evaluation, base: Borders) -> tuple[Array, Array, Array]:
+    def _null(self, evaluation: Evaluation, base: Borders) -> tuple[Array, Array, Array]:
         """Return w (n,), V (n + 1, 2) in scaled unknowns, and g (2,); see the module."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.c is not None
         n = len(base.b)
         B = np.zeros((n + 2, n + 2))
-        B[:n, : n + 1], B[:n, -1], B[n:, : n + 1] = _matrix(now) * base.scale, base.b, base.c.T
+        B[:n, : n + 1], B[:n, -1], B[n:, : n + 1] = _matrix(evaluation) * base.scale, base.b, base.c.T
         factors, unit = Factors(B), np.eye(n + 2)
         right, left = factors.solve(unit[:, n:]), factors.solve(unit[-1], transposed=True)
         return left[:n], right[: n + 1], right[-1]
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.scale is not None
-        now = linearise(self.problem, X, self.parameter, here)
-        w, V, g = self._null(now, base)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        w, V, g = self._null(evaluation, base)
         V, k, b = V * base.scale[:, None], base.weight, base.b
 
-        def moved(name: str) -> tuple[Array, Array]:
+        def slopes_in(name: str) -> tuple[Array, Array]:
             """Return the derivatives of R and g in a parameter."""
-            dR, dA = parameter_derivatives(self.problem, name, here, lambda at: self._both(X, at))
+            dR, dA = parameter_derivatives(
+                self.problem, name, parameters, lambda values: self._residual_and_matrix(X, values)
+            )
             return dR, -k * (w @ dA @ V)
 
-        g, g_X, g_p = k * g, k * self._slopes(X, here, w, V), moved(self.parameter)[1]
+        g, g_X, g_p = k * g, k * self._slopes(X, parameters, w, V), slopes_in(self.parameter)[1]
         first = Evaluation(
-            _with_component(b, now.R, g[0]),
-            _with_component(b, as_dense(now.dR_dX), g_X[0]),
-            _with_component(b, now.dR_dp, g_p[0]),
-            now.size,
+            _with_component(b, evaluation.R, g[0]),
+            _with_component(b, as_dense(evaluation.dR_dX), g_X[0]),
+            _with_component(b, evaluation.dR_dp, g_p[0]),
+            evaluation.size,
         )
-        others = tuple((_with_component(b, dR, dg[0]), float(dg[1])) for dR, dg in map(moved, names))
-        return AugmentedResidual(first, float(g[1]), g_X[1], float(g_p[1]), others)
+        derivatives = tuple((_with_component(b, dR, dg[0]), float(dg[1])) for dR, dg in map(slopes_in, names))
+        return AugmentedResidual(first, float(g[1]), g_X[1], float(g_p[1]), derivatives)
 
-    def _slopes(self, X: Array, here: dict[str, float], w: Array, V: Array) -> Array:
+    def _slopes(self, X: Array, parameters: dict[str, float], w: Array, V: Array) -> Array:
         """Return the gradients (2, n) of g in X: -w^T (R_XX v + R_Xp r) for each column (v, r) of V."""
         out = []
         for *v, rate in V.T:
             moves = any(v)  # otherwise only the parameter changes along the column
-            along, across = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **here)
-            out.append(-rate * (w @ across) - (w @ along if moves else 0.0))
+            Jv, Jp = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **parameters)
+            out.append(-rate * (w @ Jp) - (w @ Jv if moves else 0.0))
         return np.array(out)
 
-    def _both(self, X: Array, at: dict[str, float]) -> tuple[Array, Array]:
+    def _residual_and_matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return R and [dR/dX, dR/dp]."""
-        now = linearise(self.problem, X, self.parameter, at)
-        return now.R, _matrix(now)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        return evaluation.R, _matrix(evaluation)
 
 
 MIN_SECOND_SINGULAR_VALUE = 1e-7
@@ -164,13 +166,13 @@ MAX_IMPERFECTION = 1e-6
 """Residual, over the size of its terms, above which a point of a curve of branch points is no solution."""
 
 
-def _with_component(b: Array, of: Array, value: Array) -> Array:
+def _with_component(b: Array, array: Array, value: Array) -> Array:
     """Return a vector or matrix whose component along b is replaced by a value."""
-    out: Array = of + np.multiply.outer(b, value - b @ of)
+    out: Array = array + np.multiply.outer(b, value - b @ array)
     return out
 
 
-def _matrix(now: Evaluation) -> Array:
+def _matrix(evaluation: Evaluation) -> Array:
     """Return [dR/dX, dR/dp], (n, n + 1)."""
-    out: Array = np.column_stack([as_dense(now.dR_dX), now.dR_dp])
+    out: Array = np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp])
     return out

@@ -40,39 +40,39 @@ class FoldProblem(MinimallyAugmentedProblem):
         """Return the compiled Newton iteration; see `MinimallyAugmentedProblem.compiled`."""
         return self.problem.compiled_locator(self.parameter, parameters, FOLD)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        A, size = self.matrix(X, here)
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        A, size = self.matrix(X, parameters)
         b, c, largest = borders_of(A)
         return Borders(size / (largest or 1.0), b, c)
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders at X, with positive products with the previous ones, which keeps the sign of g.
 
         g is det(A) over the bordered determinant. New borders along a curve prevent a zero of this determinant.
         """
         assert base.b is not None and base.c is not None
-        A, _ = self.matrix(X, here)
+        A, _ = self.matrix(X, parameters)
         b, c = base.b, base.c
         for _ in range(2):
             v, w, _ = null_vectors(A, b, c)
             b, c = w / norm(w), v / norm(v)
         return Borders(base.weight, b, c)
 
-    def matrix(self, X: Array, here: dict[str, float]) -> tuple[Matrix, float]:
+    def matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Matrix, float]:
         """Return the matrix that is singular at the point, and the size of the terms of R."""
-        now = linearise(self.problem, X, "", here)
-        return now.dR_dX, now.size
+        evaluation = linearise(self.problem, X, "", parameters)
+        return evaluation.dR_dX, evaluation.size
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
-        now = linearise(self.problem, X, self.parameter, here)
-        v, w, g = null_vectors(now.dR_dX, base.b, base.c)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        v, w, g = null_vectors(evaluation.dR_dX, base.b, base.c)
         k = base.weight
-        along, across = self.problem.curvature(X, v, self.parameter, **here)
-        changes = (parameter_derivative_and_jacobian(self.problem, X, here, name) for name in names)
-        moved = tuple((dR, -k * float(w @ (dJ @ v))) for dR, dJ in changes)
-        return AugmentedResidual(now, k * g, -k * (w @ along), -k * float(w @ (across @ v)), moved)
+        along, dJ_dp = self.problem.curvature(X, v, self.parameter, **parameters)
+        changes = (parameter_derivative_and_jacobian(self.problem, X, parameters, name) for name in names)
+        derivatives = tuple((dR, -k * float(w @ (dJ @ v))) for dR, dJ in changes)
+        return AugmentedResidual(evaluation, k * g, -k * (w @ along), -k * float(w @ (dJ_dp @ v)), derivatives)
 
     def direction(self, U: Array, **parameters: float) -> int:
         """Return +1 if the solutions exist below the fold only, -1 if above: the direction of a sweep that reaches it.
@@ -91,10 +91,10 @@ class FoldProblem(MinimallyAugmentedProblem):
         int
             The direction.
         """
-        X, own = self.solution_of(U)
-        here = {**parameters, **own}
-        now = linearise(self.problem, X, self.parameter, here)
-        b, c, _ = borders_of(now.dR_dX)
-        v, w, _ = null_vectors(now.dR_dX, b, c)
-        along, _ = self.problem.curvature(X, v, self.parameter, **here)
-        return 1 if float(w @ (along @ v)) * float(w @ now.dR_dp) > 0 else -1
+        X, unknown = self.solution_of(U)
+        values = {**parameters, **unknown}
+        evaluation = linearise(self.problem, X, self.parameter, values)
+        b, c, _ = borders_of(evaluation.dR_dX)
+        v, w, _ = null_vectors(evaluation.dR_dX, b, c)
+        along, _ = self.problem.curvature(X, v, self.parameter, **values)
+        return 1 if float(w @ (along @ v)) * float(w @ evaluation.dR_dp) > 0 else -1

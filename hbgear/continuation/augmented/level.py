@@ -55,17 +55,17 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     def arguments(self) -> tuple[Any, ...]:
         return (self.test,)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size)
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", parameters).size)
 
-    def value(self, X: Array, here: dict[str, float]) -> float:
+    def value(self, X: Array, parameters: dict[str, float]) -> float:
         """Return the value of the function.
 
         Parameters
         ----------
         X : ndarray, shape (n,)
             Unknowns.
-        here : dict of str to float
+        parameters : dict of str to float
             All parameters.
 
         Returns
@@ -79,7 +79,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             If it is not finite.
         """
         point = Point(
-            X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
+            X, parameters, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
             problem=self.problem.original,
         )  # fmt: skip
         value = float(self.test(point))
@@ -87,29 +87,29 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             raise ValueError(f"the test function is {value} at {point}; it must be finite")
         return value
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
-        now = linearise(self.problem, X, self.parameter, here)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
         h = STEP * max(1e-3, norm(X))
         gradient = np.empty(len(X))
         for i in range(len(X)):
             e = np.zeros(len(X))
             e[i] = h
-            gradient[i] = (self.value(X + e, here) - self.value(X - e, here)) / (2 * h)
+            gradient[i] = (self.value(X + e, parameters) - self.value(X - e, parameters)) / (2 * h)
         k = base.weight
         derivatives = tuple(
-            (linearise(self.problem, X, name, here).dR_dp, k * self._parameter_derivative(X, here, name))
+            (linearise(self.problem, X, name, parameters).dR_dp, k * self._parameter_derivative(X, parameters, name))
             for name in names
         )
         return AugmentedResidual(
-            now,
-            k * self.value(X, here),
+            evaluation,
+            k * self.value(X, parameters),
             k * gradient,
-            k * self._parameter_derivative(X, here, self.parameter),
+            k * self._parameter_derivative(X, parameters, self.parameter),
             derivatives,
         )
 
-    def _parameter_derivative(self, X: Array, here: dict[str, float], name: str) -> float:
+    def _parameter_derivative(self, X: Array, parameters: dict[str, float], name: str) -> float:
         """Return the derivative of the function in a parameter."""
-        (derivatives,) = parameter_derivatives(self.problem, name, here, lambda at: (self.value(X, at),))
+        (derivatives,) = parameter_derivatives(self.problem, name, parameters, lambda values: (self.value(X, values),))
         return float(derivatives)

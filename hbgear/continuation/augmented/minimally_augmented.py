@@ -56,7 +56,7 @@ class AugmentedResidual(NamedTuple):
 
     Attributes
     ----------
-    now : Evaluation
+    evaluation : Evaluation
         R with its derivatives in X and p.
     g : float
         Value of the added equation.
@@ -68,7 +68,7 @@ class AugmentedResidual(NamedTuple):
         Derivatives of R and g in each requested further parameter.
     """
 
-    now: Evaluation
+    evaluation: Evaluation
     g: float
     g_X: Array
     g_p: float
@@ -76,11 +76,11 @@ class AugmentedResidual(NamedTuple):
 
 
 def parameter_derivative_and_jacobian(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], name: str
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], name: str
 ) -> tuple[Array, Matrix]:
     """Return the derivatives of R and dR/dX in a parameter, by finite differences."""
-    near, step = problem.perturbed(here, 2), problem.difference_step(X, here)
-    dR, dJ = parameter_derivatives(problem, name, here, lambda at: near.evaluate(X, **at), step)
+    perturbed, step = problem.perturbed(parameters, 2), problem.difference_step(X, parameters)
+    dR, dJ = parameter_derivatives(problem, name, parameters, lambda values: perturbed.evaluate(X, **values), step)
     return dR, dJ
 
 
@@ -112,14 +112,14 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
     # ---- the added equation
 
     @abstractmethod
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return R and g with their derivatives.
 
         Parameters
         ----------
         X : ndarray, shape (n,)
             Unknowns of the solution.
-        here : dict of str to float
+        parameters : dict of str to float
             All parameters.
         names : sequence of str
             Further parameters in which derivatives are computed.
@@ -133,7 +133,7 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         """
 
     @abstractmethod
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders defined by a point itself."""
 
     def with_borders_at(self, U: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
@@ -156,19 +156,19 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         MinimallyAugmentedProblem
             A copy, or the problem itself if it keeps its borders.
         """
-        X, own = self.solution_of(U)
-        here = {**parameters, **own}
-        inner = self.problem.with_borders_at(X, here, renew)
+        X, unknown = self.solution_of(U)
+        values = {**parameters, **unknown}
+        inner = self.problem.with_borders_at(X, values, renew)
         renewing = self.base is None or (renew and self.base.b is not None)
         if inner is self.problem and not renewing:
             return self
         out = copy.copy(self)
         out._fixed(problem=inner)
         if renewing:
-            out._fixed(base=out.base_at(X, here) if self.base is None else out.update_borders(self.base, X, here))
+            out._fixed(base=out.base_at(X, values) if self.base is None else out.update_borders(self.base, X, values))
         return out
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return borders for points near X that keep the weight and the sign of g."""
         return base
 
@@ -204,8 +204,8 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         """
         compiled = self.compiled(parameters)
         if compiled is None:
-            own = self.with_borders_at(U, parameters)
-            return refine(own, solve(own, U, parameters, settings=settings), parameters)
+            problem = self.with_borders_at(U, parameters)
+            return refine(problem, solve(problem, U, parameters, settings=settings), parameters)
         U, R, A = np.array(U), np.empty(len(U)), np.empty((len(U), len(U)))
         steps, size = compiled(U, 0, settings.tolerance, 4 * settings.max_iterations, R, A)
         if steps < 0:
@@ -229,11 +229,11 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         """
         compiled = self.compiled(parameters)
         if compiled is None:
-            own = self.with_borders_at(U, parameters)
+            problem = self.with_borders_at(U, parameters)
             for _ in range(steps):
-                now = linearise(own, U, "", parameters)
-                U = U - solve_linear(now.dR_dX, now.R)
-            return own, U
+                evaluation = linearise(problem, U, "", parameters)
+                U = U - solve_linear(evaluation.dR_dX, evaluation.R)
+            return problem, U
         U = np.array(U)
         if compiled(U, steps, math.nan, steps, np.empty(len(U)), np.empty((len(U), len(U))))[0] < 0:
             raise np.linalg.LinAlgError("singular matrix")
@@ -259,22 +259,24 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
         """The equations of the problems for comparisons, with their weights."""
-        others = self.problem.comparisons
-        return tuple((type(self)(other, self.parameter, *self.arguments), weight) for other, weight in others)
+        comparisons = self.problem.comparisons
+        return tuple((type(self)(problem, self.parameter, *self.arguments), weight) for problem, weight in comparisons)
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return {R, g} (n + 1,), its Jacobian and its derivative in a further parameter.
 
         The argument X holds the unknowns (X, p).
         """
-        now, moved = self.linearised(X, (name,) if name else (), **parameters)
-        return now._replace(dR_dp=moved[0]) if name else now
+        evaluation, derivatives = self.linearised(X, (name,) if name else (), **parameters)
+        return evaluation._replace(dR_dp=derivatives[0]) if name else evaluation
 
     def linearised(self, X: Array, names: Sequence[str], **parameters: float) -> tuple[Evaluation, Array]:
         """Return {R, g} with its Jacobian, and the derivatives (A, n + 1) of {R, g} in A further parameters."""
-        X, own = self.solution_of(X)
-        here = {**parameters, **own}
-        extra = self.extra(X, here, names, self.base or replace(self.base_at(X, here), weight=1.0))
-        J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)
-        moved = np.array([np.append(dR, dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
-        return Evaluation(np.append(extra.now.R, extra.g), J, np.zeros(len(X) + 1), extra.now.size), moved
+        X, unknown = self.solution_of(X)
+        values = {**parameters, **unknown}
+        extra = self.extra(X, values, names, self.base or replace(self.base_at(X, values), weight=1.0))
+        J = bordered(extra.evaluation.dR_dX, extra.evaluation.dR_dp, extra.g_X, extra.g_p)
+        derivatives = np.array([np.append(dR, dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
+        return Evaluation(
+            np.append(extra.evaluation.R, extra.g), J, np.zeros(len(X) + 1), extra.evaluation.size
+        ), derivatives

@@ -48,7 +48,7 @@ def borders_of(A: Matrix) -> tuple[Array, Array, float]:
     return (-b if g * sign > 0 else b), c, float(abs(A).sum(axis=0).max())
 
 
-def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
+def least_singular_vectors(A: Matrix, max_iterations: int = 200) -> tuple[Array, Array]:
     """Return the left and the right singular vector of the smallest singular value, by inverse iteration.
 
     With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0,
@@ -58,7 +58,7 @@ def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
     ----------
     A : Matrix, shape (n, n)
         Dense or sparse, real or complex matrix.
-    most : int, optional
+    max_iterations : int, optional
         Maximum number of iterations. The default is 200, which suffices if the two smallest singular values differ by
         5 %. Near a fold a few iterations suffice.
 
@@ -77,7 +77,7 @@ def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
     corner[-1] = 1.0
     right, left = lu.solve(corner), lu.adjoint_solve(corner)
     g = right[-1]
-    for _ in range(most):
+    for _ in range(max_iterations):
         x, y = lu.solve(np.append(b, 0.0)), lu.adjoint_solve(np.append(c, 0.0))
         new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g.conj() * y[:-1] - y[-1] * left[:-1]
         new_b, new_c = new_b / norm(new_b), new_c / norm(new_c)
@@ -114,7 +114,7 @@ def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
     B, e = bordered(A, b, c), np.zeros((len(b) + 1, 1))
     e[-1] = 1.0
     if dense(B) and len(B) <= SMALL:
-        right, left = (solve_signed(one, e)[0][:, 0] for one in (B, B.T))
+        right, left = (solve_signed(matrix, e)[0][:, 0] for matrix in (B, B.T))
     else:
         lu = Factors(B)
         right, left = lu.solve(e[:, 0]), lu.solve(e[:, 0], transposed=True)

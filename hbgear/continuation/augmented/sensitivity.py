@@ -53,7 +53,9 @@ class Slopes(NamedTuple):
     p: Array
 
 
-def of_solution(problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]) -> Slopes:
+def of_solution(
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], names: Sequence[str]
+) -> Slopes:
     """Return the derivatives of a solution at a fixed parameter of the curve.
 
     Raises
@@ -61,25 +63,25 @@ def of_solution(problem: ContinuationProblem, X: Array, here: Mapping[str, float
     numpy.linalg.LinAlgError
         If the solution is a fold.
     """
-    J = Factors(problem.evaluate(X, **here)[1])
-    return Slopes(_minus_solutions(J, _parameter_derivatives(problem, X, here, names)), np.zeros(len(names)))
+    J = Factors(problem.evaluate(X, **parameters)[1])
+    return Slopes(_minus_solutions(J, _parameter_derivatives(problem, X, parameters, names)), np.zeros(len(names)))
 
 
-def tangent(problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str) -> Array:
+def tangent(problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str) -> Array:
     """Return dX/dp (n,) along the curve at a solution that is not a fold."""
-    now = linearise(problem, X, parameter, here)
-    return -Factors(now.dR_dX).solve(now.dR_dp)
+    evaluation = linearise(problem, X, parameter, parameters)
+    return -Factors(evaluation.dR_dX).solve(evaluation.dR_dp)
 
 
 def of_curve(
     problem: ContinuationProblem,
     U: Array,
-    here: Mapping[str, float],
+    parameters: Mapping[str, float],
     parameter: str,
-    ahead: Array,
+    border: Array,
     names: Sequence[str],
 ) -> tuple[Array, Slopes]:
-    """Return the direction (n + 1,) of a curve at U = (X, p), and its displacement orthogonal to ``ahead``.
+    """Return the direction (n + 1,) of a curve at U = (X, p), and its displacement orthogonal to ``border``.
 
     The point may be a fold. A displacement along the curve does not change the curve, so that this component is
     arbitrary.
@@ -90,25 +92,25 @@ def of_curve(
         If two curves cross there.
     """
     X = U[:-1]
-    now = linearise(problem, X, parameter, here)
-    M = Factors(bordered(now.dR_dX, now.dR_dp, ahead))
+    evaluation = linearise(problem, X, parameter, parameters)
+    M = Factors(bordered(evaluation.dR_dX, evaluation.dR_dp, border))
     direction = -_minus_solutions(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
-    moved = _parameter_derivatives(problem, X, here, names)
-    slopes = _minus_solutions(M, np.column_stack([moved, np.zeros(len(names))]))
+    changes = _parameter_derivatives(problem, X, parameters, names)
+    slopes = _minus_solutions(M, np.column_stack([changes, np.zeros(len(names))]))
     return direction, Slopes(slopes[:, :-1], slopes[:, -1])
 
 
 def of_special(
-    equations: MinimallyAugmentedProblem, U: Array, here: Mapping[str, float], names: Sequence[str]
+    equations: MinimallyAugmentedProblem, U: Array, parameters: Mapping[str, float], names: Sequence[str]
 ) -> Slopes:
     """Return the derivatives of a special point U = (X, p) that is defined by augmented equations."""
-    now, moved = equations.with_borders_at(U, here).linearised(U, names, **here)
-    slopes = _minus_solutions(Factors(now.dR_dX), moved)
+    evaluation, changes = equations.with_borders_at(U, parameters).linearised(U, names, **parameters)
+    slopes = _minus_solutions(Factors(evaluation.dR_dX), changes)
     return Slopes(slopes[:, :-1], slopes[:, -1])
 
 
 def along(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], value: Value, dX: Array, name: str
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], value: Value, dX: Array, name: str
 ) -> float:
     """Return the derivative of a function of the point along dX (n,) per unit change of a parameter.
 
@@ -116,22 +118,22 @@ def along(
     closer to a grazing contact, beyond which the function is another one, and rounding limits small steps. Steps are
     reduced until two successive differences agree; else the one is returned that differs least from the one before.
     """
-    at = here[name]
-    change = norm(dX) * problem.unit_of(name, at)
+    p = parameters[name]
+    change = norm(dX) * problem.unit_of(name, p)
     step = STEP * min(1.0, max(1e-3, norm(X)) / change) if change else STEP
 
-    def changed(there: dict[str, float]) -> tuple[float]:
-        return (value(X + (there[name] - at) * dX, there),)
+    def moved_value(values: dict[str, float]) -> tuple[float]:
+        return (value(X + (values[name] - p) * dX, values),)
 
-    best, least, last = math.nan, math.inf, math.nan
+    best, smallest, last = math.nan, math.inf, math.nan
     for _ in range(STEP_SIZES):
-        (found,) = parameter_derivatives(problem, name, here, changed, step)
-        difference = abs(found - last)
-        if difference < least:
-            best, least = found, difference
-        if least <= AGREEMENT * abs(found):
+        (derivative,) = parameter_derivatives(problem, name, parameters, moved_value, step)
+        difference = abs(derivative - last)
+        if difference < smallest:
+            best, smallest = derivative, difference
+        if smallest <= AGREEMENT * abs(derivative):
             break
-        last, step = found, step / STEP_RATIO
+        last, step = derivative, step / STEP_RATIO
     return float(best)
 
 
@@ -144,24 +146,24 @@ AGREEMENT = 1e-6
 
 
 def of_branch_point(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, names: Sequence[str]
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> Slopes:
     """Return the derivatives of a branch point; nan in parameters whose change separates the curves."""
-    now = linearise(problem, X, parameter, here)
-    J, n = as_dense(now.dR_dX), len(X)
+    evaluation = linearise(problem, X, parameter, parameters)
+    J, n = as_dense(evaluation.dR_dX), len(X)
     b, c, _ = borders_of(J)
     v, w, _ = null_vectors(J, b, c)
-    z = Factors(bordered(J, b, c)).solve(np.append(now.dR_dp, 0.0))[:n]
+    z = Factors(bordered(J, b, c)).solve(np.append(evaluation.dR_dp, 0.0))[:n]
     tangents = (np.append(v, 0.0), np.append(-z, 1.0))
     M = np.zeros((n + 2, n + 2))
-    M[:n, :n], M[:n, n], M[:n, n + 1] = J, now.dR_dp, b
-    M[n:, : n + 1] = [_curvature_row(problem, X, here, parameter, w, t) for t in tangents]
-    rhs = np.array([_crossing_derivatives(problem, X, here, parameter, name, w, tangents) for name in names]).reshape(
-        -1, n + 2
-    )
+    M[:n, :n], M[:n, n], M[:n, n + 1] = J, evaluation.dR_dp, b
+    M[n:, : n + 1] = [_curvature_row(problem, X, parameters, parameter, w, t) for t in tangents]
+    rhs = np.array(
+        [_crossing_derivatives(problem, X, parameters, parameter, name, w, tangents) for name in names]
+    ).reshape(-1, n + 2)
     slopes = _minus_solutions(Factors(M), rhs)
-    kept = np.abs(slopes[:, -1]) <= IMPERFECTION_ROUNDING * np.array([norm(row[:n]) + 1e-300 for row in rhs]) / norm(b)
-    slopes[~kept] = np.nan
+    valid = np.abs(slopes[:, -1]) <= IMPERFECTION_ROUNDING * np.array([norm(row[:n]) + 1e-300 for row in rhs]) / norm(b)
+    slopes[~valid] = np.nan
     return Slopes(slopes[:, :n], slopes[:, n])
 
 
@@ -170,36 +172,37 @@ IMPERFECTION_ROUNDING = 1e-6
 
 
 def _curvature_row(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, w: Array, t: Array
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, w: Array, t: Array
 ) -> Array:
     """Return the derivative (n + 1,) of w . [J R_p] t in (X, p), by differences of w . [J R_p] along t."""
-    h = directional_step(X, t, problem.difference_step(X, here))
+    h = directional_step(X, t, problem.difference_step(X, parameters))
     plus, minus = (
-        linearise(problem, X + s * t[:-1], parameter, {**here, parameter: here[parameter] + s * t[-1]}) for s in (h, -h)
+        linearise(problem, X + s * t[:-1], parameter, {**parameters, parameter: parameters[parameter] + s * t[-1]})
+        for s in (h, -h)
     )
     change = (as_dense(plus.dR_dX) - as_dense(minus.dR_dX), plus.dR_dp - minus.dR_dp)
     return np.append(w @ change[0], w @ change[1]) / (2 * h)
 
 
 def _crossing_derivatives(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], parameter: str, name: str, w: Array,
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, name: str, w: Array,
     tangents: Sequence[Array],
 ) -> Array:  # fmt: skip
     """Return R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
 
-    def parts(at: dict[str, float]) -> tuple[Array, ...]:
-        now = linearise(problem, X, parameter, at)
-        return now.R, np.array([w @ (now.dR_dX @ t[:-1] + now.dR_dp * t[-1]) for t in tangents])
+    def equations(values: dict[str, float]) -> tuple[Array, ...]:
+        evaluation = linearise(problem, X, parameter, values)
+        return evaluation.R, np.array([w @ (evaluation.dR_dX @ t[:-1] + evaluation.dR_dp * t[-1]) for t in tangents])
 
-    dR, dg = parameter_derivatives(problem, name, here, parts)
+    dR, dg = parameter_derivatives(problem, name, parameters, equations)
     return np.append(dR, dg)
 
 
 def _parameter_derivatives(
-    problem: ContinuationProblem, X: Array, here: Mapping[str, float], names: Sequence[str]
+    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], names: Sequence[str]
 ) -> Array:
     """Return R_a (A, n) in each parameter."""
-    rows = [problem.parameter_derivative(X, name, here) for name in names]
+    rows = [problem.parameter_derivative(X, name, parameters) for name in names]
     return np.array(rows).reshape(len(names), len(X))
 
 

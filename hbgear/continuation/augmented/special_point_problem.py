@@ -119,8 +119,8 @@ class SpecialPointProblem(ContinuationProblem):
 
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
         """Return the coefficients of the solution, and the parameters among the unknowns by name."""
-        X, own = self.problem.split(U[:-1])
-        return X, {**own, self.parameter: float(U[-1])}
+        X, unknown = self.problem.split(U[:-1])
+        return X, {**unknown, self.parameter: float(U[-1])}
 
     def solution_of(self, U: Array) -> tuple[Array, dict[str, float]]:
         """Return X (n,), all unknowns of the problem, and the parameter of the curve by name."""
@@ -152,8 +152,8 @@ class SpecialPointProblem(ContinuationProblem):
 
     def observe(self, X: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
         """Return regime and error of the solution; the argument X holds the unknowns (X, p)."""
-        X, own = self.solution_of(X)
-        here = {**parameters, **own}
-        observed = self.problem.observe_many(X[None], self.parameter, np.array([here[self.parameter]]), False, **{
-            k: v for k, v in here.items() if k != self.parameter})[0]  # fmt: skip
+        X, unknown = self.solution_of(X)
+        values = {**parameters, **unknown}
+        observed = self.problem.observe_many(X[None], self.parameter, np.array([values[self.parameter]]), False, **{
+            k: v for k, v in values.items() if k != self.parameter})[0]  # fmt: skip
         return {k: observed[k] for k in ("regime", "error") if k in observed}

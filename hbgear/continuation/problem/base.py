@@ -124,15 +124,15 @@ class ContinuationProblem:
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
         """Return R (n,) and dR/dX (n, n). By default they are taken from `linearise`."""
-        now = self.linearise(X, "", **parameters)
-        return now.R, now.dR_dX
+        evaluation = self.linearise(X, "", **parameters)
+        return evaluation.R, evaluation.dR_dX
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R, by default 1 + norm(X)."""
         R, J = self.evaluate(X, **parameters)
         dR = np.zeros(len(X))
         if name:
-            (dR,) = parameter_derivatives(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
+            (dR,) = parameter_derivatives(self, name, parameters, lambda p: (np.asarray(self.evaluate(X, **p)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
     def parameter_derivative(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
@@ -143,9 +143,9 @@ class ContinuationProblem:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
         step, f = self.difference_step(X, parameters), self.evaluate
         h = directional_step(X, v, step)
-        (across,) = parameter_derivatives(self, name, parameters, lambda at: (f(X, **at)[1],), step)
+        (dJ_dp,) = parameter_derivatives(self, name, parameters, lambda values: (f(X, **values)[1],), step)
         plus, minus = (f(X + s * h * v, **parameters)[1] for s in (1, -1))
-        return (plus - minus) / (2 * h), across
+        return (plus - minus) / (2 * h), dJ_dp
 
     def difference_step(self, X: Array, parameters: Mapping[str, float]) -> float:
         """Return the step of differences of dR/dX at X, relative to the unknowns and to the parameter."""
@@ -155,7 +155,7 @@ class ContinuationProblem:
         """Return a compiled continuation loop in a parameter, the others fixed; by default None."""
         return None
 
-    def compiled_locator(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+    def compiled_locator(self, name: str, parameters: Mapping[str, float], target: int) -> Locating | None:
         """Return a compiled Newton iteration for points of a curve (a number, `FOLD` or `HELD`); by default None."""
         return None
 
@@ -231,22 +231,22 @@ class ContinuationProblem:
         self, X: Array, name: str, values: Array, stability: bool, **parameters: float
     ) -> list[dict[str, Any]]:
         """Return `observe` of solutions X (k, n) at values (k,) of the parameter."""
-        here = ({**parameters, name: value} for value in values.tolist())
-        return [self.observe(x, stability, **at) for x, at in zip(X, here, strict=True)]
+        sets = ({**parameters, name: value} for value in values.tolist())
+        return [self.observe(x, stability, **p) for x, p in zip(X, sets, strict=True)]
 
     def check_errors(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
     ) -> None:
-        """Replace ``"error"`` in the results ``seen`` of `observe` by the larger result of a check; by default none."""
+        """Replace ``"error"`` in the ``observed`` quantities by the larger result of a check; by default nothing."""
 
     def verify_stability(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float],
         work: Work | None = None,
     ) -> None:  # fmt: skip
         """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
 
-        ``seen`` holds the results of `observe` with two more entries: ``"determinant"`` is the sign of det(dR/dX), 0 if
-        it is unknown, and ``"contradicts"`` is True if an adjacent special point contradicts the stability. More
+        ``observed`` holds the results of `observe` with two more entries: ``"determinant"``, the sign of det(dR/dX), 0
+        if it is unknown, and ``"contradicts"``, True if an adjacent special point contradicts the stability. More
         accurate ``"multipliers"`` replace uncertain ones, ``"modulus_error"`` is the error of the largest modulus.
         Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
         """
@@ -370,8 +370,8 @@ def observe_all(
 
     Searches, whose intermediate solutions are not stored, omit the check.
     """
-    rest = {key: value for key, value in parameters.items() if key != name}
-    observed = problem.observe_many(U[:, :-1], name, U[:, -1], stability, **rest)
+    fixed = {key: value for key, value in parameters.items() if key != name}
+    observed = problem.observe_many(U[:, :-1], name, U[:, -1], stability, **fixed)
     if errors:
-        problem.check_errors(U[:, :-1], name, U[:, -1], observed, rest)
+        problem.check_errors(U[:, :-1], name, U[:, -1], observed, fixed)
     return observed

@@ -34,8 +34,8 @@ class Evaluation(NamedTuple):
     >>> import numpy as np
     >>> class Circle:
     ...     def evaluate(self, X, p):
-    ...         now = self.linearise(X, "p", p)
-    ...         return now.R, now.dR_dX
+    ...         evaluation = self.linearise(X, "p", p)
+    ...         return evaluation.R, evaluation.dR_dX
     ...
     ...     def linearise(self, X, name, p):
     ...         return hb.continuation.Evaluation(np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]]),

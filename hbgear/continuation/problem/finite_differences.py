@@ -48,7 +48,7 @@ def directional_step(X: Array, v: Array, relative: float = STEP) -> float:
 
 
 def parameter_derivatives(
-    problem: HasUnits, name: str, here: Mapping[str, float], of: Callable[[dict[str, float]], tuple[Any, ...]],
+    problem: HasUnits, name: str, parameters: Mapping[str, float], f: Callable[[dict[str, float]], tuple[Any, ...]],
     step: float = STEP,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return the derivatives of several quantities in a parameter.
@@ -59,9 +59,9 @@ def parameter_derivatives(
         Problem that gives the size of the parameter.
     name : str
         The parameter.
-    here : mapping of str to float
+    parameters : mapping of str to float
         Values of all parameters.
-    of : callable
+    f : callable
         Returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
         ValueError outside the range of the parameter.
     step : float, optional
@@ -75,7 +75,7 @@ def parameter_derivatives(
     Raises
     ------
     ValueError
-        If `of` raises it on both sides.
+        If `f` raises it on both sides.
 
     Examples
     --------
@@ -83,13 +83,13 @@ def parameter_derivatives(
     >>> parameter_derivatives(ContinuationProblem(), "p", {"p": 2.0}, lambda at: (round(at["p"] ** 2, 12),))
     (4.0,)
     """
-    value = here[name]
+    value = parameters[name]
     h = step * problem.unit_of(name, value)
     ends: list[tuple[float, tuple[Any, ...]]] = []
     refused: ValueError | None = None
-    for there in (value + h, value - h):
+    for p in (value + h, value - h):
         try:
-            ends.append((there, of({**here, name: there})))
+            ends.append((p, f({**parameters, name: p})))
         except ValueError as error:
             if refused is not None:
                 raise
@@ -97,7 +97,7 @@ def parameter_derivatives(
     if len(ends) == 2:
         (a, above), (b, below) = ends
         return tuple((x - y) / (a - b) for x, y in zip(above, below, strict=True))
-    ((near, first),) = ends
-    far = value + 2 * (near - value)
-    second, own = of({**here, name: far}), of({**here, name: value})
-    return tuple((4 * y - z - 3 * x) / (far - value) for x, y, z in zip(own, first, second, strict=True))
+    ((inner, first),) = ends
+    outer = value + 2 * (inner - value)
+    second, centre = f({**parameters, name: outer}), f({**parameters, name: value})
+    return tuple((4 * y - z - 3 * x) / (outer - value) for x, y, z in zip(centre, first, second, strict=True))

@@ -76,11 +76,11 @@ class Work:
         bool
             False if they are refused. They are not counted then.
         """
-        more = _weight(unknowns, solutions)
-        if more > MAX_FRACTION * (self.limit - self.spent):
+        weight = _weight(unknowns, solutions)
+        if weight > MAX_FRACTION * (self.limit - self.spent):
             self.refused += 1
             return False
-        self.spent += more
+        self.spent += weight
         return True
 
     def estimates(self, unknowns: int, solutions: int = 1) -> bool:
@@ -106,11 +106,11 @@ class Work:
         >>> work.allows(70), work.estimates(70), work.estimates(700)
         (False, True, False)
         """
-        more = _weight(unknowns, solutions)
-        if more > self.limit - self.estimated:
+        weight = _weight(unknowns, solutions)
+        if weight > self.limit - self.estimated:
             self.refused += 1
             return False
-        self.estimated += more
+        self.estimated += weight
         return True
 
     def verifies(self, unknowns: int, solutions: int = 1) -> bool:
