@@ -116,38 +116,38 @@ def _asymptote_ahead(
     outward = float(X @ point.tangent[:-1]) / r if r else 0.0
     if not outward > 0:
         return None
-    known = problem.recession(X, {**fixed, name: p})
-    if known is None:
+    limit_equations = problem.recession(X, {**fixed, name: p})
+    if limit_equations is None:
         return None
-    far, size = as_problem(known), abs(p) or 1.0
-    now = linearise(far, X, name, {**fixed, name: p})
-    if not norm(now.R) < MAX_LIMIT_RESIDUAL * size * norm(now.dR_dp):
+    limit_problem, size = as_problem(limit_equations), abs(p) or 1.0
+    evaluation = linearise(limit_problem, X, name, {**fixed, name: p})
+    if not norm(evaluation.R) < MAX_LIMIT_RESIDUAL * size * norm(evaluation.dR_dp):
         return None
     # extrapolated to u = 0, the tangent of (y, p)(u) leads to y = dX/dr and p + r dp/dr
-    ahead, value = point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
-    distance = float(np.hypot(norm(ahead - X / r), (value - p) / size))
-    found = _limit_solution(far, name, fixed, ahead, value) if distance < MAX_ASYMPTOTE_DISTANCE else None
-    if found is None:
+    y, value = point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
+    distance = float(np.hypot(norm(y - X / r), (value - p) / size))
+    solution = _limit_solution(limit_problem, name, fixed, y, value) if distance < MAX_ASYMPTOTE_DISTANCE else None
+    if solution is None:
         return None
-    missed = float(np.hypot(norm(found[0] - ahead), (found[1] - value) / size))
-    return found[1] if missed < MAX_TANGENT_MISS * distance else None
+    miss = float(np.hypot(norm(solution[0] - y), (solution[1] - value) / size))
+    return solution[1] if miss < MAX_TANGENT_MISS * distance else None
 
 
 def _limit_solution(
-    far: ContinuationProblem, name: str, fixed: Mapping[str, float], y: Array, p: float
+    limit_problem: ContinuationProblem, name: str, fixed: Mapping[str, float], y: Array, p: float
 ) -> tuple[Array, float] | None:
     """Solve R_inf(y, p) = 0 by Newton's method orthogonal to y; return None if it fails.
 
     Steps are least-squares solutions, because the phase of undamped motions is arbitrary.
     """
-    allowed, size = far.range_of(name), abs(p) or 1.0
-    across = y = y / norm(y)
+    allowed, size = limit_problem.range_of(name), abs(p) or 1.0
+    normal = y = y / norm(y)
     for _ in range(MAX_ASYMPTOTE_ITERATIONS):
-        now = linearise(far, y, name, {**fixed, name: p})
-        if norm(now.R) <= SOLUTION_RESIDUAL * size * norm(now.dR_dp):
+        evaluation = linearise(limit_problem, y, name, {**fixed, name: p})
+        if norm(evaluation.R) <= SOLUTION_RESIDUAL * size * norm(evaluation.dR_dp):
             return y, p
-        A = np.block([[now.dR_dX, now.dR_dp[:, None]], [across[None], np.zeros((1, 1))]])
-        step = np.linalg.lstsq(A, np.append(now.R, 0.0), rcond=ROUNDING_SINGULAR_VALUE)[0]
+        A = np.block([[evaluation.dR_dX, evaluation.dR_dp[:, None]], [normal[None], np.zeros((1, 1))]])
+        step = np.linalg.lstsq(A, np.append(evaluation.R, 0.0), rcond=ROUNDING_SINGULAR_VALUE)[0]
         y, p = y - step[:-1], p - float(step[-1])
         if p not in allowed or not norm(y) > 0:
             return None

@@ -18,7 +18,7 @@ from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 
 
-class Found(Protocol):
+class Located(Protocol):
     """A located special point: its event, its refined location if there is one, its error and a note."""
 
     @property
@@ -50,14 +50,14 @@ class SpecialPointMark:
     ----------
     index : int
         Number of its point.
-    found : Found
+    special : Located
         The special point.
     interval : (float, float)
         Values of the parameter at the neighbouring points.
     """
 
     index: int
-    found: Found
+    special: Located
     interval: tuple[float, float]
 
 
@@ -107,22 +107,22 @@ def build_branch(
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
-        found, kind = mark.found, mark.found.event.kind
+        event, kind = mark.special, mark.special.event.kind
         count[kind] = count.get(kind, 0) + 1
-        if found.sharp is not None:
-            known = point_fields(found.sharp.problem, name, fixed, found.sharp.point)
+        if event.sharp is not None:
+            fields = point_fields(event.sharp.problem, name, fixed, event.sharp.point)
         else:
-            known = point_fields(problem, name, fixed, points[mark.index]) | {
+            fields = point_fields(problem, name, fixed, points[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
             }  # fmt: skip
-        known["problem"] = problem.original
-        special.append(build_special_point(found, known, f"{kind}{count[kind]}", mark.index, mark.interval))
+        fields["problem"] = problem.original
+        special.append(build_special_point(event, fields, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,
         values=values,
         X=unknowns,
         fixed=dict(fixed),
-        tracked={k: np.array([here[k] for here in tracked]) for k in problem.unknown_parameters},
+        tracked={k: np.array([row[k] for row in tracked]) for k in problem.unknown_parameters},
         multipliers=mu,
         iterations=np.array([r.iterations for r in points]),
         residual=np.array([r.residual for r in points]),
@@ -154,15 +154,15 @@ def _unknowns(problem: ContinuationProblem, points: list[CurvePoint]) -> tuple[A
 
 
 def build_special_point(
-    found: Found, known: dict[str, Any], label: str, index: int, interval: tuple[float, float]
+    event: Located, fields: dict[str, Any], label: str, index: int, interval: tuple[float, float]
 ) -> SpecialPoint:
     """Return the special point of a branch.
 
     Parameters
     ----------
-    found : Found
+    event : Located
         The located special point.
-    known : dict
+    fields : dict
         Fields of the point; see `point_fields`.
     label : str
         Label, such as "LP1".
@@ -177,9 +177,9 @@ def build_special_point(
         The special point.
     """
     return SpecialPoint(
-        **known | {"error": found.error}, truncation=known["error"], label=label, kind=found.event.kind, index=index,
-        located=found.located, interval=interval, note=found.note, meaning=found.event.meaning,
-        marker=found.event.marker, event=found.event,
+        **fields | {"error": event.error}, truncation=fields["error"], label=label, kind=event.event.kind, index=index,
+        located=event.located, interval=interval, note=event.note, meaning=event.event.meaning,
+        marker=event.event.marker, event=event.event,
     )  # fmt: skip
 
 

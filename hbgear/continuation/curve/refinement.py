@@ -31,7 +31,7 @@ RESIDUAL_TOLERANCE = 1e-11
 
 
 def nearest_solution(
-    problem: ContinuationProblem, X: Array, name: str, here: Mapping[str, float]
+    problem: ContinuationProblem, X: Array, name: str, parameters: Mapping[str, float]
 ) -> tuple[Array, float]:
     """Return the solution (X, p) nearest to a guess, by Newton's method with steps of least norm.
 
@@ -43,7 +43,7 @@ def nearest_solution(
         Guess of the unknowns.
     name : str
         Name of the continuation parameter.
-    here : mapping of str to float
+    parameters : mapping of str to float
         All parameters, with the guess of the continuation parameter.
 
     Returns
@@ -58,20 +58,22 @@ def nearest_solution(
     NoConvergence
         If the iteration does not converge.
     """
-    at, scale = dict(here), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
-    scale[-1] = problem.unit_of(name, here[name])
+    values, scale = dict(parameters), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
+    scale[-1] = problem.unit_of(name, parameters[name])
     for _ in range(MAX_REFINEMENT_ITERATIONS):
-        now = linearise(problem, X, name, at)
-        if norm(now.R) <= RESIDUAL_TOLERANCE * now.size:
-            return X, at[name]
-        step = shortest_step(now, now.R, scale)
-        X, at[name] = X + step[:-1], at[name] + float(step[-1])
-    raise NoConvergence("the solution with more unknowns was not found", X, at, [norm(now.R) / now.size])
+        evaluation = linearise(problem, X, name, values)
+        if norm(evaluation.R) <= RESIDUAL_TOLERANCE * evaluation.size:
+            return X, values[name]
+        step = shortest_step(evaluation, evaluation.R, scale)
+        X, values[name] = X + step[:-1], values[name] + float(step[-1])
+    raise NoConvergence(
+        "the solution with more unknowns was not found", X, values, [norm(evaluation.R) / evaluation.size]
+    )
 
 
-def shortest_step(now: Evaluation, R: Array, scale: Array) -> Array:
+def shortest_step(evaluation: Evaluation, R: Array, scale: Array) -> Array:
     """Return the step (n + 1,) of least norm, in units of ``scale``, with [dR/dX, dR/dp] step = -R; also at a fold."""
-    Q, T = scipy.linalg.qr((np.column_stack([now.dR_dX, now.dR_dp]) * scale).T, mode="economic")
+    Q, T = scipy.linalg.qr((np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale).T, mode="economic")
     step: Array = scale * (Q @ scipy.linalg.solve_triangular(T, -R, trans=1))
     return step
 
@@ -97,17 +99,17 @@ def refine_branch(branch: Branch) -> Branch:
     problem = branch.problem
     finer = None if problem is None else as_problem(problem).refined_problem
     if finer is None:
-        why = "has the largest number of harmonics already: trace it with fewer"
+        reason = "has the largest number of harmonics already: trace it with fewer"
         if problem is None:
-            why = "does not have its problem: load it with load(path, problem=HarmonicBalance(...))"
-        raise ValueError(f"a curve is refined with twice the harmonics, and this one {why}")
+            reason = "does not have its problem: load it with load(path, problem=HarmonicBalance(...))"
+        raise ValueError(f"a curve is refined with twice the harmonics, and this one {reason}")
     if branch.tracked:
         raise ValueError("a curve of special points is not refined: its points state their own errors")
     finer = as_problem(finer)
     solutions = [_solution(finer, branch, i) for i in range(len(branch))]
     X, values = np.array([X for X, _ in solutions]), np.array([value for _, value in solutions])
-    known, observed = np.isfinite(values), _blank(branch)
-    for i, quantities in zip(np.flatnonzero(known), _observed(finer, branch, X[known], values[known]), strict=True):
+    solved, observed = np.isfinite(values), _blank(branch)
+    for i, quantities in zip(np.flatnonzero(solved), _observed(finer, branch, X[solved], values[solved]), strict=True):
         for name in observed.keys() & quantities.keys():
             observed[name][i] = quantities[name]
     return replace(

@@ -215,9 +215,9 @@ class Segment:
         ndarray, shape (n + 1,) or (k, n + 1)
             Interpolated unknowns.
         """
-        (begin, end), square, rest = self.slopes, s * s, 1.0 - s
+        (begin, end), square, r = self.slopes, s * s, 1.0 - s
         value = square * (3.0 - 2.0 * s)
-        return (1.0 - value) * self.a.u + value * self.b.u + s * rest * (rest * begin - s * end)
+        return (1.0 - value) * self.a.u + value * self.b.u + s * r * (r * begin - s * end)
 
     def at(self, s: float) -> CurvePoint:
         """Return the corrected point at a fraction of the segment.
@@ -270,12 +270,12 @@ class Segment:
         chord = (self.b.u - self.a.u) / self.scale
         return float(chord @ ((u - self.a.u) / self.scale) / (chord @ chord))
 
-    def passes(self, known: CurvePoint) -> bool:
+    def passes(self, point: CurvePoint) -> bool:
         """Return whether the segment passes through a known point.
 
         Parameters
         ----------
-        known : CurvePoint
+        point : CurvePoint
             The known point, with its tangent.
 
         Returns
@@ -284,17 +284,17 @@ class Segment:
             Whether the nearest point of the segment coincides with the known curve.
         """
         chord = (self.b.u - self.a.u) / self.scale
-        offset = (known.u - self.a.u) / self.scale
-        length, s = norm(chord), self.fraction_of(known.u)
+        offset = (point.u - self.a.u) / self.scale
+        length, s = norm(chord), self.fraction_of(point.u)
         if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > MAX_CHORD_DISTANCE * length:
             return False
         try:
-            there = self.at(s)
+            nearest = self.at(s)
         except (NoConvergence, np.linalg.LinAlgError):
             return False
-        gap, along = (there.u - known.u) / self.scale, known.tangent / self.scale
-        across = gap - along * (gap @ along) / (along @ along)
-        return float(np.linalg.norm(across)) < SAME_CURVE_DISTANCE * length
+        gap, along = (nearest.u - point.u) / self.scale, point.tangent / self.scale
+        normal = gap - along * (gap @ along) / (along @ along)
+        return float(np.linalg.norm(normal)) < SAME_CURVE_DISTANCE * length
 
 
 MAX_CHORD_DISTANCE = 0.1
@@ -322,7 +322,7 @@ CONSTANT_PARAMETER_SLOPE = 1e-7
 
 
 def point_from_solution(
-    solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: CurvePoint | None = None
+    solution: Solution, normal: Array, scale: Array, step: float = 0.0, last: CurvePoint | None = None
 ) -> CurvePoint:
     """Return the point of a solution, with its tangent.
 
@@ -336,7 +336,7 @@ def point_from_solution(
         Scales of the unknowns.
     step : float, optional
         Size of the step to the point. The default is 0.
-    before : CurvePoint, optional
+    last : CurvePoint, optional
         Previous point of the curve.
 
     Returns
@@ -349,10 +349,10 @@ def point_from_solution(
     numpy.linalg.LinAlgError
         If the curve has no direction there.
     """
-    return point_along(corrected(solution, normal), scale, step, before)
+    return point_along(corrected(solution, normal), scale, step, last)
 
 
-def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, before: CurvePoint | None = None) -> CurvePoint:
+def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, last: CurvePoint | None = None) -> CurvePoint:
     """Return the point of a solution whose direction is known.
 
     Parameters
@@ -363,7 +363,7 @@ def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, before: 
         Scales of the unknowns.
     step : float, optional
         Size of the step to the point. The default is 0.
-    before : CurvePoint, optional
+    last : CurvePoint, optional
         Previous point of the curve.
 
     Returns
@@ -373,13 +373,13 @@ def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, before: 
     """
     solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    direction = parameter_direction(float(unit[-1] / scale[-1]), before.parameter_direction if before else 0)
+    direction = parameter_direction(float(unit[-1] / scale[-1]), last.parameter_direction if last else 0)
     return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, direction)
 
 
 def resolve_at_resolution(
     point: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
-    settings: NewtonSettings, still: bool = False,
+    settings: NewtonSettings, fixed_value: bool = False,
 ) -> CurvePoint:  # fmt: skip
     """Return a point at the resolution of another problem.
 
@@ -397,7 +397,7 @@ def resolve_at_resolution(
         Scales of its unknowns.
     settings : NewtonSettings
         Settings of the corrector.
-    still : bool, optional
+    fixed_value : bool, optional
         Whether the parameter keeps its value, as at the ends of a curve, which are solved as initial solutions are. By
         default the corrector moves in the plane orthogonal to the curve.
 
@@ -413,7 +413,7 @@ def resolve_at_resolution(
     """
     X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
     normal = normal_of(direction, scale)
-    if still:
+    if fixed_value:
         solution = solve(problem, X, {**parameters, name: point.value}, name, settings)
         return point_from_solution(solution, normal, scale, point.step, point)
     normal = normal / np.linalg.norm(normal)
@@ -423,10 +423,10 @@ def resolve_at_resolution(
 
 def rescaled(scale: Array, problem: ContinuationProblem, size: int) -> Array:
     """Return the scales (size + 1,) for another number of unknowns; the scales of parameters remain."""
-    own = 1 + len(problem.unknown_parameters)
-    return np.concatenate([np.full(size + 1 - own, scale[0]), scale[-own:]])
+    count = 1 + len(problem.unknown_parameters)
+    return np.concatenate([np.full(size + 1 - count, scale[0]), scale[-count:]])
 
 
-def parameter_direction(change: float, before: int) -> int:
-    """Return the sign of the scaled parameter change along the tangent; ``before`` if it is rounding error."""
-    return (1 if change > 0 else -1) if abs(change) > CONSTANT_PARAMETER_SLOPE else before
+def parameter_direction(change: float, previous: int) -> int:
+    """Return the sign of the scaled parameter change along the tangent; ``previous`` if it is rounding error."""
+    return (1 if change > 0 else -1) if abs(change) > CONSTANT_PARAMETER_SLOPE else previous

@@ -86,10 +86,10 @@ def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
 def _transverse_direction(branch: Branch, point: SpecialPoint) -> Array:
     """Return the direction in the null space of [dR/dX, dR/dp] orthogonal to the traced curve, in scaled unknowns."""
     problem = as_problem(branch.problem)
-    linearised = linearise(problem, point.X, branch.parameter, point.parameters)
+    evaluation = linearise(problem, point.X, branch.parameter, point.parameters)
     size = float(problem.solution_norms(branch.X).max()) or 1.0  # the point itself may be zero up to rounding
     scale = np.append(np.full(len(point.X), size), np.ptp(branch.values) or 1.0)
-    null = scipy.linalg.svd(np.column_stack([as_dense(linearised.dR_dX), linearised.dR_dp]) * scale)[2][-2:]
+    null = scipy.linalg.svd(np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]) * scale)[2][-2:]
     i = point.index
     before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
@@ -134,8 +134,8 @@ def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
 
     def logdet(point: CurvePoint) -> tuple[float, float]:
         parameters = {**segment.parameters, segment.name: point.value}
-        linearised = linearise(segment.problem, point.X, segment.name, parameters)
-        return slogdet(bordered(linearised.dR_dX, linearised.dR_dp, point.tangent / segment.scale**2))
+        evaluation = linearise(segment.problem, point.X, segment.name, parameters)
+        return slogdet(bordered(evaluation.dR_dX, evaluation.dR_dp, point.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]
 

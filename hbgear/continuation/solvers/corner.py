@@ -79,16 +79,16 @@ def step_over_corner(
     tuple or None
         The point with its oriented direction, and the step; None if there is no such point.
     """
-    equations, onward = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
+    equations, direction = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
     for distance in PROBE_DISTANCES:
         delta = distance * smallest
         limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * math.sqrt(delta), turn)
         try:
-            found = _beyond(equations, u, onward, orientation, scale, delta, limits)
+            result = _point_beyond(equations, u, direction, orientation, scale, delta, limits)
         except (ValueError, NoConvergence, np.linalg.LinAlgError):  # ValueError of a model
             continue
-        if found is not None:
-            return found
+        if result is not None:
+            return result
     return None
 
 
@@ -105,7 +105,7 @@ class _Equations(NamedTuple):
         return linearise(self.problem, u[:-1], self.name, {**self.fixed, self.name: float(u[-1])})
 
 
-def _beyond(
+def _point_beyond(
     equations: _Equations, u: Array, tangent: Array, orientation: int, scale: Array, delta: float,
     limits: tuple[float, float, float],
 ) -> tuple[CorrectedPoint, float] | None:  # fmt: skip
@@ -116,23 +116,23 @@ def _beyond(
     n = _largest_change(equations, u, u + delta * tangent, scale)
     for direction in (tangent, n, -n):
         with suppress(NoConvergence, np.linalg.LinAlgError):
-            found = _from_probe(equations, u, u + delta * direction, n, scale)
-            reached = found.direction * (found.orientation * orientation or 1)
-            chord = np.append(found.solution.X, found.solution.value) - u
-            length, size = norm(chord / scale), norm(reached / scale)
-            cosine = float((chord / scale) @ (reached / scale)) / (length * size)
+            candidate = _from_probe(equations, u, u + delta * direction, n, scale)
+            oriented = candidate.direction * (candidate.orientation * orientation or 1)
+            chord = np.append(candidate.solution.X, candidate.solution.value) - u
+            length, size = norm(chord / scale), norm(oriented / scale)
+            cosine = float((chord / scale) @ (oriented / scale)) / (length * size)
             if limits[0] <= length <= limits[1] and cosine >= math.cos(math.radians(limits[2])):
-                return CorrectedPoint(found.solution, reached / size, orientation), length
+                return CorrectedPoint(candidate.solution, oriented / size, orientation), length
     return None
 
 
 def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array) -> Array:
     """Return the direction in which the change of the derivatives between two points is largest, of unit length."""
-    here, there = (
-        np.column_stack([as_dense(now.dR_dX), now.dR_dp]) * scale for now in (equations.at(u), equations.at(probe))
+    before, beyond = (
+        np.column_stack([as_dense(e.dR_dX), e.dR_dp]) * scale for e in (equations.at(u), equations.at(probe))
     )
-    sizes = np.linalg.norm(there - here, axis=1)
-    row: Array = (there - here)[np.argmax(sizes)]
+    sizes = np.linalg.norm(beyond - before, axis=1)
+    row: Array = (beyond - before)[np.argmax(sizes)]
     return row * scale / (float(sizes.max()) or 1.0)
 
 
@@ -140,9 +140,9 @@ def _from_probe(equations: _Equations, u: Array, probe: Array, n: Array, scale: 
     """Return the point of the curve that one Newton step from the probe, in the plane across n, predicts."""
     from hbgear.continuation.stepping.kernels import arclength_normal
 
-    normal, now = np.empty(len(u)), equations.at(probe)
+    normal, probed = np.empty(len(u)), equations.at(probe)
     arclength_normal(n, scale, normal)
-    step = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), np.append(now.R, 0.0)[:, None])[0][:, 0]
+    step = solve_signed(bordered(probed.dR_dX, probed.dR_dp, normal), np.append(probed.R, 0.0)[:, None])[0][:, 0]
     arclength_normal(probe - step - u, scale, normal)
     return _corrected(equations, probe - step, normal)
 
@@ -158,5 +158,5 @@ def _corrected(equations: _Equations, predicted: Array, normal: Array) -> Correc
     try:
         return correct(problem, predicted, normal, name, fixed, settings, POLISH_ABOVE)
     except NoConvergence:
-        near = solve(problem, predicted[:-1], {**fixed, name: float(predicted[-1])}, settings=settings)
-    return correct(problem, np.append(near.X, predicted[-1]), normal, name, fixed, settings, POLISH_ABOVE)
+        nearby = solve(problem, predicted[:-1], {**fixed, name: float(predicted[-1])}, settings=settings)
+    return correct(problem, np.append(nearby.X, predicted[-1]), normal, name, fixed, settings, POLISH_ABOVE)

@@ -43,7 +43,7 @@ class CorrectedPoint(NamedTuple):
 
 def correct(
     problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],
-    settings: NewtonSettings = NewtonSettings(), sharp: float = 1.0,
+    settings: NewtonSettings = NewtonSettings(), polish_above: float = 1.0,
 ) -> CorrectedPoint:  # fmt: skip
     """Return the solution in the plane normal^T (u' - u) = 0 of a predicted point.
 
@@ -61,7 +61,7 @@ def correct(
         The other parameters.
     settings : NewtonSettings, optional
         Tolerances and number of iterations.
-    sharp : float, optional
+    polish_above : float, optional
         Fraction of the tolerance above which a converged point gets one more iteration, because predictions are often
         accepted with few correct digits. The default is 1: no further iteration.
 
@@ -77,30 +77,30 @@ def correct(
     """
     from hbgear.continuation.stepping.kernels import CONVERGED, DIVERGED, newton_status
 
-    full, predicted, residual = as_problem(problem), u, math.inf
+    full_problem, predicted, residual = as_problem(problem), u, math.inf
     last = first = math.inf
     best: CorrectedPoint | None = None
     for iteration in range(settings.max_iterations + 2):
-        now = linearise(full, u[:-1], name, {**parameters, name: float(u[-1])})
+        evaluation = linearise(full_problem, u[:-1], name, {**parameters, name: float(u[-1])})
         rhs = np.zeros((len(u), 2))
-        rhs[:-1, 0], rhs[-1, 0], rhs[-1, 1] = now.R, (u - predicted) @ normal, 1.0
+        rhs[:-1, 0], rhs[-1, 0], rhs[-1, 1] = evaluation.R, (u - predicted) @ normal, 1.0
         try:
-            both, sign = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), rhs)
+            columns, sign = solve_signed(bordered(evaluation.dR_dX, evaluation.dR_dp, normal), rhs)
         except np.linalg.LinAlgError:
             raise NoConvergence(
                 "the matrix of the corrector is singular", u[:-1], {**parameters, name: float(u[-1])}, [residual]
             ) from None
-        onward, residual = u - both[:, 0], norm(now.R) / now.size
-        step = norm(both[:, 0]) / max(norm(onward), 1e-300)
-        good, what = newton_status(
+        following, residual = u - columns[:, 0], norm(evaluation.R) / evaluation.size
+        step = norm(columns[:, 0]) / max(norm(following), 1e-300)
+        is_best, status = newton_status(
             residual, step, last, first, best.solution.residual if best else math.inf, iteration,
-            settings.tolerance, settings.step_tolerance, settings.max_iterations, sharp,
+            settings.tolerance, settings.step_tolerance, settings.max_iterations, polish_above,
         )  # fmt: skip
-        if good:
-            best = CorrectedPoint(Solution(u[:-1], float(u[-1]), now, iteration, residual), both[:, 1], sign)
-        if what in (CONVERGED, DIVERGED):
+        if is_best:
+            best = CorrectedPoint(Solution(u[:-1], float(u[-1]), evaluation, iteration, residual), columns[:, 1], sign)
+        if status in (CONVERGED, DIVERGED):
             break
-        u, first, last = onward, min(first, residual), step
+        u, first, last = following, min(first, residual), step
     if best is None:
         message = f"the corrector stopped at a relative residual of {residual:.2e} after {iteration} steps"
         raise NoConvergence(message, u[:-1], {**parameters, name: float(u[-1])}, [residual])

@@ -34,7 +34,7 @@ def same_solution(X: Array, Y: Array) -> bool:
 
 
 def deflated_newton(
-    problem: ContinuationProblem, X: Array, parameters: dict[str, float], known: list[Array],
+    problem: ContinuationProblem, X: Array, parameters: dict[str, float], solutions: list[Array],
     settings: NewtonSettings = NewtonSettings(), iterations: int = 60,
 ) -> Array | None:  # fmt: skip
     """Return a solution other than the known ones.
@@ -47,7 +47,7 @@ def deflated_newton(
         Start.
     parameters : dict of str to float
         All parameters of the problem.
-    known : list of ndarray, shape (n,)
+    solutions : list of ndarray, shape (n,)
         Known solutions.
     settings : NewtonSettings, optional
         Tolerance of the residual.
@@ -59,31 +59,31 @@ def deflated_newton(
     ndarray, shape (n,), or None
         The solution. None if the iteration does not converge to a new one.
     """
-    scale = max([float(np.linalg.norm(Y)) for Y in known] + [1e-6])
-    now = problem.linearise(X, "", **parameters)
+    scale = max([float(np.linalg.norm(Y)) for Y in solutions] + [1e-6])
+    evaluation = problem.linearise(X, "", **parameters)
     for _ in range(iterations):
-        if float(np.linalg.norm(now.R)) <= settings.tolerance * now.size:
-            return None if any(same_solution(X, Y) for Y in known) else X
+        if float(np.linalg.norm(evaluation.R)) <= settings.tolerance * evaluation.size:
+            return None if any(same_solution(X, Y) for Y in solutions) else X
         try:
-            step = -solve_linear(now.dR_dX, now.R)
+            step = -solve_linear(evaluation.dR_dX, evaluation.R)
         except np.linalg.LinAlgError:
             return None
-        away = [(X - Y) / scale for Y in known]
-        pull = -sum(2 * float(a @ step) / scale / (float(a @ a) * (1 + float(a @ a)) + 1e-300) for a in away)
+        offsets = [(X - Y) / scale for Y in solutions]
+        pull = -sum(2 * float(a @ step) / scale / (float(a @ a) * (1 + float(a @ a)) + 1e-300) for a in offsets)
         step = step / (1.0 - pull) if abs(1.0 - pull) > 1e-3 else step
-        merit = _merit(now.R, X, known, scale)
+        merit = _merit(evaluation.R, X, solutions, scale)
         for _ in range(10):
             trial = problem.linearise(X + step, "", **parameters)
-            if np.isfinite(trial.size) and _merit(trial.R, X + step, known, scale) < merit:
+            if np.isfinite(trial.size) and _merit(trial.R, X + step, solutions, scale) < merit:
                 break
             step = 0.5 * step
         else:
             return None
-        X, now = X + step, trial
+        X, evaluation = X + step, trial
     return None
 
 
-def _merit(R: Array, X: Array, known: list[Array], scale: float) -> float:
+def _merit(R: Array, X: Array, solutions: list[Array], scale: float) -> float:
     """Return log |M R|, which each step has to reduce."""
-    distance = [float(np.linalg.norm(X - Y)) / scale + 1e-300 for Y in known]
+    distance = [float(np.linalg.norm(X - Y)) / scale + 1e-300 for Y in solutions]
     return float(np.log(np.linalg.norm(R) + 1e-300) + sum(np.log1p(d**-2) for d in distance))

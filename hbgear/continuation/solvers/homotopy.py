@@ -30,12 +30,12 @@ class _Homotopy(ContinuationProblem):
     """R(X) - (1 - s) R(X0) = 0. X0 is a solution at s = 0, and solutions at s = 1 are solutions of the problem."""
 
     def __init__(self, problem: ContinuationProblem, X0: Array, parameters: Mapping[str, float]) -> None:
-        self.problem, self.held = problem, parameters
+        self.problem, self.fixed = problem, parameters
         self.R0 = linearise(problem, X0, "", parameters).R
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        now = linearise(self.problem, X, "", self.held)
-        return Evaluation(now.R - (1 - parameters["s"]) * self.R0, now.dR_dX, self.R0, now.size)
+        evaluation = linearise(self.problem, X, "", self.fixed)
+        return Evaluation(evaluation.R - (1 - parameters["s"]) * self.R0, evaluation.dR_dX, self.R0, evaluation.size)
 
 
 def newton_homotopy(
@@ -116,22 +116,22 @@ def solve_along(
     for _ in range(steps):
         size = max(size, float(np.linalg.norm(u[:-1])))
         try:
-            now = path.linearise(u[:-1], "s", s=float(u[-1]))
-            t = solve_linear(bordered(now.dR_dX, now.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
+            evaluation = path.linearise(u[:-1], "s", s=float(u[-1]))
+            t = solve_linear(bordered(evaluation.dR_dX, evaluation.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
             size = size or float(np.linalg.norm(t[:-1]))  # at the zero solution: the size of the tangent
             scale = np.append(np.full(len(X), size or np.inf), 1.0)
             t = t / np.linalg.norm(t / scale)
-            across = t / scale**2 / np.linalg.norm(t / scale**2)
-            found = correct(path, u + h * t, across, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
+            n = t / scale**2 / np.linalg.norm(t / scale**2)
+            point = correct(path, u + h * t, n, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
         except (NoConvergence, np.linalg.LinAlgError):
             h *= 0.5
             if h < MIN_STEP:
                 break
             continue
-        if found.value >= 1.0:
-            fraction = (1.0 - u[-1]) / (found.value - u[-1])
-            return solve(problem, u[:-1] + fraction * (found.X - u[:-1]), parameters, settings=settings)
-        u, normal, h = np.append(found.X, found.value), across, min(0.3, h * (1.6 if found.iterations <= 3 else 1.0))
+        if point.value >= 1.0:
+            fraction = (1.0 - u[-1]) / (point.value - u[-1])
+            return solve(problem, u[:-1] + fraction * (point.X - u[:-1]), parameters, settings=settings)
+        u, normal, h = np.append(point.X, point.value), n, min(0.3, h * (1.6 if point.iterations <= 3 else 1.0))
     raise NoConvergence(
         f"the homotopy found no path from the start to a solution at {describe(parameters)}", X, parameters, []
     )

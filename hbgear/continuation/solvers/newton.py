@@ -144,8 +144,8 @@ def solution_at(
     Solution
         The solution.
     """
-    now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
-    return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
+    evaluation = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
+    return Solution(u[:-1], float(u[-1]), evaluation, iterations, norm(evaluation.R) / evaluation.size)
 
 
 def on_curve(solution: Solution) -> Solution:
@@ -163,8 +163,8 @@ def on_curve(solution: Solution) -> Solution:
     """
     R, J, _, size = solution.evaluation
     n = len(R) - 1
-    now = Evaluation(R[:n], J[:n, :n], as_dense(J[:n, n:]).ravel(), size)
-    return Solution(solution.X[:n], float(solution.X[n]), now, solution.iterations, norm(R[:n]) / size)
+    evaluation = Evaluation(R[:n], J[:n, :n], as_dense(J[:n, n:]).ravel(), size)
+    return Solution(solution.X[:n], float(solution.X[n]), evaluation, solution.iterations, norm(R[:n]) / size)
 
 
 def solve(
@@ -201,29 +201,29 @@ def solve(
     """
     X = np.array(X, dtype=float)
     problem = as_problem(problem).with_borders_at(X, parameters)
-    found = _compiled(problem, X, parameters, name, settings)
-    if found is not None:
-        return found
-    now = linearise(problem, X, name, parameters)
-    residuals = [norm(now.R) / now.size]
+    compiled_solution = _compiled(problem, X, parameters, name, settings)
+    if compiled_solution is not None:
+        return compiled_solution
+    evaluation = linearise(problem, X, name, parameters)
+    residuals = [norm(evaluation.R) / evaluation.size]
     for iteration in range(settings.max_iterations * 4 + 1):
         if residuals[-1] <= settings.tolerance:
-            return Solution(X, parameters[name] if name else math.nan, now, iteration, residuals[-1])
+            return Solution(X, parameters[name] if name else math.nan, evaluation, iteration, residuals[-1])
         try:
-            dX = -solve_linear(now.dR_dX, now.R)
+            dX = -solve_linear(evaluation.dR_dX, evaluation.R)
         except np.linalg.LinAlgError:
             break
         factor = 1.0
         for _ in range(12):
             trial = linearise(problem, X + factor * dX, name, parameters)
-            if norm(trial.R) < norm(now.R) * (1 - 0.1 * factor):
+            if norm(trial.R) < norm(evaluation.R) * (1 - 0.1 * factor):
                 break
             factor *= 0.5
         else:
             break
-        X, now = X + factor * dX, trial
-        residuals.append(norm(now.R) / now.size)
-    if is_singular(now.dR_dX):
+        X, evaluation = X + factor * dX, trial
+        residuals.append(norm(evaluation.R) / evaluation.size)
+    if is_singular(evaluation.dR_dX):
         raise NoConvergence(
             f"the Jacobian is singular: the equations do not determine all unknowns at this point "
             f"({problem.singular_hint}, or a fold exactly at the start); move the start",
@@ -282,11 +282,11 @@ def refine(
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
         return solution
-    now = linearise(problem, X, name, parameters)
-    residual = norm(now.R) / now.size
+    evaluation = linearise(problem, X, name, parameters)
+    residual = norm(evaluation.R) / evaluation.size
     if not residual < solution.residual:
         return solution
-    return replace(solution, X=X, evaluation=now, iterations=solution.iterations + 1, residual=residual)
+    return replace(solution, X=X, evaluation=evaluation, iterations=solution.iterations + 1, residual=residual)
 
 
 def describe(parameters: Mapping[str, float]) -> str:

@@ -201,7 +201,7 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
                 points.append(addition.point)
             interval = (state.points[i - 1].value, point.value)
             marks.append(SpecialPointMark(len(points) - 1, addition, interval))
-        is_special = bool(marks) and marks[-1].index == len(points) - 1 and marks[-1].found.located
+        is_special = bool(marks) and marks[-1].index == len(points) - 1 and marks[-1].special.located
         if is_special and i < len(state.points) - 1 and _coincide(points[-1], point):
             continue
         points.append(point)
