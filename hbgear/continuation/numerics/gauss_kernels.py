@@ -86,11 +86,11 @@ def _factorise(A: Any, first: int, panel: Any) -> int:
     """Compute L and U in place for some columns (panel). Exchange rows of A from the first of these columns on."""
     sign, (n, columns) = 1, panel.shape
     for j in range(columns):
-        p, most = j, abs(panel[j, j])
+        p, largest = j, abs(panel[j, j])
         for i in range(j + 1, n):
-            if abs(panel[i, j]) > most:
-                p, most = i, abs(panel[i, j])
-        if not most > 0.0:
+            if abs(panel[i, j]) > largest:
+                p, largest = i, abs(panel[i, j])
+        if not largest > 0.0:
             return 0
         if p != j:
             sign = -sign
@@ -156,13 +156,13 @@ def add_product(A: Any, B: Any, factor: float, out: Any) -> None:
     out : ndarray, shape (n, k)
         Matrix that is changed.
     """
-    n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
+    n, blocked = A.shape[1], A.shape[1] - A.shape[1] % 4
     for i in range(A.shape[0]):
-        for k in range(0, whole, 4):
+        for k in range(0, blocked, 4):
             a, b, c, d = factor * A[i, k], factor * A[i, k + 1], factor * A[i, k + 2], factor * A[i, k + 3]
             for j in range(B.shape[1]):
                 out[i, j] += a * B[k, j] + b * B[k + 1, j] + c * B[k + 2, j] + d * B[k + 3, j]
-        for k in range(whole, n):
+        for k in range(blocked, n):
             a = factor * A[i, k]
             for j in range(B.shape[1]):
                 out[i, j] += a * B[k, j]
@@ -206,6 +206,6 @@ def scaled_distance(x: Any, y: Any, scale: Any) -> float:
     """
     total = 0.0
     for i in range(x.shape[0]):
-        part = (x[i] - y[i]) / scale[i]
-        total += part * part
+        difference = (x[i] - y[i]) / scale[i]
+        total += difference * difference
     return math.sqrt(total)

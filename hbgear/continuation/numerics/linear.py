@@ -152,8 +152,8 @@ def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
     if dense(A) and len(A) <= SMALL:
         from hbgear.continuation.numerics.gauss_kernels import solve_in_place
 
-        both = np.ascontiguousarray(np.hstack([A, b]))
-        sign, x = solve_in_place(both), both[:, len(A) :].copy()
+        augmented = np.ascontiguousarray(np.hstack([A, b]))
+        sign, x = solve_in_place(augmented), augmented[:, len(A) :].copy()
         if not sign or not math.isfinite(x.sum()):
             raise np.linalg.LinAlgError("singular matrix")
         return x, sign

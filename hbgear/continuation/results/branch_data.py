@@ -166,8 +166,8 @@ class BranchData:
     def __repr__(self) -> str:
         span = f"{self.values[0]:.6g} to {self.values[-1]:.6g}, " if len(self) else ""
         labels = " ".join(point.label for point in self.special) or "no special points"
-        others = f", {len(self.others)} other curve{'s' * (len(self.others) > 1)}" if self.others else ""
-        return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}{others}>"
+        suffix = f", {len(self.others)} other curve{'s' * (len(self.others) > 1)}" if self.others else ""
+        return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}{suffix}>"
 
     def __len__(self) -> int:
         return self.values.size
@@ -175,10 +175,10 @@ class BranchData:
     def __getitem__(self, key: int | str) -> Point:
         """Return a point by its number, or a special point by its label."""
         if isinstance(key, str):
-            known = {point.label: point for point in self.special}
-            if key not in known:
-                raise KeyError(f"no special point '{key}' on this branch; it has: {', '.join(known) or 'none'}")
-            return known[key]
+            by_label = {point.label: point for point in self.special}
+            if key not in by_label:
+                raise KeyError(f"no special point '{key}' on this branch; it has: {', '.join(by_label) or 'none'}")
+            return by_label[key]
         if not isinstance(key, int | np.integer):
             raise TypeError(f"Branch[{key!r}]: need the number of a point or the label of a special point")
         if not -len(self) <= key < len(self):
@@ -250,8 +250,8 @@ class BranchData:
     @property
     def asymptotes(self) -> dict[str, float]:
         """Parameter values at which the solutions grow without bound, beyond the "first" or the "last" point."""
-        known: dict[str, float] = self.meta.get("asymptotes", {})
-        return known
+        values: dict[str, float] = self.meta.get("asymptotes", {})
+        return values
 
     @property
     def unbounded_ends(self) -> list[tuple[int, float]]:

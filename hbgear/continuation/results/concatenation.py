@@ -48,15 +48,15 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
     )  # fmt: skip
 
 
-def concatenate(back: Branch, forth: Branch) -> Branch:
+def concatenate(backward: Branch, forward: Branch) -> Branch:
     """Return two traces that left one point in opposite directions, as one branch.
 
     Special points are numbered consecutively. The message states how both traces ended.
 
     Parameters
     ----------
-    back, forth : Branch
-        The traces. The new branch goes from the last point of `back` to the last point of `forth`.
+    backward, forward : Branch
+        The traces. The new branch goes from the last point of `backward` to that of `forward`.
 
     Returns
     -------
@@ -64,14 +64,14 @@ def concatenate(back: Branch, forth: Branch) -> Branch:
         Points of both. The status is that of the trace that is not complete, if there is one.
     """
     names = (*_ARRAYS, "multipliers")
-    arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
-    special = tuple(dataclasses.replace(p, index=len(back) - 1 - p.index) for p in reversed(back.special))
-    tracked = {k: x[::-1] for k, x in back.tracked.items()}
-    reversed_back = dataclasses.replace(back, **arrays, special=special, tracked=tracked)
-    joined = append_continuation(reversed_back, forth)
-    worse = back if not back.status.complete else forth
-    meta = with_asymptotes(forth.meta, first=back.asymptotes.get("last"), last=forth.asymptotes.get("last"))
-    message = f"{forth.message}; the other way {back.message}"
+    arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(backward, name)) is not None}
+    special = tuple(dataclasses.replace(p, index=len(backward) - 1 - p.index) for p in reversed(backward.special))
+    tracked = {k: x[::-1] for k, x in backward.tracked.items()}
+    reversed_backward = dataclasses.replace(backward, **arrays, special=special, tracked=tracked)
+    joined = append_continuation(reversed_backward, forward)
+    worse = backward if not backward.status.complete else forward
+    meta = with_asymptotes(forward.meta, first=backward.asymptotes.get("last"), last=forward.asymptotes.get("last"))
+    message = f"{forward.message}; the other way {backward.message}"
     return dataclasses.replace(joined, status=worse.status, message=message, meta=meta)
 
 
@@ -90,8 +90,8 @@ def with_asymptotes(meta: dict[str, Any], **ends: float | None) -> dict[str, Any
     dict
         A new header.
     """
-    known = {end: value for end, value in ends.items() if value is not None}
-    return {name: x for name, x in meta.items() if name != "asymptotes"} | ({"asymptotes": known} if known else {})
+    new = {end: value for end, value in ends.items() if value is not None}
+    return {name: x for name, x in meta.items() if name != "asymptotes"} | ({"asymptotes": new} if new else {})
 
 
 def most_resolved(*branches: Branch) -> Any:

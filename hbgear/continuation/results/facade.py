@@ -99,8 +99,8 @@ class BranchFacade:
         >>> [(round(float(point.amplitude("rms")), 3), point.stability) for point in curve.at(0.8)]
         [(0.202, 'stable'), (0.124, 'unstable'), (0.061, 'stable')]
         """
-        found: tuple[Point, ...] = call("hbgear.continuation.tracing.jumps.points_at", self, value)
-        return found
+        points: tuple[Point, ...] = call("hbgear.continuation.tracing.jumps.points_at", self, value)
+        return points
 
     def refined(self) -> Any:
         """Return the branch with twice the harmonics: each point is replaced by the nearest solution.

@@ -131,7 +131,7 @@ def rows_of_dof(problem: Any, dof: int | str, X: Array, parameters: Sequence[Map
     if not isinstance(problem, ReconstructsMotion):
         raise ValueError(f"dof={dof!r} needs a problem with degrees of freedom; {type(problem).__name__} has none")
     i = dof_index(dof, problem.dof_names)
-    return np.array([problem.motion(x, **given)[i] for x, given in zip(X, parameters, strict=True)])
+    return np.array([problem.motion(x, **p)[i] for x, p in zip(X, parameters, strict=True)])
 
 
 def measured(
@@ -158,7 +158,7 @@ def measured(
         Values of the measure.
     """
     if derivative:
-        columns = {name: np.array([given[name] for given in parameters]) for name in parameters[0]}
+        columns = {name: np.array([p[name] for p in parameters]) for name in parameters[0]}
         rows = layout.in_time(rows, columns, derivative)
     return layout.measure_rows(measure, rows)
 

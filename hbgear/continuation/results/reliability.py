@@ -47,9 +47,9 @@ def branch_warnings(branch: BranchData) -> tuple[str, ...]:
         )
     out += _contradictions(branch)
     if branch.relative_error > MAX_RELATIVE_ERROR:
-        at = branch.values[int(np.nanargmax(branch.error))]
+        value = branch.values[int(np.nanargmax(branch.error))]
         out.append(
-            f"the relative error of motions is up to {branch.relative_error:.0e}, at {branch.parameter} = {at:.6g}; "
+            f"the relative error of motions is up to {branch.relative_error:.0e}, at {branch.parameter} = {value:.6g}; "
             "trace with more harmonics"
         )
     return tuple(out)
@@ -79,8 +79,8 @@ def _undecided_points(branch: BranchData) -> list[str]:
     if not undecided.size:
         return []
     low, high = branch.values[undecided].min(), branch.values[undecided].max()
-    where = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
-    return [f"stability undecided at {undecided.size} points with {branch.parameter} {where}"]
+    location = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
+    return [f"stability undecided at {undecided.size} points with {branch.parameter} {location}"]
 
 
 START_DISTANCE = 1e-3
@@ -104,8 +104,8 @@ def _contradictions(branch: BranchData) -> list[str]:
         if not any(_is_displaced_between(branch, point, a, b) for point in branch.special)
     ]
     folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
-    both = [folds[i] for i in stable_on_both_sides(codes, kinds)]
-    return out + ([f"both sides of {', '.join(both)} are stable"] if both else [])
+    stable_folds = [folds[i] for i in stable_on_both_sides(codes, kinds)]
+    return out + ([f"both sides of {', '.join(stable_folds)} are stable"] if stable_folds else [])
 
 
 def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: int) -> bool:

@@ -46,14 +46,14 @@ def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + STABILITY_TOLERANCE)
 
 
-def scaled_determinant(multipliers: ComplexArray, at: float) -> Array:
-    """Return det(Phi - at I) with moduli limited to `MAX_DETERMINANT_MODULUS`; its sign and its zeros are the same.
+def scaled_determinant(multipliers: ComplexArray, critical: float) -> Array:
+    """Return det(Phi - critical I), moduli limited to `MAX_DETERMINANT_MODULUS`; its sign and its zeros are the same.
 
     Parameters
     ----------
     multipliers : ndarray of complex, shape (P, r)
         Multipliers of P solutions.
-    at : float
+    critical : float
         +1 at folds and branch points, -1 at period doublings.
 
     Returns
@@ -63,7 +63,7 @@ def scaled_determinant(multipliers: ComplexArray, at: float) -> Array:
     """
     # a factor, because the division of a complex nan warns
     scale = 1.0 / np.maximum(np.abs(multipliers) / MAX_DETERMINANT_MODULUS, 1.0)
-    determinant: Array = ((multipliers - at) * scale).prod(axis=1).real
+    determinant: Array = ((multipliers - critical) * scale).prod(axis=1).real
     return determinant
 
 

@@ -67,23 +67,23 @@ class Termination:
     message: str = ""
     error: BaseException | None = None
 
-    def record_error(self, error: BaseException, where: str) -> None:
+    def record_error(self, error: BaseException, location: str) -> None:
         """Record Ctrl-C or an error that ended the computation or a part of it. Only the first one is kept.
 
         Parameters
         ----------
         error : BaseException
             The error.
-        where : str
+        location : str
             Position in the computation, such as "after 3 curves".
         """
         if self.error is not None:
             return
         self.error = error
         if isinstance(error, KeyboardInterrupt):
-            self.status, self.message = Status.INTERRUPTED, f"interrupted {where}"
+            self.status, self.message = Status.INTERRUPTED, f"interrupted {location}"
         else:
-            self.status, self.message = Status.FAILED, f"an error {where}: {error_text(error)}"
+            self.status, self.message = Status.FAILED, f"an error {location}: {error_text(error)}"
 
     def record_end(self, status: Status, message: str) -> None:
         """Record the end of the computation, unless an error was recorded.
@@ -131,6 +131,6 @@ def error_text(error: BaseException) -> str:
         Its class, its message, and the file and line where it was raised.
     """
     frames = traceback.extract_tb(error.__traceback__)
-    where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    location = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     text = " ".join(str(error).split())
-    return f"{type(error).__name__}{f': {text}' if text else ''}{where}"
+    return f"{type(error).__name__}{f': {text}' if text else ''}{location}"

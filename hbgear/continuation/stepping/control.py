@@ -79,8 +79,8 @@ class StepControl:
             object.__setattr__(self, "first_step", min(max(DEFAULT_FIRST_STEP, self.min_step), self.max_step))
         for name in ("first_step", "max_step", "min_step", "max_turn_deg", "max_prediction_error"):
             checked("StepControl", name, getattr(self, name))
-        for name, least in (("target_newton_iterations", 1), ("predictor_points", 1), ("max_points", 2)):
-            counted(f"StepControl: {name}", getattr(self, name), least=least)
+        for name, minimum in (("target_newton_iterations", 1), ("predictor_points", 1), ("max_points", 2)):
+            counted(f"StepControl: {name}", getattr(self, name), least=minimum)
         if not 0 < self.min_step <= self.first_step <= self.max_step < math.inf:
             raise ValueError(
                 f"step sizes must satisfy 0 < min_step <= first_step <= max_step, got min_step = {self.min_step}, "

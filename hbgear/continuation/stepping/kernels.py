@@ -74,14 +74,14 @@ def predict(u: Any, t: Any, count: int, scale: Any, step: float, out: Any) -> No
         out[i] = u[0, i] + step * t[0, i] / size
     change = MIN_EXTRAPOLATION_COSINE * step
     for r in range(1, count):
-        across = 0.0
+        squared = 0.0
         cosine[r] = 0.0
         for i in range(n):
             along = t[0, i] / (size * scale[i] * scale[i])
             x[r] += (u[r, i] - u[0, i]) * along
             cosine[r] += t[r, i] * along
-            across += (t[r, i] / scale[i]) ** 2
-        if cosine[r] < MIN_EXTRAPOLATION_COSINE * math.sqrt(across):
+            squared += (t[r, i] / scale[i]) ** 2
+        if cosine[r] < MIN_EXTRAPOLATION_COSINE * math.sqrt(squared):
             return
         cosine[0] = size
         for i in range(n):
@@ -90,30 +90,30 @@ def predict(u: Any, t: Any, count: int, scale: Any, step: float, out: Any) -> No
             value, slope = _hermite(x, k, r + 1, step)
             for i in range(n):
                 guess[i] += value * u[k, i] + slope / cosine[k] * t[k, i]
-        moved = scaled_distance(guess, out, scale)
-        if not moved < change:
+        difference = scaled_distance(guess, out, scale)
+        if not difference < change:
             return
-        change = moved
+        change = difference
         for i in range(n):
             out[i] = guess[i]
 
 
 @kernel
-def _hermite(x: Any, k: int, r: int, at: float) -> tuple[float, float]:
+def _hermite(x: Any, k: int, r: int, position: float) -> tuple[float, float]:
     """Return the Hermite weights at x of value and slope at node k: L^2 (1 - 2 (x - x_k) L'(x_k)), L^2 (x - x_k)."""
     lagrange, steep = 1.0, 0.0
     for j in range(r):
         if j != k:
-            lagrange *= (at - x[j]) / (x[k] - x[j])
+            lagrange *= (position - x[j]) / (x[k] - x[j])
             steep += 1.0 / (x[k] - x[j])
-    off, square = at - x[k], lagrange * lagrange
+    off, square = position - x[k], lagrange * lagrange
     return square * (1.0 - 2.0 * off * steep), square * off
 
 
 @kernel
 def newton_status(
     residual: float, step: float, last: float, first: float, best: float, iteration: int,
-    tolerance: float, step_tolerance: float, most: int, sharp: float,
+    tolerance: float, step_tolerance: float, max_iterations: int, polish_above: float,
 ) -> tuple[bool, int]:  # fmt: skip
     """Return whether an iterate is converged and the best so far, and `CONTINUE`, `CONVERGED` or `DIVERGED`.
 
@@ -135,9 +135,9 @@ def newton_status(
         Largest residual of a converged iterate.
     step_tolerance : float
         Largest last Newton step of a converged iterate.
-    most : int
+    max_iterations : int
         Maximum number of iterations.
-    sharp : float
+    polish_above : float
         Residual of a converged iterate, relative to the tolerance, above which one more iteration is applied.
 
     Returns
@@ -148,14 +148,14 @@ def newton_status(
     if best < math.inf:
         return residual < best, CONVERGED
     if residual <= tolerance and (last <= step_tolerance or iteration == 0):
-        return True, CONTINUE if residual > sharp * tolerance and step <= step_tolerance else CONVERGED
+        return True, CONTINUE if residual > polish_above * tolerance and step <= step_tolerance else CONVERGED
     diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * first)
-    return False, DIVERGED if diverged or iteration >= most else CONTINUE
+    return False, DIVERGED if diverged or iteration >= max_iterations else CONTINUE
 
 
 @kernel
 def accept_step(
-    u: Any, t: Any, predicted: Any, before: Any, tangent: Any, scale: Any, step: float, limits: Any
+    u: Any, t: Any, predicted: Any, previous: Any, tangent: Any, scale: Any, step: float, limits: Any
 ) -> tuple[int, float, float]:
     """Return the status of a corrected point, its turning angle and its prediction error.
 
@@ -167,7 +167,7 @@ def accept_step(
         Direction of the curve. It is scaled in place to unit length in scaled unknowns.
     predicted : ndarray, shape (n + 1,)
         Prediction.
-    before : ndarray, shape (n + 1,)
+    previous : ndarray, shape (n + 1,)
         Previous point.
     tangent : ndarray, shape (n + 1,)
         Its tangent.
@@ -183,23 +183,23 @@ def accept_step(
     (int, float, float)
         Status of `stepping.status`, turning angle [deg], prediction error relative to the step size.
     """
-    size, other, product = 0.0, 0.0, 0.0
+    size, previous_size, product = 0.0, 0.0, 0.0
     for i in range(u.shape[0]):
         a, b = t[i] / scale[i], tangent[i] / scale[i]
-        size, other, product = size + a * a, other + b * b, product + a * b
+        size, previous_size, product = size + a * a, previous_size + b * b, product + a * b
     for i in range(u.shape[0]):
         t[i] /= math.sqrt(size)
-    turn = math.degrees(math.acos(min(1.0, max(-1.0, product / math.sqrt(size * other)))))
-    missed = scaled_distance(u, predicted, scale) / step
-    if scaled_distance(u, before, scale) > MAX_LANDING_DISTANCE * step:
-        return LANDED_FAR, turn, missed
+    turn = math.degrees(math.acos(min(1.0, max(-1.0, product / math.sqrt(size * previous_size)))))
+    prediction_error = scaled_distance(u, predicted, scale) / step
+    if scaled_distance(u, previous, scale) > MAX_LANDING_DISTANCE * step:
+        return LANDED_FAR, turn, prediction_error
     if turn > limits[0]:
-        return TURNED_TOO_FAR, turn, missed
-    return PREDICTION_ERROR if missed > limits[1] else ACCEPTED, turn, missed
+        return TURNED_TOO_FAR, turn, prediction_error
+    return PREDICTION_ERROR if prediction_error > limits[1] else ACCEPTED, turn, prediction_error
 
 
 @kernel
-def next_step(step: float, iterations: int, turn: float, missed: float, control: Any) -> float:
+def next_step(step: float, iterations: int, turn: float, prediction_error: float, control: Any) -> float:
     """Return the next step size, at most doubled or halved.
 
     Parameters
@@ -210,7 +210,7 @@ def next_step(step: float, iterations: int, turn: float, missed: float, control:
         Number of Newton iterations.
     turn : float
         Turning angle [deg].
-    missed : float
+    prediction_error : float
         Prediction error relative to the step size.
     control : ndarray, shape (5,)
         Smallest and largest step size, largest turning angle [deg], target number of iterations, largest prediction
@@ -223,7 +223,7 @@ def next_step(step: float, iterations: int, turn: float, missed: float, control:
     """
     by_newton = 2.0 ** ((control[3] - iterations) / 2)
     by_turn = 0.5 * control[2] / max(turn, 0.1)
-    by_miss = math.sqrt(0.5 * control[4] / max(missed, 1e-9))
+    by_miss = math.sqrt(0.5 * control[4] / max(prediction_error, 1e-9))
     factor = min(2.0, max(0.5, min(by_newton, min(by_turn, by_miss))))
     length: float = min(control[1], max(control[0], factor * step))
     return length
