@@ -56,7 +56,7 @@ class TorusBasis:
         half: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         self.H1, self.H2, self.odd, self.dense, self.band, self.ratio, self.half = H1, H2, odd, dense, band, ratio, half
-        k2, k1 = (each.ravel() for each in np.meshgrid(np.arange(H2 + 1), np.arange(-H1, H1 + 1), indexing="ij"))
+        k2, k1 = (grid.ravel() for grid in np.meshgrid(np.arange(H2 + 1), np.arange(-H1, H1 + 1), indexing="ij"))
         keep = ((k2 > 0) | (k1 >= 0)) & (self._distance(k1, k2) <= 1 + _INDEX_ROUNDING)
         if odd:
             keep &= (k1 % 2 == 1) | ((k1 == 0) & (k2 == 0))
@@ -65,7 +65,7 @@ class TorusBasis:
         self.k = np.stack([k1[keep], k2[keep]], axis=1)
         highest = np.abs(self.k).max(axis=0).tolist()
         self.shape = tuple(int(scipy.fft.next_fast_len(dense * (_OVERSAMPLING * H + 2), real=True)) for H in highest)
-        self._at = self.k[:, 0] % self.shape[0], self.k[:, 1]
+        self._positions = self.k[:, 0] % self.shape[0], self.k[:, 1]
         self._mirrored = (-self.k[1:, 0]) % self.shape[0], self.k[1:, 1] == 0
         minus, plus = (self.k[:, None] + sign * self.k for sign in (-1, 1))
         self._minus, self._plus = ((n[..., 0] % self.shape[0], n[..., 1] % self.shape[1]) for n in (minus, plus))
@@ -104,16 +104,16 @@ class TorusBasis:
         """Return samples (..., N1, N2) of functions with coefficients (..., K)."""
         N1, N2 = self.shape
         spectrum = np.zeros((*c.shape[:-1], N1, N2 // 2 + 1), dtype=complex)
-        spectrum[..., self._at[0], self._at[1]] = 0.5 * N1 * N2 * c
+        spectrum[..., self._positions[0], self._positions[1]] = 0.5 * N1 * N2 * c
         spectrum[..., 0, 0] *= 2.0
-        at, real_line = self._mirrored
-        spectrum[..., at[real_line], 0] = 0.5 * N1 * N2 * c[..., 1:][..., real_line].conj()
+        rows, real_line = self._mirrored
+        spectrum[..., rows[real_line], 0] = 0.5 * N1 * N2 * c[..., 1:][..., real_line].conj()
         out: Array = scipy.fft.irfft2(spectrum, s=self.shape)
         return out
 
     def coefficients(self, samples: Array) -> ComplexArray:
         """Return coefficients (..., K) of functions with samples (..., N1, N2)."""
-        c = 2.0 * scipy.fft.rfft2(samples)[..., self._at[0], self._at[1]] / np.prod(self.shape)
+        c = 2.0 * scipy.fft.rfft2(samples)[..., self._positions[0], self._positions[1]] / np.prod(self.shape)
         c[..., 0] = 0.5 * c[..., 0].real
         out: ComplexArray = c
         return out
@@ -135,12 +135,12 @@ class TorusBasis:
         out: Array = (c @ np.exp(1j * (self.k @ theta.T))).real
         return out
 
-    def convert(self, X: Array, other: TorusBasis) -> Array:
+    def convert(self, X: Array, source: TorusBasis) -> Array:
         """Return unknowns (..., 2K - 1) of this basis from those of another one, cut or padded with zeros."""
-        at = {tuple(k): i for i, k in enumerate(self.k.tolist())}
-        c = other.to_complex(X)
+        positions = {tuple(k): i for i, k in enumerate(self.k.tolist())}
+        c = source.to_complex(X)
         out = np.zeros((*X.shape[:-1], len(self.k)), dtype=complex)
-        for i, k in enumerate(other.k.tolist()):
-            if tuple(k) in at:
-                out[..., at[tuple(k)]] = c[..., i]
+        for i, k in enumerate(source.k.tolist()):
+            if tuple(k) in positions:
+                out[..., positions[tuple(k)]] = c[..., i]
         return self.to_real(out)

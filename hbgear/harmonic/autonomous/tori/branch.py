@@ -49,13 +49,13 @@ class _StartEquations(MinimallyAugmentedProblem):
         super().__init__(problem, parameter)
         self._fixed(shape=shape, amplitude=amplitude)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size / self.amplitude)
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", parameters).size / self.amplitude)
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        now = linearise(self.problem, X, self.parameter, here)
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
         g = base.weight * (self.shape @ X[:-1] - self.amplitude)
-        return AugmentedResidual(now, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
+        return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
 
 
 @checked_arguments()
@@ -135,36 +135,39 @@ def torus(
     counted("harmonics[0]", H1, 200)
     counted("harmonics[1]", H2, 200)
     low, high = sorted(map(float, span or (branch.values.min(), branch.values.max())))
-    at = dict(point.parameters)
-    name, value = branch.parameter, float(at[branch.parameter])
+    parameters = dict(point.parameters)
+    name, value = branch.parameter, float(parameters[branch.parameter])
     if not low <= value <= high:
         raise ValueError(f"{label} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
     balance = balance.at_resolution_of(point)
     X = balance.from_point(point)
-    shape, Omega_2 = _disturbance(balance, X, at, name)
-    require_free_rotation(label, Omega_2 * balance.nu / at["Omega"])
-    problem, first, along = _linear_torus(balance, X, shape, (H1, H2), dense, modulation)
-    U, start = _first_torus(problem, first, along, Omega_2, at, name, modulation)
+    shape, Omega_2 = _disturbance(balance, X, parameters, name)
+    require_free_rotation(label, Omega_2 * balance.nu / parameters["Omega"])
+    problem, first, direction = _linear_torus(balance, X, shape, (H1, H2), dense, modulation)
+    U, start = _first_torus(problem, first, direction, Omega_2, parameters, name, modulation)
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
     usual = {"cover": False, "accuracy": None}
     return trace(problem, name, ends, begin, **(usual | options))
 
 
-def _disturbance(balance: HarmonicBalance, X: Array, at: dict[str, float], name: str) -> tuple[ComplexArray, float]:
+def _disturbance(
+    balance: HarmonicBalance, X: Array, parameters: dict[str, float], name: str
+) -> tuple[ComplexArray, float]:
     """Return the coefficients (m, 2H + 1), orders -H..H, of the disturbance at a point, and its frequency."""
-    base = NeimarkSackerProblem(balance, name).base_at(X, at)
+    base = NeimarkSackerProblem(balance, name).base_at(X, parameters)
     assert isinstance(base, Rotation) and base.c is not None
     return base.c.reshape(2 * balance.H + 1, balance.m).T, float(base.exponent.imag)
 
 
 def require_free_rotation(label: str, turns: float) -> None:
     """Raise ValueError at a strong resonance, where the second frequency is locked to the excitation."""
-    near = Fraction(turns).limit_denominator(4)
-    if abs(turns - near) < 1e-3:
+    resonance = Fraction(turns).limit_denominator(4)
+    if abs(turns - resonance) < 1e-3:
         raise ValueError(
-            f"{label}: the second frequency is {turns:.5f} of the first one, near {near.numerator}/{near.denominator}: "
-            "at this strong resonance the frequencies lock, and no torus leaves; change a parameter of the model"
+            f"{label}: the second frequency is {turns:.5f} of the first one, near "
+            f"{resonance.numerator}/{resonance.denominator}: at this strong resonance the frequencies lock, and no "
+            "torus leaves; change a parameter of the model"
         )
 
 
@@ -174,7 +177,7 @@ def _linear_torus(
     """Return the problem, the linear torus (n,), and the unit vector (n,) of its modulation."""
     periodic = to_complex(balance.rows(X))
     orders = np.arange(-balance.H, balance.H + 1)
-    even = max(_part(periodic, periodic[:, ::2]), _part(shape, shape[:, orders % 2 == 0]))
+    even = max(_relative_size(periodic, periodic[:, ::2]), _relative_size(shape, shape[:, orders % 2 == 0]))
     basis = TorusBasis(*harmonics, odd=bool(even < _MAX_EVEN_PART), dense=dense)
     problem = TorusProblem(balance, basis)
     c, v = (np.zeros((balance.m, len(basis.k)), dtype=complex) for _ in range(2))
@@ -183,29 +186,29 @@ def _linear_torus(
             c[:, i] = periodic[:, k1]
         if k2 == 1 and abs(k1) <= balance.H:
             v[:, i] = shape[:, k1 + balance.H]
-    along = basis.to_real(v).ravel()
-    along /= np.linalg.norm(along)
-    rest = basis.to_real(c).ravel()
-    return problem, rest + modulation * float(np.linalg.norm(rest)) * along, along
+    direction = basis.to_real(v).ravel()
+    direction /= np.linalg.norm(direction)
+    base = basis.to_real(c).ravel()
+    return problem, base + modulation * float(np.linalg.norm(base)) * direction, direction
 
 
-def _part(c: ComplexArray, some: ComplexArray) -> float:
+def _relative_size(c: ComplexArray, subset: ComplexArray) -> float:
     """Return the largest modulus of some coefficients over that of all."""
-    return float(np.abs(some).max() / np.abs(c).max())
+    return float(np.abs(subset).max() / np.abs(c).max())
 
 
 def _first_torus(
     problem: TorusProblem,
     guess: Array,
-    along: Array,
+    direction: Array,
     Omega_2: float,
-    at: dict[str, float],
+    parameters: dict[str, float],
     name: str,
     modulation: float,
 ) -> tuple[Array, dict[str, float]]:
     """Return the unknowns (X, Omega_2, parameter) of the first torus, and all parameters there."""
-    fixed = {key: x for key, x in at.items() if key != name}
-    started = problem.with_borders_at(np.append(guess, Omega_2), at, renew=True)
-    equations = _StartEquations(started, name, along, float(along @ guess))
-    U = solve(equations, np.concatenate([guess, [Omega_2, at[name]]]), fixed).X
-    return U, {**at, name: float(U[-1]), SECOND: float(U[-2])}
+    fixed = {key: x for key, x in parameters.items() if key != name}
+    started = problem.with_borders_at(np.append(guess, Omega_2), parameters, renew=True)
+    equations = _StartEquations(started, name, direction, float(direction @ guess))
+    U = solve(equations, np.concatenate([guess, [Omega_2, parameters[name]]]), fixed).X
+    return U, {**parameters, name: float(U[-1]), SECOND: float(U[-2])}

@@ -80,9 +80,9 @@ def locking_remark(tori: Branch) -> str:
     """Return a sentence that names locking as the reason of the end of a branch, if it ended near a resonance."""
     last, name = tori[-1].parameters, tori.parameter
     turns = last[SECOND] * tori.problem.balance.nu / last["Omega"]
-    near = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
+    resonance = Fraction(turns).limit_denominator(LOCKING_DENOMINATOR)
     failed = tori.status in (Status.STEP_TOO_SMALL, Status.EVENT)
-    if not failed or abs(turns - near) > LOCKING_DISTANCE:
+    if not failed or abs(turns - resonance) > LOCKING_DISTANCE:
         return ""
-    where = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
-    return f"the second frequency is {where}: locking at {near.numerator}/{near.denominator}"
+    position = f"{turns:.5f} of the first one at {name} = {last[name]:.6g}"
+    return f"the second frequency is {position}: locking at {resonance.numerator}/{resonance.denominator}"

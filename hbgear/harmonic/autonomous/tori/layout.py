@@ -98,7 +98,7 @@ class TorusLayout:
         """Return a measure of unknowns (..., 2K - 1) of one element."""
         self.check_measure(name)
         c = self.basis.to_complex(rows)
-        flat = [_MEASURES[name](self.basis, one) for one in c.reshape(-1, c.shape[-1])]
+        flat = [_MEASURES[name](self.basis, row) for row in c.reshape(-1, c.shape[-1])]
         return np.array(flat).reshape(c.shape[:-1])
 
     def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
@@ -122,8 +122,8 @@ class TorusLayout:
     def spectrum_end(self, X: Array) -> float:
         """Return the norm of the outermost tenth of the diamond of coefficients over the norm of the modulation."""
         moving, c = self.basis.k[:, 1] > 0, self.basis.to_complex(X.reshape(len(self.elements), -1))
-        whole = float(np.linalg.norm(c[:, moving]))
-        return float(np.linalg.norm(c[:, moving & self.basis.outermost])) / max(whole, 1e-300)
+        total = float(np.linalg.norm(c[:, moving]))
+        return float(np.linalg.norm(c[:, moving & self.basis.outermost])) / max(total, 1e-300)
 
 
 _basis = lru_cache(maxsize=8)(TorusBasis)
@@ -137,14 +137,14 @@ def _rms(basis: TorusBasis, c: ComplexArray) -> float:
 def _extremum(basis: TorusBasis, c: ComplexArray, sign: int) -> float:
     """Return the maximum (sign = 1) or minimum (-1): the extreme sample, corrected by a Newton step."""
     values = basis.samples(c)
-    at = np.unravel_index(np.argmax(sign * values), values.shape)
-    theta = 2 * np.pi * np.array(at) / basis.shape
+    index = np.unravel_index(np.argmax(sign * values), values.shape)
+    theta = 2 * np.pi * np.array(index) / basis.shape
     wave = c * np.exp(1j * (basis.k @ theta))
     slope = basis.k.T @ (1j * wave).real
     curvature = -(basis.k.T * wave.real) @ basis.k
     step = np.linalg.lstsq(curvature, -slope, rcond=1e-9)[0]
-    near = basis.evaluate(c, (theta + step)[None])[0] if np.abs(step).max() < 0.5 else values[at]
-    return float(max(sign * near, sign * values[at]) * sign)
+    refined = basis.evaluate(c, (theta + step)[None])[0] if np.abs(step).max() < 0.5 else values[index]
+    return float(max(sign * refined, sign * values[index]) * sign)
 
 
 def _pp2(basis: TorusBasis, c: ComplexArray) -> float:

@@ -185,10 +185,10 @@ class TorusProblem(ContinuationProblem):
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual, its Jacobian, its derivative in a parameter and the size of its terms."""
-        d, own = self.split(X)
+        d, unknown = self.split(X)
         basis, evaluator = self.basis, self.evaluator_at(parameters)
         m, n = evaluator.m, len(d)
-        omega = np.array([parameters["Omega"] / self.balance.nu, own[SECOND]])
+        omega = np.array([parameters["Omega"] / self.balance.nu, unknown[SECOND]])
         w = basis.k @ omega
         c = basis.to_complex(d.reshape(m, -1))
         forces = self.forces(evaluator, c, w)
@@ -202,7 +202,7 @@ class TorusProblem(ContinuationProblem):
         slopes = np.array([basis.product(s) for s in forces.stiffness])
         rates = None if forces.damping is None else np.array([basis.product(s) for s in forces.damping])
         if rates is not None:
-            slopes = slopes + np.array([self._after_derivative(one, w) for one in rates])
+            slopes = slopes + np.array([self._after_derivative(matrix, w) for matrix in rates])
         slopes[:, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
         A = np.zeros((n + 1, n + 1))
         A[:n, :n] = _applied(G, slopes, len(basis.k)).reshape(n, n)
@@ -217,9 +217,9 @@ class TorusProblem(ContinuationProblem):
             constant = basis.to_real(np.einsum("kij,jk->ik", G, dg)).ravel()
             rate[:n] = self._in_frequency(0, change, G, rates, d) / self.balance.nu + constant
         elif name:
-            near = {**parameters, SECOND: own[SECOND]}
+            values = {**parameters, SECOND: unknown[SECOND]}
             (rate,) = parameter_derivatives(
-                self, name, near, lambda at: (self.linearise(X, "", **{k: v for k, v in at.items() if k != SECOND}).R,)
+                self, name, values, lambda p: (self.linearise(X, "", **{k: v for k, v in p.items() if k != SECOND}).R,)
             )
         return Evaluation(out, A, rate, size)
 
@@ -228,9 +228,9 @@ class TorusProblem(ContinuationProblem):
         basis, m = self.basis, self.balance.m
         out = basis.to_real(change * basis.k[:, i])
         if rates is not None:
-            turned = basis.to_real(1j * basis.k[:, i] * basis.to_complex(d.reshape(m, -1)))
-            moved = basis.to_complex(np.einsum("jab,jb->ja", rates, turned))
-            out += basis.to_real(np.einsum("kij,jk->ik", G, moved))
+            derivative = basis.to_real(1j * basis.k[:, i] * basis.to_complex(d.reshape(m, -1)))
+            force = basis.to_complex(np.einsum("jab,jb->ja", rates, derivative))
+            out += basis.to_real(np.einsum("kij,jk->ik", G, force))
         return out.ravel()
 
     def _after_derivative(self, product: Array, w: Array) -> Array:
@@ -253,25 +253,25 @@ class TorusProblem(ContinuationProblem):
 
     def _laws(self, evaluator: Evaluator, d: Array, v: Array, theta: Array) -> list[Array]:
         """Return the forces and their slopes in d and v, (m, T) each, at T points with phases theta (T, 2)."""
-        found = [
+        results = [
             [np.broadcast_to(x, len(theta)) for x in law.force(d[j], v[j], tau)]
             for j, (law, tau) in enumerate(zip(evaluator.laws, self._phases(evaluator, theta), strict=True))
         ]
-        return [np.array([one[i] for one in found]) for i in range(3)]
+        return [np.array([result[i] for result in results]) for i in range(3)]
 
     def slopes(self, X: Array, parameters: Mapping[str, float], t: Array, phi: Array) -> tuple[Array, Array | None]:
         """Return the slopes of the laws in d and d' along a motion (B, m, T); None without the latter.
 
         The motion begins at the phases 0 and phi (B,), and t (T,) are instants.
         """
-        d, own = self.split(X)
+        d, unknown = self.split(X)
         basis, evaluator = self.basis, self.evaluator_at(parameters)
-        omega = np.array([parameters["Omega"] / self.balance.nu, own[SECOND]])
+        omega = np.array([parameters["Omega"] / self.balance.nu, unknown[SECOND]])
         w, c = basis.k @ omega, basis.to_complex(d.reshape(self.balance.m, -1))
         table = np.zeros((2, len(c), len(t), basis.H2 + 1), dtype=complex)
-        turned = np.stack([c, 1j * w * c])[:, :, None] * np.exp(1j * np.outer(t, w))
+        waves = np.stack([c, 1j * w * c])[:, :, None] * np.exp(1j * np.outer(t, w))
         for k2 in range(basis.H2 + 1):
-            table[..., k2] = turned[..., basis.k[:, 1] == k2].sum(axis=-1)
+            table[..., k2] = waves[..., basis.k[:, 1] == k2].sum(axis=-1)
         gap, rate = (table @ np.exp(1j * np.outer(np.arange(basis.H2 + 1), phi))).real.transpose(0, 1, 3, 2)
         theta = np.stack(np.broadcast_arrays(omega[0] * t, phi[:, None] + omega[1] * t), axis=-1).reshape(-1, 2)
         shape = len(c), len(phi), len(t)
@@ -292,8 +292,8 @@ class TorusProblem(ContinuationProblem):
         linear, k = evaluator.linear(Omega), self.basis.k
         out = np.zeros((2, evaluator.m, len(k)), dtype=complex)
         highest = linear.constants.shape[1] - 1
-        own = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] <= highest))
-        out[:, :, own] = linear.constants[:, k[own, 0]].transpose(0, 2, 1)
+        periodic = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] <= highest))
+        out[:, :, periodic] = linear.constants[:, k[periodic, 0]].transpose(0, 2, 1)
         return out[0], out[1]
 
     @property

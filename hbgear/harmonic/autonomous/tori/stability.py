@@ -107,9 +107,9 @@ def growth_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Growth
         steps *= 2
         flow = _Flow(problem, X, parameters, steps)
         fine = _rate(flow)
-        own = problem.layout.spectrum_end(X[:-1]) if flow.neutral is None else flow.neutral_error()
-        error = fine[1] + abs(fine[0] - coarse[0]) + own
-        if error - own <= max(_SUFFICIENT * abs(fine[0]), own) or steps >= _FINEST:
+        torus_error = problem.layout.spectrum_end(X[:-1]) if flow.neutral is None else flow.neutral_error()
+        error = fine[1] + abs(fine[0] - coarse[0]) + torus_error
+        if error - torus_error <= max(_SUFFICIENT * abs(fine[0]), torus_error) or steps >= _FINEST:
             return Growth(fine[0], error, "")
         coarse = fine if steps > 2 else _rate(_Flow(problem, cut, parameters, steps))
 
@@ -120,11 +120,11 @@ def stability_remark(tori: Branch) -> str:
         return ""
     unsure = np.isin(tori.stability_codes, (UNDECIDED, UNKNOWN))
     unsure[[point.index for point in tori.special if point.kind == "EP"]] = False  # a Neimark-Sacker point is neutral
-    open_ = int(np.count_nonzero(unsure))
-    if not open_:
+    count = int(np.count_nonzero(unsure))
+    if not count:
         return ""
     reason = obstacle(tori.problem, tori.parameters_at(0)) or "disturbances change by less than the error of the growth"
-    return f"stability not determined at {open_} of {len(tori)} points: {reason}"
+    return f"stability not determined at {count} of {len(tori)} points: {reason}"
 
 
 def obstacle(problem: Any, parameters: Mapping[str, float]) -> str:
@@ -161,9 +161,9 @@ class _Flow:
     """
 
     def __init__(self, problem: Any, X: Array, parameters: Mapping[str, float], factor: int) -> None:
-        d, own = problem.split(X)
+        d, unknown = problem.split(X)
         basis, evaluator = problem.basis, problem.evaluator_at(parameters)
-        omega = np.array([parameters["Omega"] / problem.balance.nu, *own.values()])
+        omega = np.array([parameters["Omega"] / problem.balance.nu, *unknown.values()])
         modes, kr = evaluator.structure.modes, evaluator.structure.kr
         period, count = 2 * math.pi / omega[0], basis.shape[1]
         c, w = basis.to_complex(d.reshape(problem.balance.m, -1)), basis.k @ omega
@@ -203,9 +203,9 @@ class _Flow:
         phi = 2 * math.pi * np.arange(len(self.orders)) / len(self.orders)
         before, after = (np.exp(1j * (phi + turn)[:, None] * self.orders) @ self.neutral for turn in (0.0, self.rho))
         flows = np.fft.ifft(self.series, axis=0) * len(self.orders)
-        moved = (flows @ before[:, :, None])[:, :, 0]
+        mapped = (flows @ before[:, :, None])[:, :, 0]
         size = float(np.linalg.norm(before, axis=1).max())
-        return float(np.linalg.norm(moved - after, axis=1).max()) / max(size, 1e-300)
+        return float(np.linalg.norm(mapped - after, axis=1).max()) / max(size, 1e-300)
 
     def at(self, phi: Array) -> tuple[ComplexArray, ComplexArray | None]:
         """Return the flows (B, r, r) from second phases (B,), and neutral directions (B, r) there."""
@@ -234,8 +234,8 @@ class _Step:
         self.free_rate = self.free * poles
         A = np.einsum("jr,pir,rl->ijpl", modes.output, inside[:, :-1], modes.input, optimize=True).real
         dA = np.einsum("jr,r,pir,rl->ijpl", modes.output, poles, inside[:, :-1], modes.input, optimize=True).real
-        now = np.arange(_POINTS)
-        dA[now, :, now] += (modes.output @ modes.input).real
+        nodes = np.arange(_POINTS)
+        dA[nodes, :, nodes] += (modes.output @ modes.input).real
         self.inside, self.inside_rate = A, dA
         self.end = np.einsum("pr,rl->rpl", inside[:, -1], modes.input).reshape(len(poles), -1)
 
@@ -304,6 +304,6 @@ def _average(flow: _Flow, periods: int) -> tuple[float, float]:
         w /= size[:, None]
     logs = logs[int(_WARM_UP * periods) :]
     half = logs[: len(logs) // 2], logs[len(logs) // 2 :]
-    found = np.array([birkhoff_weights(len(some)) @ some for some in (logs, *half)])
-    rate = float(found[0].mean())
-    return rate, float(np.abs(found - rate).max())
+    averages = np.array([birkhoff_weights(len(sample)) @ sample for sample in (logs, *half)])
+    rate = float(averages[0].mean())
+    return rate, float(np.abs(averages - rate).max())

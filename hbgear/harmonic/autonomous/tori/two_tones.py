@@ -177,7 +177,7 @@ class TwoToneProblem(TorusProblem):
         second = self.ratio * Omega / self.balance.nu
         w = self.basis.k @ np.array([Omega / self.balance.nu, second])
         weights = birkhoff_weights(len(t))
-        c = 2.0 * np.array([(weights * d) @ np.exp(-1j * one * t) for one in w]).T
+        c = 2.0 * np.array([(weights * d) @ np.exp(-1j * wk * t) for wk in w]).T
         c[:, 0] *= 0.5
         return np.append(self.basis.to_real(c).ravel(), second)
 
@@ -192,9 +192,9 @@ class TwoToneProblem(TorusProblem):
         for i, (k1, k2) in enumerate(self.basis.k.tolist()):
             if k2 == 0 and k1 < rows.shape[1]:
                 c[:, i] = rows[:, k1]
-        own = self.ratio * parameters["Omega"] / self.balance.nu
-        c += self._second_response({**parameters, SECOND: own})
-        return np.append(self.basis.to_real(c).ravel(), own)
+        Omega_2 = self.ratio * parameters["Omega"] / self.balance.nu
+        c += self._second_response({**parameters, SECOND: Omega_2})
+        return np.append(self.basis.to_real(c).ravel(), Omega_2)
 
     @property
     def model(self) -> Model:
@@ -215,29 +215,29 @@ class TwoToneProblem(TorusProblem):
         load = to_plain(self.load)
         band = None if self.basis.band is None else self.basis.band / self.balance.nu
         half = None if self.basis.half is None else list(self.basis.half)
-        own = {"ratio": self.ratio, "load": load, "elements": list(self.elements), "band": band, "half": half}
-        return out | {"torus": out["torus"] | own}
+        second = {"ratio": self.ratio, "load": load, "elements": list(self.elements), "band": band, "half": half}
+        return out | {"torus": out["torus"] | second}
 
     # ---- equations
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual with its derivatives; the last equation prescribes the second frequency."""
-        now, n = super().linearise(X, name, **parameters), len(X) - 1
-        here = {**parameters, SECOND: float(X[-1])}
-        h = _FREQUENCY_STEP * here[SECOND]
-        second, up, down = (self._second_response({**here, SECOND: here[SECOND] + dw}) for dw in (0.0, h, -h))
-        now.R[:n] -= self.basis.to_real(second).ravel()
-        now.dR_dX[:n, n] -= self.basis.to_real((up - down) / (2 * h)).ravel()
-        weight = now.size / here[SECOND]
-        now.R[n] = weight * (here[SECOND] - self.ratio * parameters["Omega"] / self.balance.nu)
-        now.dR_dX[n] = 0.0
-        now.dR_dX[n, n] = weight
-        now.dR_dp[n] = -weight * self.ratio / self.balance.nu if name == "Omega" else 0.0
-        return now
+        evaluation, n = super().linearise(X, name, **parameters), len(X) - 1
+        values = {**parameters, SECOND: float(X[-1])}
+        h = _FREQUENCY_STEP * values[SECOND]
+        second, up, down = (self._second_response({**values, SECOND: values[SECOND] + dw}) for dw in (0.0, h, -h))
+        evaluation.R[:n] -= self.basis.to_real(second).ravel()
+        evaluation.dR_dX[:n, n] -= self.basis.to_real((up - down) / (2 * h)).ravel()
+        weight = evaluation.size / values[SECOND]
+        evaluation.R[n] = weight * (values[SECOND] - self.ratio * parameters["Omega"] / self.balance.nu)
+        evaluation.dR_dX[n] = 0.0
+        evaluation.dR_dX[n, n] = weight
+        evaluation.dR_dp[n] = -weight * self.ratio / self.balance.nu if name == "Omega" else 0.0
+        return evaluation
 
     def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
-        return [self.balance.nu * theta[:, 1] if own else tau
-                for own, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)]  # fmt: skip
+        return [self.balance.nu * theta[:, 1] if is_second else tau
+                for is_second, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)]  # fmt: skip
 
     def _displacements(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the harmonics (K, m) of the prescribed displacements of the second frequency."""
@@ -253,23 +253,23 @@ class TwoToneProblem(TorusProblem):
     def _harmonics(self, cosine: Any, sine: Any) -> ComplexArray:
         """Return coefficients (K,) of a series of the second phase, given from its first harmonic on."""
         out = np.zeros(len(self.basis.k), dtype=complex)
-        at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
+        positions = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
         for factor, values in ((1.0, cosine), (-1j, sine)):
             for order, value in enumerate(values, 1):
-                if (0, order * self.balance.nu) in at:
-                    out[at[0, order * self.balance.nu]] += factor * value
+                if (0, order * self.balance.nu) in positions:
+                    out[positions[0, order * self.balance.nu]] += factor * value
         return out
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the loads (K, n) of the second frequency, with those of prescribed displacements."""
         structure = self.evaluator_at(parameters).structure
         out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
-        at = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
+        positions = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
         power = (self.balance.nu * parameters[SECOND]) ** self.load.power
         for factor, table in ((1.0, self.load.cosine), (-1j, self.load.sine)):
             for order, vector in table.items():
-                if (0, order * self.balance.nu) in at:
-                    out[at[0, order * self.balance.nu]] += factor * power * np.asarray(vector)
+                if (0, order * self.balance.nu) in positions:
+                    out[positions[0, order * self.balance.nu]] += factor * power * np.asarray(vector)
         w = self.basis.k[:, 1] * parameters[SECOND]
         e = self._displacements(parameters)
         out += ((structure.kr + 1j * w[:, None] * structure.c) * e) @ structure.W.T
