@@ -277,7 +277,7 @@ def test_a_point_may_lie_slightly_beyond_the_ends(mirror, x, beyond, inside):
     """p = -x^2 from x = -1 to -x: the fold lies x / 2 of the segment behind its end."""
     ends = (-1.0, -x) if mirror > 0 else (x, 1.0)
     segment = Graph(0.0, 0.0, -1.0).segment(*ends)
-    more = {} if beyond is None else {"beyond": beyond}
+    more = {} if beyond is None else {"margin": beyond}
 
     def locate():
         return locate_by_newton(

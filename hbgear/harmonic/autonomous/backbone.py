@@ -91,8 +91,8 @@ class BackboneProblem(ContinuationProblem):
         counted("mode", mode, 10_000)
         self.balance = unforced_balance(model, harmonics)
         self.model, self.mode = model, int(mode)
-        self._mode_at_rest = linear_mode(self.balance.compiled({}), self.mode)
-        self._phase = phase_vector(self._linear_motion(self._mode_at_rest, 1.0)[:-2], self.balance.m)
+        self._default_mode = linear_mode(self.balance.compiled({}), self.mode)
+        self._phase = phase_vector(self._linear_motion(self._default_mode, 1.0)[:-2], self.balance.m)
 
     def __repr__(self) -> str:
         return f"BackboneProblem({self.model!r}, mode={self.mode}, harmonics={self.balance.H})"
@@ -200,7 +200,7 @@ class BackboneProblem(ContinuationProblem):
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
         """Problems with other numbers of harmonics, with their weights in error estimates."""
-        return tuple((self._on(other), weight) for other, weight in self.balance.comparisons)
+        return tuple((self._on(balance), weight) for balance, weight in self.balance.comparisons)
 
     def at_resolution_of(self, point: Point) -> Self:
         """Return the problem with the harmonics of a point if these are more."""
@@ -223,11 +223,11 @@ class BackboneProblem(ContinuationProblem):
             If Newton's method does not converge.
         """
         checked("start", AMPLITUDE, amplitude, POSITIVE)
-        here = {**parameters, AMPLITUDE: float(amplitude)}
+        values = {**parameters, AMPLITUDE: float(amplitude)}
         changed = any(self.parameters[name] != value for name, value in parameters.items())
-        mode = linear_mode(self.balance.compiled(parameters), self.mode) if changed else self._mode_at_rest
+        mode = linear_mode(self.balance.compiled(parameters), self.mode) if changed else self._default_mode
         try:
-            return solve(self, self._linear_motion(mode, amplitude), here).X
+            return solve(self, self._linear_motion(mode, amplitude), values).X
         except NoConvergence:
             low = _LOWEST_START_RATIO * amplitude
             guess = self._linear_motion(mode, low)
@@ -244,23 +244,23 @@ class BackboneProblem(ContinuationProblem):
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual (n,), its Jacobian (n, n), its derivative in a parameter and the size of its terms."""
-        d, own = self.split(X)
-        evaluator, n = self.balance.compiled(of_model(parameters)), self.balance.size
-        linear, rate, terms = _linear_part(evaluator, own["Omega"], own["modal_damping"])
-        R, J, dR_dOmega, size = evaluator.linearise_with(d, own["Omega"], linear)
+        d, unknown = self.split(X)
+        evaluator, n = self.balance.compiled(model_parameters(parameters)), self.balance.size
+        linear, rate, terms = _linear_part(evaluator, unknown["Omega"], unknown["modal_damping"])
+        R, J, dR_dOmega, size = evaluator.linearise_with(d, unknown["Omega"], linear)
         rows = to_complex(d.reshape(evaluator.m, -1))
         springs = np.repeat(_springs(evaluator), n // evaluator.m)
         size = max(size, norm(springs * d))  # in a linear mode without forces of the elements all terms are rounding
         size = max(size, CANCELLED_TERMS * float(np.linalg.norm(terms @ np.abs(rows.T[1:, :, None]))))
         amplitude = parameters[AMPLITUDE]
-        moving = d * self._alternating
-        rms = norm(moving) / np.sqrt(2.0)
+        alternating = d * self._alternating
+        rms = norm(alternating) / np.sqrt(2.0)
         weight = size / amplitude
         out, A = np.empty(n + 2), np.zeros((n + 2, n + 2))
         out[:n], out[n], out[n + 1] = R, weight * (self._phase @ d), weight * (rms - amplitude)
         A[:n, :n], A[:n, n + 1] = J, dR_dOmega
         A[:n, n] = to_real(_applied(rate, rows, evaluator)).ravel()
-        A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * moving / (rms or 1.0)
+        A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * alternating / (rms or 1.0)
         return Evaluation(out, A, _parameter_derivative(self, X, name, parameters, weight), size)
 
     @property
@@ -274,10 +274,10 @@ class BackboneProblem(ContinuationProblem):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the regime and the truncation error of the motion."""
-        d, own = self.split(X)
-        here = of_model(parameters)
-        seen = self.balance.observe_many(d[None], "Omega", np.array([own["Omega"]]), False, **here)[0]
-        return {name: seen[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in seen}
+        d, unknown = self.split(X)
+        values = model_parameters(parameters)
+        observed = self.balance.observe_many(d[None], "Omega", np.array([unknown["Omega"]]), False, **values)[0]
+        return {name: observed[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in observed}
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""
@@ -301,36 +301,36 @@ class BackboneProblem(ContinuationProblem):
 
     def slip_margins(self, X: Array, **parameters: float) -> Array:
         """Return the margins of the friction sliders, see `HarmonicBalance.slip_margins`."""
-        return self.balance.slip_margins(self.split(X)[0], **self._of_balance(X, parameters))
+        return self.balance.slip_margins(self.split(X)[0], **self._balance_parameters(X, parameters))
 
-    def slip_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+    def slip_threshold(self, X: Array, index: int, **parameters: float) -> tuple[float, Array]:
         """Return a margin of a slider and its derivative, see `HarmonicBalance.slip_threshold`."""
-        return self.balance.slip_threshold(self.split(X)[0], which, **self._of_balance(X, parameters))
+        return self.balance.slip_threshold(self.split(X)[0], index, **self._balance_parameters(X, parameters))
 
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Return the distances of extrema from breakpoints, see `HarmonicBalance.clearance`."""
-        return self.balance.clearance(self.split(X)[0], **self._of_balance(X, parameters))
+        return self.balance.clearance(self.split(X)[0], **self._balance_parameters(X, parameters))
 
     @property
     def clearance_elements(self) -> tuple[int, ...]:
         """Element to which each entry of `clearance` belongs."""
         return self.balance.clearance_elements
 
-    def grazing_distance(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
+    def grazing_distance(self, X: Array, index: int, **parameters: float) -> tuple[float, float]:
         """Return one entry of `clearance`, and the phase at which its extremum lies."""
-        return self.balance.grazing_distance(self.split(X)[0], which, **self._of_balance(X, parameters))
+        return self.balance.grazing_distance(self.split(X)[0], index, **self._balance_parameters(X, parameters))
 
     def edge_extremes(self, X: Array, **parameters: float) -> Array:
         """Return the extrema of the edges of vector laws, see `HarmonicBalance.edge_extremes`."""
-        return self.balance.edge_extremes(self.split(X)[0], **self._of_balance(X, parameters))
+        return self.balance.edge_extremes(self.split(X)[0], **self._balance_parameters(X, parameters))
 
-    def edge_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+    def edge_threshold(self, X: Array, index: int, **parameters: float) -> tuple[float, Array]:
         """Return an extremum of an edge and its derivative, see `HarmonicBalance.edge_threshold`."""
-        return self.balance.edge_threshold(self.split(X)[0], which, **self._of_balance(X, parameters))
+        return self.balance.edge_threshold(self.split(X)[0], index, **self._balance_parameters(X, parameters))
 
-    def _of_balance(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
+    def _balance_parameters(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters of the balance at a solution."""
-        return {**of_model(parameters), "Omega": self.split(X)[1]["Omega"]}
+        return {**model_parameters(parameters), "Omega": self.split(X)[1]["Omega"]}
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
@@ -348,14 +348,14 @@ class BackboneProblem(ContinuationProblem):
 
     def motion(self, X: Array, **parameters: float) -> Array:
         """Return the harmonics of all coordinates, as real rows (n, 2H + 1), with Omega and D among the parameters."""
-        evaluator = self.balance.compiled(of_model(parameters))
+        evaluator = self.balance.compiled(model_parameters(parameters))
         Omega, D = parameters["Omega"], parameters["modal_damping"]
         d, f = to_complex(X.reshape(evaluator.m, -1)), to_complex(evaluator.forces(X, Omega))
         rows: Array = to_real(_coordinates(evaluator, Omega, D, d, f).T)
         return rows
 
 
-def of_model(parameters: Mapping[str, float]) -> dict[str, float]:
+def model_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of the model alone."""
     return {name: x for name, x in parameters.items() if name not in (AMPLITUDE, "Omega", "modal_damping")}
 
@@ -368,12 +368,12 @@ def _parameter_derivative(
     if name == AMPLITUDE:
         out[-1] = -weight
     elif name:
-        d, own = problem.split(X)
+        d, unknown = problem.split(X)
 
-        def residual(at: dict[str, float]) -> tuple[Array]:
-            evaluator = problem.balance.compiled(of_model(at))
-            linear, *_ = _linear_part(evaluator, own["Omega"], own["modal_damping"])
-            return (evaluator.linearise_with(d, own["Omega"], linear)[0],)
+        def residual(values: dict[str, float]) -> tuple[Array]:
+            evaluator = problem.balance.compiled(model_parameters(values))
+            linear, *_ = _linear_part(evaluator, unknown["Omega"], unknown["modal_damping"])
+            return (evaluator.linearise_with(d, unknown["Omega"], linear)[0],)
 
         (out[:-2],) = parameter_derivatives(problem, name, parameters, residual)
     return out
@@ -427,21 +427,21 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     With Y_k = (W^T D_k^-1 W)^-1, the last result is |Y W^T D^-1| |D| |D^-1 W Y| (K, m, m): the size of the terms of
     the structure that cancel in Y.
     """
-    s, rest = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
+    s, static = evaluator.structure, evaluator.linear(STATIC_FREQUENCY)
     matrices, k = _matrices(evaluator), evaluator.orders[1:, None, None]
     value = _dynamic_stiffness(matrices, evaluator.orders[1:], Omega, D)
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
     Q = np.linalg.solve(value, W)
     Lt = (Q if _are_symmetric(matrices) else np.linalg.solve(value.transpose(0, 2, 1), W)).transpose(0, 2, 1)
-    G, damped, moved = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)
-    in_Omega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * moved
+    G, damped, inertial = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)
+    dG_dOmega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * inertial
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
-    out.matrices[0, 0], out.constants[0, 0] = rest.Z[0], rest.g[0]
-    own = np.ix_(np.arange(len(value)), s.own, s.own) if s.constrained else ...
+    out.matrices[0, 0], out.constants[0, 0] = static.Z[0], static.g[0]
+    blocks = np.ix_(np.arange(len(value)), s.own, s.own) if s.constrained else ...
     Y, dY, dD = out.matrices[0, 1:], out.matrices[1, 1:], rate[1:]
-    Y[own] = np.linalg.inv(G[own])
-    dY[own] = Y[own] @ in_Omega[own] @ Y[own]
-    dD[own] = Y[own] @ (-2j * k * Omega**2 * moved)[own] @ Y[own]
+    Y[blocks] = np.linalg.inv(G[blocks])
+    dY[blocks] = Y[blocks] @ dG_dOmega[blocks] @ Y[blocks]
+    dD[blocks] = Y[blocks] @ (-2j * k * Omega**2 * inertial)[blocks] @ Y[blocks]
     terms = np.abs(Y @ Lt) @ np.abs(value) @ np.abs(Q @ Y)
     Y -= np.diag(_springs(evaluator))
     return out, rate, terms

@@ -25,7 +25,7 @@ from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
-from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, of_model
+from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, model_parameters
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.series.fourier import Series, evaluate, to_complex
@@ -221,23 +221,23 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
             "hb.analysis.backbone(model)"
         )
     counted("order", order)
-    system = problem.model.at(of_model(curve.parameters_at(0))).system()
+    system = problem.model.at(model_parameters(curve.parameters_at(0))).system()
     with np.errstate(divide="ignore"):
         ratios = np.log([_power_ratio(problem, system, curve[i], order) for i in range(len(curve))])
-    known = np.flatnonzero(np.isfinite(ratios))
-    if len(known) < 2:  # no excitation of this order, or no dissipation
+    finite = np.flatnonzero(np.isfinite(ratios))
+    if len(finite) < 2:  # no excitation of this order, or no dissipation
         return ()
-    along = {name: PchipInterpolator(known, values[known]) for name, values in
+    fits = {name: PchipInterpolator(finite, values[finite]) for name, values in
              (("ratio", ratios), (AMPLITUDE, curve.values), ("Omega", curve.tracked["Omega"]))}  # fmt: skip
-    found = []
-    for s in along["ratio"].roots(extrapolate=False):
-        grows = along[AMPLITUDE](s, 1) > 0
-        found.append(
+    peaks = []
+    for s in fits["ratio"].roots(extrapolate=False):
+        grows = fits[AMPLITUDE](s, 1) > 0
+        peaks.append(
             PredictedPeak(
-                float(along[AMPLITUDE](s)), float(along["Omega"](s)) / order, bool((along["ratio"](s, 1) < 0) == grows)
+                float(fits[AMPLITUDE](s)), float(fits["Omega"](s)) / order, bool((fits["ratio"](s, 1) < 0) == grows)
             )
         )
-    return tuple(found)
+    return tuple(peaks)
 
 
 def _power_ratio(problem: BackboneProblem, system: System, point: Point, order: int) -> float:
@@ -245,7 +245,7 @@ def _power_ratio(problem: BackboneProblem, system: System, point: Point, order: 
 
     The system is the one with its periodic excitation, which the problem leaves out.
     """
-    evaluator = problem.balance.compiled(of_model(point.parameters))
+    evaluator = problem.balance.compiled(model_parameters(point.parameters))
     Omega, D = point.parameters["Omega"], point.parameters["modal_damping"]
     rate, q = 1j * Omega, to_complex(problem.motion(point.X, **point.parameters))
     d, p = (to_complex(x.reshape(evaluator.m, -1))[:, 1] for x in (point.X, evaluator.forces(point.X, Omega)))

@@ -46,10 +46,10 @@ class _CycleEvent(Event):
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        known = [point.observed["multipliers"] for point in points if "multipliers" in point.observed]
-        if len(known) < len(points):
+        multipliers = [point.observed["multipliers"] for point in points if "multipliers" in point.observed]
+        if len(multipliers) < len(points):
             return np.zeros((len(points), 0))
-        return np.array([self.functions(mu) for mu in known])
+        return np.array([self.functions(mu) for mu in multipliers])
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         def multipliers(point: CurvePoint) -> ComplexArray:

@@ -236,7 +236,7 @@ def hopf_points(model: Model, parameter: str, span: tuple[float, float], **optio
 
 def _hopf_points(problem: EquilibriumProblem, curve: Branch, parameter: str) -> tuple[HopfPoint, ...]:
     """Return the located points of a curve at which a pair of eigenvalues is imaginary."""
-    found = []
+    points = []
     for point in curve.special:
         if point.kind != "HB":
             continue
@@ -249,5 +249,5 @@ def _hopf_points(problem: EquilibriumProblem, curve: Branch, parameter: str) -> 
         if abs(values[r].real) <= _IMAGINARY_TOLERANCE * sizes[r]:
             shape = modes[:, r] / np.linalg.norm(modes[:, r])
             value = point.parameters[parameter]
-            found.append(HopfPoint(parameter, value, float(values[r].imag), point.X.copy(), shape, point.error))
-    return tuple(found)
+            points.append(HopfPoint(parameter, value, float(values[r].imag), point.X.copy(), shape, point.error))
+    return tuple(points)

@@ -66,21 +66,21 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
     def __init__(self, problem: AnyProblem, parameter: str = "Omega") -> None:
         super().__init__(problem, parameter)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the phase condition relative to a motion."""
-        size = linearise(self.problem, X, "", here).size
+        size = linearise(self.problem, X, "", parameters).size
         return Borders(size / max(norm(X), 1e-300), b=phase_vector(X, self.problem.m))
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the phase condition relative to another motion, with the same weight."""
         return replace(base, b=phase_vector(X, self.problem.m))
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the phase condition with its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        now = linearise(self.problem, X, self.parameter, here)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
         b = base.weight * np.asarray(base.b)
-        derivatives = tuple((self.problem.parameter_derivative(X, name, here), 0.0) for name in names)
-        return AugmentedResidual(now, float(b @ X), b, 0.0, derivatives)
+        derivatives = tuple((self.problem.parameter_derivative(X, name, parameters), 0.0) for name in names)
+        return AugmentedResidual(evaluation, float(b @ X), b, 0.0, derivatives)
 
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return period doublings and Neimark-Sacker points."""
@@ -105,13 +105,13 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return regime, truncation error and the multipliers without the one of the arbitrary phase."""
-        X, own = self.solution_of(X)
-        here = {**parameters, **own}
-        Omega = np.array([here.pop(self.parameter)])
-        seen = self.problem.observe_many(X[None], self.parameter, Omega, stability, **here)[0]
-        out = {name: seen[name] for name in ("regime", "error")}
-        if "multipliers" in seen:
-            out["multipliers"] = without_trivial(seen["multipliers"])
+        X, unknown = self.solution_of(X)
+        values = {**parameters, **unknown}
+        Omega = np.array([values.pop(self.parameter)])
+        observed = self.problem.observe_many(X[None], self.parameter, Omega, stability, **values)[0]
+        out = {name: observed[name] for name in ("regime", "error")}
+        if "multipliers" in observed:
+            out["multipliers"] = without_trivial(observed["multipliers"])
         return out
 
 
@@ -129,13 +129,13 @@ class _StartEquations(MinimallyAugmentedProblem):
         super().__init__(problem, parameter)
         self._fixed(shape=shape, amplitude=amplitude)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size / self.amplitude)
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", parameters).size / self.amplitude)
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        now: Evaluation = linearise(self.problem, X, self.parameter, here)
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        evaluation: Evaluation = linearise(self.problem, X, self.parameter, parameters)
         g = base.weight * (self.shape @ X[:-1] - self.amplitude)
-        return AugmentedResidual(now, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
+        return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
 
 
 _FIRST_AMPLITUDE = 5e-2
@@ -213,36 +213,36 @@ def limit_cycles(
     problem = LimitCycleProblem(unforced_balance(model, harmonics, reduce=True))
     name = _parameter_of(start, parameter, problem)
     low, high = sorted(map(float, span))
-    own = "the model", problem.parameters[name]
-    where, value = ("the Hopf point", start.value) if isinstance(start, HopfPoint) else own
+    default = "the model", problem.parameters[name]
+    origin, value = ("the Hopf point", start.value) if isinstance(start, HopfPoint) else default
     if not low <= value <= high:
-        raise ValueError(f"{where} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
+        raise ValueError(f"{origin} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
     options = {"cover": False} | options
     if isinstance(start, HopfPoint):
         U, fixed = _first_cycle(problem, start, _FIRST_AMPLITUDE * length)
         ends = (low, high) if U[-1] >= value else (high, low)
         return trace(problem, name, ends, _point(problem, U[:-1], {**fixed, name: float(U[-1])}), **options)
-    here = problem.parameters
+    parameters = problem.parameters
     Omega, rows = repeated_motion(start, harmonics)
     guess = np.append(rows.ravel(), Omega)
-    U = solve(problem.with_borders_at(guess, here), guess, here).X
-    return trace_to_both_ends(problem, name, span, _point(problem, U, here), **options)
+    U = solve(problem.with_borders_at(guess, parameters), guess, parameters).X
+    return trace_to_both_ends(problem, name, span, _point(problem, U, parameters), **options)
 
 
 def _parameter_of(start: HopfPoint | SampledMotion, parameter: str, problem: LimitCycleProblem) -> str:
     """Return the name of the parameter in which limit cycles are traced."""
     name = parameter or (start.parameter if isinstance(start, HopfPoint) else "")
     if not name:
-        known = ", ".join(problem.parameters)
-        raise ValueError(f"a motion has no parameter: give parameter=, the name of a parameter of the model ({known})")
+        names = ", ".join(problem.parameters)
+        raise ValueError(f"a motion has no parameter: give parameter=, the name of a parameter of the model ({names})")
     problem.check_parameter(name)
     return name
 
 
 def _point(problem: LimitCycleProblem, U: Array, parameters: dict[str, float]) -> Point:
     """Return the limit cycle with the unknowns (X, Omega)."""
-    none, here = np.zeros(0, dtype=np.int8), {**parameters, "Omega": float(U[-1])}
-    return Point(U[:-1], here, 0.0, 0, None, none, math.nan, problem.layout, problem=problem)
+    regime, values = np.zeros(0, dtype=np.int8), {**parameters, "Omega": float(U[-1])}
+    return Point(U[:-1], values, 0.0, 0, None, regime, math.nan, problem.layout, problem=problem)
 
 
 def _first_cycle(problem: LimitCycleProblem, hopf: HopfPoint, amplitude: float) -> tuple[Array, dict[str, float]]:

@@ -32,7 +32,7 @@ from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, of_model
+from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, model_parameters
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
 MAX_MODAL_DAMPING = 1e-8
@@ -42,7 +42,7 @@ _POSITION_TOLERANCE = 1e-10
 """Tolerance of the position of a change, as a fraction of its segment."""
 
 
-_NOT_FOUND = NoConvergence, np.linalg.LinAlgError
+_SOLVER_ERRORS = NoConvergence, np.linalg.LinAlgError
 """Errors of `nearest_solution`."""
 
 
@@ -154,19 +154,19 @@ def backbone_stability(curve: Branch) -> BackboneStability:
     if not isinstance(problem, BackboneProblem) or curve.parameter != AMPLITUDE:
         raise ValueError("the stability is that of a backbone in the amplitude: give hb.analysis.backbone(model)")
     finer = problem.refined_problem
-    along = [_verified(problem, finer, curve.X[i], curve.parameters_at(i)) for i in range(len(curve))]
-    width = max((len(one.multipliers) for one in along if one is not None), default=0)
-    multipliers, error = np.full((len(along), width), np.nan, dtype=complex), np.full(len(along), np.nan)
-    for i, one in enumerate(along):
-        if one is not None:
-            multipliers[i, : len(one.multipliers)], error[i] = one.multipliers, one.error
-    states = tuple("undefined" if one is None else one.state for one in along)
-    changes, path = list[StabilityChange](), _Path(curve, finer or problem, along)
-    for is_known, part in groupby(range(len(along)), key=lambda i: along[i] is not None):
-        numbers = list(part)
-        for t, kind in sorted(path.changes(numbers[0], numbers[-1])) if is_known and len(numbers) > 1 else ():
-            here = path.parameters_at(t)
-            changes.append(StabilityChange(here[AMPLITUDE], here["Omega"], kind, t))
+    spectra = [_verified(problem, finer, curve.X[i], curve.parameters_at(i)) for i in range(len(curve))]
+    width = max((len(spectrum.multipliers) for spectrum in spectra if spectrum is not None), default=0)
+    multipliers, error = np.full((len(spectra), width), np.nan, dtype=complex), np.full(len(spectra), np.nan)
+    for i, spectrum in enumerate(spectra):
+        if spectrum is not None:
+            multipliers[i, : len(spectrum.multipliers)], error[i] = spectrum.multipliers, spectrum.error
+    states = tuple("undefined" if spectrum is None else spectrum.state for spectrum in spectra)
+    changes, path = list[StabilityChange](), _Path(curve, finer or problem, spectra)
+    for is_defined, group in groupby(range(len(spectra)), key=lambda i: spectra[i] is not None):
+        numbers = list(group)
+        for t, kind in sorted(path.changes(numbers[0], numbers[-1])) if is_defined and len(numbers) > 1 else ():
+            parameters = path.parameters_at(t)
+            changes.append(StabilityChange(parameters[AMPLITUDE], parameters["Omega"], kind, t))
     return BackboneStability(states, multipliers, error, tuple(changes))
 
 
@@ -207,7 +207,7 @@ def _spectrum(problem: BackboneProblem, X: Array, parameters: dict[str, float]) 
     if abs(parameters["modal_damping"]) > MAX_MODAL_DAMPING:
         return None
     Omega = np.array([parameters["Omega"]])
-    evaluator = problem.balance.compiled(of_model(parameters))
+    evaluator = problem.balance.compiled(model_parameters(parameters))
     # without the truncated harmonics, which an undamped mode in resonance with one of them would amplify
     pairs = _reciprocal_pairs(floquet_multipliers(evaluator, X[None], Omega)[0])
     half = pairs.mean(axis=1)
@@ -225,13 +225,13 @@ def _verified(
         return coarse
     try:
         fine, _ = _nearest(finer, finer.resized(problem.join(X, parameters)), parameters)
-    except _NOT_FOUND:
+    except _SOLVER_ERRORS:
         return coarse._replace(error=np.inf)
     if fine is None or len(fine.half_traces) != len(coarse.half_traces):
         return coarse._replace(error=np.inf)
     distances = np.abs(fine.half_traces[:, None] - coarse.half_traces)
-    apart = max(distances.min(axis=k).max(initial=0.0) for k in (0, 1)) if distances.size else 0.0
-    return fine._replace(error=max(coarse.error, fine.error, float(apart)))
+    difference = max(distances.min(axis=k).max(initial=0.0) for k in (0, 1)) if distances.size else 0.0
+    return fine._replace(error=max(coarse.error, fine.error, float(difference)))
 
 
 def _nearest(
@@ -239,29 +239,29 @@ def _nearest(
 ) -> tuple[_Spectrum | None, dict[str, float]]:
     """Return the multipliers and the parameters of the motion nearest to unknowns U and parameters."""
     U, amplitude = nearest_solution(problem, U, AMPLITUDE, parameters)
-    X, own = problem.split(U)
-    here = {**parameters, **own, AMPLITUDE: amplitude}
-    return _spectrum(problem, X, here), here
+    X, unknown = problem.split(U)
+    values = {**parameters, **unknown, AMPLITUDE: amplitude}
+    return _spectrum(problem, X, values), values
 
 
 def _reciprocal_pairs(multipliers: ComplexArray) -> ComplexArray:
     """Return multipliers in pairs (mu, 1 / mu), shape (r / 2, 2); the zeros of friction sliders are left out."""
-    rest = [complex(mu) for mu in sorted(multipliers[multipliers != 0], key=abs)]
+    remaining = [complex(mu) for mu in sorted(multipliers[multipliers != 0], key=abs)]
     pairs = list[tuple[complex, complex]]()
-    while len(rest) > 1:
-        mu = rest.pop()
-        partner = min(range(len(rest)), key=lambda i: abs(rest[i] * mu - 1.0))
-        pairs.append((mu, rest.pop(partner)))
+    while len(remaining) > 1:
+        mu = remaining.pop()
+        partner = min(range(len(remaining)), key=lambda i: abs(remaining[i] * mu - 1.0))
+        pairs.append((mu, remaining.pop(partner)))
     return np.array(pairs, dtype=complex).reshape(-1, 2)
 
 
 class _Path:
     """Motions of a backbone between its points: position t lies on the segment after point floor(t)."""
 
-    def __init__(self, curve: Branch, problem: BackboneProblem, along: Sequence[_Spectrum | None]) -> None:
-        self.curve, self.problem, self.along = curve, problem, along
-        own = curve.require_problem()
-        self._unknowns = [problem.resized(own.join(curve.X[i], curve.parameters_at(i))) for i in range(len(curve))]
+    def __init__(self, curve: Branch, problem: BackboneProblem, spectra: Sequence[_Spectrum | None]) -> None:
+        self.curve, self.problem, self.spectra = curve, problem, spectra
+        coarse = curve.require_problem()
+        self._unknowns = [problem.resized(coarse.join(curve.X[i], curve.parameters_at(i))) for i in range(len(curve))]
 
     def at(self, t: float) -> tuple[_Spectrum | None, dict[str, float]]:
         """Return the multipliers of the motion at a position, and its parameters.
@@ -271,36 +271,43 @@ class _Path:
         NoConvergence
             If the motion is not found.
         """
-        i = min(int(t), len(self.along) - 2)
+        i = min(int(t), len(self.spectra) - 2)
         s, values = t - i, self.curve.values
-        guess = {**of_model(self.curve.parameters_at(i)), AMPLITUDE: float((1 - s) * values[i] + s * values[i + 1])}
+        guess = {
+            **model_parameters(self.curve.parameters_at(i)),
+            AMPLITUDE: float((1 - s) * values[i] + s * values[i + 1]),
+        }
         return _nearest(self.problem, (1 - s) * self._unknowns[i] + s * self._unknowns[i + 1], guess)
 
     def parameters_at(self, t: float) -> dict[str, float]:
         """Return the parameters of the motion at a position; those of the nearest point if the motion is not found."""
         try:
             return self.at(t)[1]
-        except _NOT_FOUND:
+        except _SOLVER_ERRORS:
             return self.curve.parameters_at(round(t))
 
-    def margin(self, t: float, which: int) -> float:
+    def margin(self, t: float, index: int) -> float:
         """Return one of the margins at a position; negative where stability is undefined."""
         spectrum, _ = self.at(t)
-        return -1.0 if spectrum is None else float(spectrum.margins[which])
+        return -1.0 if spectrum is None else float(spectrum.margins[index])
 
     def changes(self, first: int, last: int) -> Iterator[tuple[float, str]]:
         """Yield position and kind of the changes between points whose stability is defined, at and between them."""
-        margins = np.array([one.margins for one in self.along[first : last + 1] if one is not None])
-        certain = [np.abs(one.margins) > one.tolerances for one in self.along[first : last + 1] if one is not None]
-        for which, kind in enumerate(_KINDS):
-            m, sure = margins[:, which], np.flatnonzero([one[which] for one in certain])
+        margins = np.array([spectrum.margins for spectrum in self.spectra[first : last + 1] if spectrum is not None])
+        certain = [
+            np.abs(spectrum.margins) > spectrum.tolerances
+            for spectrum in self.spectra[first : last + 1]
+            if spectrum is not None
+        ]
+        for index, kind in enumerate(_KINDS):
+            m, sure = margins[:, index], np.flatnonzero([row[index] for row in certain])
             for a, b in pairwise(sure.tolist()):
                 if m[a] * m[b] < 0:  # the last change of sign, through uncertain points
                     k = first + a + int(np.flatnonzero(m[a:b] * m[b] < 0)[-1])
-                    yield self._root(k, k + 1, which), kind
+                    yield self._root(k, k + 1, index), kind
             for i in range(1, len(m) - 1):
                 if self._may_be_positive(m[i - 1 : i + 2]):
-                    for t in self._band(first + i - 1, first + i + 1, which):
+                    for t in self._band(first + i - 1, first + i + 1, index):
                         yield t, kind
 
     @staticmethod
@@ -309,25 +316,25 @@ class _Path:
         rise = max(m[1] - m[0], m[1] - m[2])
         return bool(m[1] < 0 and m[1] >= max(m[0], m[2]) and -m[1] <= rise)
 
-    def _root(self, low: float, high: float, which: int) -> float:
+    def _root(self, low: float, high: float, index: int) -> float:
         """Return the position at which a margin changes sign; the last one if the motions between are not found."""
         try:
-            if self.margin(low, which) * self.margin(high, which) > 0:  # a motion is known with few harmonics only
+            if self.margin(low, index) * self.margin(high, index) > 0:  # a motion is known with few harmonics only
                 return high
-            return float(scipy.optimize.brentq(self.margin, low, high, (which,), xtol=_POSITION_TOLERANCE))
-        except _NOT_FOUND:
+            return float(scipy.optimize.brentq(self.margin, low, high, (index,), xtol=_POSITION_TOLERANCE))
+        except _SOLVER_ERRORS:
             return high
 
-    def _band(self, low: int, high: int, which: int) -> list[float]:
+    def _band(self, low: int, high: int, index: int) -> list[float]:
         """Return both ends of a band in which a margin is positive although it is negative at points low and high."""
         try:
             highest = scipy.optimize.minimize_scalar(
-                lambda t: -self.margin(t, which), bounds=(low, high), method="bounded"
+                lambda t: -self.margin(t, index), bounds=(low, high), method="bounded"
             )
             top = float(highest.x)
             spectrum, _ = self.at(top)
-        except _NOT_FOUND:
+        except _SOLVER_ERRORS:
             return []
-        if spectrum is None or spectrum.margins[which] <= spectrum.tolerances[which]:
+        if spectrum is None or spectrum.margins[index] <= spectrum.tolerances[index]:
             return []
-        return [self._root(low, top, which), self._root(top, high, which)]
+        return [self._root(low, top, index), self._root(top, high, index)]

@@ -58,9 +58,9 @@ def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
     ValueError
         If the structure has fewer modes that the elements measure.
     """
-    held = [state for state in statics(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
+    supported = [state for state in statics(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
     reference = np.zeros(evaluator.m), np.diag(evaluator.structure.kr)
-    rest, stiffness = (held[0].d, held[0].stiffness) if held else reference
+    rest, stiffness = (supported[0].d, supported[0].stiffness) if supported else reference
     modes = _modes(evaluator, rest, stiffness)
     if number > len(modes):
         raise ValueError(
@@ -76,7 +76,7 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
     K = np.asarray(dense(structure.K)) + W @ (stiffness - np.diag(structure.kr)) @ W.T
     squares, vectors = _undamped_modes(0.5 * (M + M.T), 0.5 * (K + K.T))
     sizes = np.linalg.norm(W.T @ vectors, axis=0)
-    found: list[LinearMode] = []
+    modes: list[LinearMode] = []
     for r in np.flatnonzero(squares > _ZERO_MODE_RATIO * squares[-1]):
         if sizes[r] <= _ZERO_MODE_RATIO * sizes.max():
             continue
@@ -84,10 +84,10 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
         if eigenvalue.real <= 0 or abs(eigenvalue.imag) >= 2 * eigenvalue.real:
             continue
         omega, damping = float(np.sqrt(eigenvalue.real)), float(eigenvalue.imag / (2 * eigenvalue.real))
-        if all(abs(omega - one.omega) + abs(damping - one.damping) > _EQUAL_MODES * omega for one in found):
+        if all(abs(omega - mode.omega) + abs(damping - mode.damping) > _EQUAL_MODES * omega for mode in modes):
             shape = W.T @ v
-            found.append(LinearMode(omega, damping, shape / np.linalg.norm(shape), rest))
-    return sorted(found, key=lambda mode: mode.omega)
+            modes.append(LinearMode(omega, damping, shape / np.linalg.norm(shape), rest))
+    return sorted(modes, key=lambda mode: mode.omega)
 
 
 _MASSLESS_RATIO = 1e-13
@@ -100,10 +100,10 @@ def _undamped_modes(M: Array, K: Array) -> tuple[Array, Array]:
     With v = R a + N b, N the null space of M, the equations without mass give b = -(N^T K N)^-1 N^T K R a. A motion b
     without stiffness, as of a damper alone, is left at rest here and follows when the damping is added.
     """
-    own = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
-    masses, motions = scipy.linalg.eigh(M / np.outer(own, own))
+    scale = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
+    masses, motions = scipy.linalg.eigh(M / np.outer(scale, scale))
     zero = masses <= _MASSLESS_RATIO * masses[-1]
-    R, N = motions[:, ~zero] / own[:, None], motions[:, zero] / own[:, None]
+    R, N = motions[:, ~zero] / scale[:, None], motions[:, zero] / scale[:, None]
     T = R - N @ (np.linalg.pinv(N.T @ K @ N, hermitian=True) @ (N.T @ K @ R))
     squares, V = scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))
     return squares, T @ V
@@ -130,9 +130,9 @@ def _damped_mode(M: Array, C: Array, K: Array, square: float, v: Array) -> tuple
     eigenvalue, u = complex(square), v.astype(complex)
     if not np.any(C):
         return eigenvalue, u
-    for part in np.linspace(0.0, 1.0, _DAMPING_STEPS + 1)[1:]:
+    for fraction in np.linspace(0.0, 1.0, _DAMPING_STEPS + 1)[1:]:
         for _ in range(_MODE_ITERATIONS):
-            A = K + 1j * part * np.sqrt(max(eigenvalue.real, 0.0)) * C
+            A = K + 1j * fraction * np.sqrt(max(eigenvalue.real, 0.0)) * C
             try:
                 u = np.linalg.solve(A - eigenvalue * M, M @ u)
             except np.linalg.LinAlgError:

@@ -35,6 +35,6 @@ def phase_vector(X: Array, m: int) -> Array:
 
 def without_trivial(multipliers: ComplexArray, count: int = 1) -> ComplexArray:
     """Return the multipliers without the ``count`` closest to +1, which belong to the arbitrary phase."""
-    kept = np.argsort(np.abs(multipliers - 1.0), kind="stable")[count:]
-    out: ComplexArray = multipliers[np.sort(kept)]
+    remaining = np.argsort(np.abs(multipliers - 1.0), kind="stable")[count:]
+    out: ComplexArray = multipliers[np.sort(remaining)]
     return out

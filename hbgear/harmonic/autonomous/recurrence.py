@@ -73,27 +73,27 @@ def repeated_motion(motion: SampledMotion, harmonics: int) -> tuple[float, Array
     distance = np.linalg.norm(z - z[:, -1:], axis=0)
     end = _last_return(distance)
     if end < 0:
-        nearest = distance[: _last_beyond(distance)].min(initial=np.inf)
+        nearest = distance[: _last_distant(distance)].min(initial=np.inf)
         raise ValueError(
             f"the motion does not repeat: the state nearest to its last one differs by {nearest:.2g} of its range, and "
             f"{LARGEST_DISTANCE:g} is allowed; integrate longer, until a periodic motion is reached"
         )
-    before, here, after = distance[end - 1 : end + 2] ** 2
-    bend = before - 2 * here + after
+    before, middle, after = distance[end - 1 : end + 2] ** 2
+    bend = before - 2 * middle + after
     shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
     period = float(t[-1] - t[end] - shift * (t[1] - t[0]))
     return 2 * np.pi / period, _fitted(t, motion.d, period, harmonics)
 
 
-def _last_beyond(distance: Array) -> int:
+def _last_distant(distance: Array) -> int:
     """Return the number of the last sample that is far from the last state."""
-    far = np.flatnonzero(distance > FAR * min(1.0, distance.max()))
-    return int(far[-1]) if far.size else 0
+    distant = np.flatnonzero(distance > FAR * min(1.0, distance.max()))
+    return int(distant[-1]) if distant.size else 0
 
 
 def _last_return(distance: Array) -> int:
     """Return the number of the last sample, before the motion left its last state, that is a return to it; else -1."""
-    n = _last_beyond(distance)
+    n = _last_distant(distance)
     d = distance[: n + 1]
     minima = np.flatnonzero((d[1:-1] <= d[:-2]) & (d[1:-1] < d[2:]) & (d[1:-1] < LARGEST_DISTANCE)) + 1
     return int(minima[-1]) if minima.size else -1
