@@ -104,7 +104,7 @@ class Borders:
 class MinimallyAugmentedProblem(SpecialPointProblem):
     """Base class of equations of special points: one more unknown and one more equation.
 
-    Parameters and errors are those of `SpecialPointProblem`.
+    Parameters and errors: see `SpecialPointProblem`.
     """
 
     base: Borders | None = None

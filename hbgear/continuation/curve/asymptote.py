@@ -61,11 +61,11 @@ distance on a curve of folds, a hundredth on one of limit cycles.
 
 
 MAX_DOUBLING_RATIO = 0.75
-"""Change of the parameter as the size doubles, over that of the doubling before, above which no limit is assumed."""
+"""Ratio of the parameter changes of two successive doublings of the size, above which no limit is assumed."""
 
 
 MAX_RATIO_DIFFERENCE = 0.1
-"""Relative difference of two successive ratios up to which they are those of a power law."""
+"""Relative difference of two successive ratios up to which the curve follows a power law."""
 
 
 MIN_LIMIT_ERROR = 0.01

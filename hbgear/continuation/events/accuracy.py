@@ -272,7 +272,7 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
 def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison | None:
     """Return the point by Newton's method on its equations at another resolution; None if it fails.
 
-    In a problem that is not smooth, only folds at corners are solved in this way; the corner is that of the point.
+    In a problem that is not smooth, only folds at corners are solved in this way, with the corner of the point.
     """
     location = event.sharp or RefinedLocation(segment.problem, event.point)
     located, parameters = location.point, {**segment.parameters, segment.name: location.point.value}

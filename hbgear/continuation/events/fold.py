@@ -25,7 +25,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 def equations_of_fold(
     problem: ContinuationProblem, parameter: str, X: Array, parameters: Mapping[str, float]
 ) -> MinimallyAugmentedProblem:
-    """Return the equations of a fold at a solution: those of the corner at which the curve turns back, if there is one.
+    """Return the equations of a fold at a solution, or of the corner at which the curve turns back, if there is one.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ Each further method or attribute that a problem defines adds an ability:
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
 | ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
-| ``special_point_equations`` | the same for curves of its special points | those of the event |
-| ``own_trace`` | a continuation of its own, where the equations change along a curve | that of `trace` |
+| ``special_point_equations`` | a problem for curves of a special point | equations of the event |
+| ``own_trace`` | a continuation of its own, where the equations change along a curve | the continuation of `trace` |
 | ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | one point at a time |
 | ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
 | ``postprocess``, ``remarks`` | additions to a finished branch, and to its message | none |
@@ -264,8 +264,8 @@ class ContinuationProblem:
     ) -> Branch | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 
-        ``settings`` are the `TraceSettings`, ``cover`` is that of `trace`, and ``unresolved`` is True if the number of
-        unknowns did not resolve the curve. With None the curve is traced by `Tracer`.
+        ``settings`` are the `TraceSettings`, ``cover`` is the argument of `trace`, and ``unresolved`` is True if the
+        number of unknowns did not resolve the curve. With None the curve is traced by `Tracer`.
         """
         return None
 

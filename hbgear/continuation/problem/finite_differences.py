@@ -2,8 +2,8 @@
 
     df/dp = (f(p + h) - f(p - h)) / 2h + O(h^2),   h = STEP * unit,   unit the size of p (`ContinuationProblem.unit_of`)
 
-At an end of the range of the parameter f exists on one side only. There the derivative is that of the parabola through
-three points:
+At an end of the range of the parameter f exists on one side only. There the derivative of the parabola through
+three points is used:
 
     df/dp = (4 f(p + h) - f(p + 2h) - 3 f(p)) / 2h + O(h^2)
 """

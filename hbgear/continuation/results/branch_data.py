@@ -51,7 +51,7 @@ class FullMotion:
     names : tuple of str
         Names of the n coordinates.
     rows : ndarray, shape (P, n, ...)
-        Coefficients of each coordinate, in the form of those of an element.
+        Coefficients of each coordinate, in the form of the coefficients of an element.
     """
 
     names: tuple[str, ...]

@@ -27,7 +27,7 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
     Returns
     -------
     Branch
-        Points of both. Status and message are those of `second`.
+        Points of both, with status and message of `second`.
     """
     n = len(first)
     names = list(_ARRAYS)
@@ -61,7 +61,7 @@ def concatenate(backward: Branch, forward: Branch) -> Branch:
     Returns
     -------
     Branch
-        Points of both. The status is that of the trace that is not complete, if there is one.
+        Points of both. The status is taken from the trace that is not complete, if there is one.
     """
     names = (*_ARRAYS, "multipliers")
     arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(backward, name)) is not None}
@@ -105,7 +105,7 @@ def most_resolved(*branches: Branch) -> Any:
     Returns
     -------
     object
-        The problem; of several equal ones that of the last branch.
+        The problem; of several equal ones the last.
     """
     return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
 

@@ -93,7 +93,10 @@ def _contradictions(branch: BranchData) -> list[str]:
         return []
     kinds: dict[int, list[str]] = {}
     for point in branch.special:
-        if point.kind in (*STABILITY_CHANGING_KINDS, "EP"):  # multipliers of an end point are those of both branches
+        if point.kind in (
+            *STABILITY_CHANGING_KINDS,
+            "EP",
+        ):  # an end point lies on both branches, and has their multipliers
             kinds.setdefault(point.index, []).append(point.kind)
     if np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE:
         kinds.setdefault(0, [])  # a branch begins at a special point of another one

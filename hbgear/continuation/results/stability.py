@@ -2,7 +2,7 @@
 
     stable:    max |mu_j| <= 1        unstable:  max |mu_j| > 1        undecided:  | max |mu_j| - 1 | <= error
 
-The multipliers mu_j are those of small disturbances of a solution (Floquet multipliers of periodic solutions).
+The multipliers mu_j are the growth factors of small disturbances of a solution (Floquet multipliers of periodic ones).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ equations of a special point jump where a contact begins, or have the slope of a
 The curve g = 0 of folds arrives along y = 0 and leaves along y = -b sqrt(x), tangent to the boundary x = 0, or the
 other way round. x grows in the direction n of the largest change of the derivatives. A probe is moved beyond it: in
 the direction of the old tangent, or along n if that tangent lies in the boundary. There one Newton step at constant x
-predicts a point of the curve. The orientation is that of the curve, also if it turns by more than 90 degrees, so that
+predicts a point of the curve. The orientation of the curve is kept, also if it turns by more than 90 degrees, so that
 the parameter turns back as at a fold:
 
     sign det [dR_dX dR_dp; t^T] as before

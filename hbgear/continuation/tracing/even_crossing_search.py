@@ -59,8 +59,8 @@ class EvenCrossingSearch:
     def search(self, points: Points, first: int, located: dict[int, list[LocatedEvent]]) -> None:
         """Search the segments between points, of which the first has the number ``first``.
 
-        ``located`` holds the special points of each segment by the number of the point after it. Segments on which
-        there are more are replaced in it.
+        ``located`` holds the special points of each segment by the number of the point after it. Segments with further
+        special points are replaced in it.
         """
         if len({len(point.u) for point in points}) > 1:
             return
@@ -86,7 +86,7 @@ class EvenCrossingSearch:
     def _search_round(
         self, section: _Section, segments: Sequence[int], between: Callable[[int, float], CurvePoint | None]
     ) -> dict[int, list[LocatedEvent]]:
-        """Return all special points of those segments on which there are more than is known.
+        """Return all special points of the segments with more special points than are known.
 
         ``between`` computes a point at a fraction of a segment; see `SampledCurve.through`.
         """
@@ -103,7 +103,7 @@ class EvenCrossingSearch:
     def _add_unmatched_sign_changes(
         self, section: _Section, segments: Sequence[int], path: SampledCurve, result: dict[int, list[LocatedEvent]]
     ) -> None:
-        """Add the special points at which test functions change sign more often than is known."""
+        """Add the special points of sign changes of test functions that the known special points do not explain."""
         state, points = self.state, section.points
         for segment, changes in path.unmatched_sign_changes(self.detector, points).items():
             if segment not in segments:

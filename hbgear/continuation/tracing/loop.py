@@ -28,7 +28,8 @@ _RETRACED = "the curve ran back over itself"
 STALLED_STEPS, STALLED_LENGTH = 40, 1e-2
 """A trace ends after this number of steps in succession whose sum is below this fraction of the largest step size.
 
-After a sharp turn sizes grow within ten steps: on 50 random machines the least sum of 30 steps was .14 largest steps.
+After a sharp turn sizes grow within ten steps: on 50 random machines the smallest sum of 30 steps was 0.14 of the
+largest step.
 """
 
 

@@ -125,7 +125,7 @@ class Monitor:
             self._check_resolution(u, np.array([point.observed.get("error", 0.0) for point in fresh]))
 
     def report_if_slow(self, activity: str) -> None:
-        """Report what is computed at the last point if the monitoring of the last batch took long."""
+        """Report the activity at the last point if the monitoring of the last batch took long."""
         if self.slow:
             self.report(self.state.last, activity)
 

@@ -101,7 +101,7 @@ class BackboneProblem(ContinuationProblem):
 
     @property
     def size(self) -> int:  # type: ignore[override]
-        """Number of unknowns: those of the balance, D and Omega."""
+        """Number of unknowns: the unknowns of the balance, D and Omega."""
         return self.balance.size + 2
 
     @property
@@ -385,7 +385,7 @@ would be infinite at the linear frequency, where backbones with backlash begin."
 
 
 CANCELLED_TERMS = 1e-5
-"""Share of the terms of D q in the size of R [-]: at a relative tolerance of 1e-10 about five roundings of them.
+"""Fraction of the terms of D q that counts in the size of R [-]: with a tolerance of 1e-10 five of their roundings.
 
 In a mode that the elements measure little, these terms are large and cancel, and R changes much with Omega.
 """

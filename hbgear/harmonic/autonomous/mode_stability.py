@@ -7,8 +7,8 @@ are arbitrary. The others lie on the unit circle if a small disturbance stays sm
 (a branch of the same period, or an extremum of the energy), at -1 (a branch of twice the period), or where two pairs
 collide. A stable motion attracts nothing: the modulus of its multipliers is one.
 
-The error of a is its difference with twice the harmonics, and at least that of the pair of the arbitrary phase, whose a
-differs from one by the truncation.
+The error of a is its change with twice the harmonics, and at least the error of the pair of the arbitrary phase, whose
+a differs from one by the truncation.
 
 References
 ----------
@@ -280,7 +280,7 @@ class _Path:
         return _nearest(self.problem, (1 - s) * self._unknowns[i] + s * self._unknowns[i + 1], guess)
 
     def parameters_at(self, t: float) -> dict[str, float]:
-        """Return the parameters of the motion at a position; those of the nearest point if the motion is not found."""
+        """Return the parameters of the motion at a position, or of the nearest point if the motion is not found."""
         try:
             return self.at(t)[1]
         except _SOLVER_ERRORS:

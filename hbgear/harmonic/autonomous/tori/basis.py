@@ -136,7 +136,7 @@ class TorusBasis:
         return out
 
     def convert(self, X: Array, source: TorusBasis) -> Array:
-        """Return unknowns (..., 2K - 1) of this basis from those of another one, cut or padded with zeros."""
+        """Return unknowns (..., 2K - 1) of this basis from unknowns of another one, cut or padded with zeros."""
         positions = {tuple(k): i for i, k in enumerate(self.k.tolist())}
         c = source.to_complex(X)
         out = np.zeros((*X.shape[:-1], len(self.k)), dtype=complex)

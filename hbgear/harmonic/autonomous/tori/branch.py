@@ -81,7 +81,7 @@ def torus(
     label : str, optional
         Label of a Neimark-Sacker point. Default: "NS1".
     span : (float, float), optional
-        Values of the parameter between which tori are traced, in any order. By default those of the curve.
+        Values of the parameter between which tori are traced, in any order. By default the range of the curve.
     harmonics : (int, int), optional
         H_1 and H_2, highest harmonics of both frequencies. By default H_1 is the H of the curve, at most 9, and H_2
         is 12. Laws with gaps need more of both.
@@ -193,7 +193,7 @@ def _linear_torus(
 
 
 def _relative_size(c: ComplexArray, subset: ComplexArray) -> float:
-    """Return the largest modulus of some coefficients over that of all."""
+    """Return the largest modulus of a subset of coefficients, over the largest modulus of all."""
     return float(np.abs(subset).max() / np.abs(c).max())
 
 

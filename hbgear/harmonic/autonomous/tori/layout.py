@@ -44,7 +44,7 @@ class TorusLayout:
     ratio : float
         Second frequency over the first one, for ``band``.
     half : tuple of int or None
-        Kind of doubled tori, whose phases are half of those of the excitation; see `TorusBasis`.
+        Kind of doubled tori, whose phases are half the phases of the excitation; see `TorusBasis`.
     """
 
     harmonics: tuple[int, int]

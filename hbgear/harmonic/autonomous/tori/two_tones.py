@@ -261,7 +261,7 @@ class TwoToneProblem(TorusProblem):
         return out
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
-        """Return the loads (K, n) of the second frequency, with those of prescribed displacements."""
+        """Return the loads (K, n) of the second frequency, with the loads by prescribed displacements."""
         structure = self.evaluator_at(parameters).structure
         out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
         positions = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
