@@ -127,9 +127,9 @@ class ExactBranchPoint(BranchPointEvent):
         null = np.linalg.svd(jacobian(family, state)[1] * scale)[2][-2:]
         changes = np.array([_change_of_gaps(family, state, direction * scale, problem.H) for direction in null])
         before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
-        inside = np.linalg.lstsq(changes.T, branch.X[after] - branch.X[before])[0]
-        inside = inside / np.linalg.norm(inside)
-        across = np.array([-inside[1], inside[0]]) @ null
+        along_curve = np.linalg.lstsq(changes.T, branch.X[after] - branch.X[before])[0]
+        along_curve = along_curve / np.linalg.norm(along_curve)
+        across = np.array([-along_curve[1], along_curve[0]]) @ null
         return problem, _branch_start(problem, point, ExactStart(state, side * across * scale))
 
 
@@ -148,8 +148,8 @@ def _change_of_gaps(family: Family, state: CurveState, direction: Array, H: int)
     """Return the derivatives of the coefficients of all gaps in a direction of the state."""
     rows = []
     for sign in (1, -1):
-        moved = state.moved(state.z + sign * DIFFERENCE * direction)
-        rows.append(coefficients(family(moved.value), moved.iterate, H)[0].ravel())
+        shifted = state.with_z(state.z + sign * DIFFERENCE * direction)
+        rows.append(coefficients(family(shifted.value), shifted.iterate, H)[0].ravel())
     out: Array = (rows[0] - rows[1]) / (2 * DIFFERENCE)
     return out
 
@@ -168,8 +168,8 @@ def _doubled(single: CurveState, period: float, family: Family) -> ExactStart:
     """Return a motion over two periods, and the null vector that a shift by one period reverses."""
     iterate = single.iterate
     pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
-    twice = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
-    state = CurveState.of(twice, single.value)
+    doubled = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
+    state = CurveState.of(doubled, single.value)
     J, scale = jacobian(family, state)[1], state.scale(1.0)
     n, free = iterate.x.size, len(single.z) - 1 - iterate.x.size
     blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
@@ -260,8 +260,8 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If there is no motion near X.
         """
-        at, iterate = self._exact_iterate(X, parameters)
-        return exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
+        ode, iterate = self._exact_iterate(X, parameters)
+        return exact_motion_of(ode, iterate, sample_gaps(ode, iterate)[0], 0.0)
 
     def multipliers(
         self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
@@ -281,11 +281,11 @@ class ContactInstants(HarmonicBalance):
         contacts are not visible in X; else from the switching times of X.
         """
         equations = self.compiled(dict(parameters)).contact_equations
-        at = equations.at(float(parameters["Omega"]))
+        ode = equations.at(float(parameters["Omega"]))
         for state in self.nearest_states(X, parameters):
             with suppress(NoConvergence, InconsistentPatternError):
-                iterate = solve(at, state.iterate, False)[1]
-                if float(np.linalg.norm(coefficients(at, iterate, self.H)[0].ravel() - X)) <= (
+                iterate = solve(ode, state.iterate, False)[1]
+                if float(np.linalg.norm(coefficients(ode, iterate, self.H)[0].ravel() - X)) <= (
                     MAX_REFINEMENT_DISTANCE * (float(np.linalg.norm(X)) or 1.0)
                 ):
                     return CurveState.of(iterate, float(parameters[name]))
@@ -340,12 +340,12 @@ class ContactInstants(HarmonicBalance):
         state = _state_of(self, point)
         if state is None:
             return form.from_point(point)
-        at = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
+        ode = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
         visits = state.pattern.visits
-        shortest = float(state.iterate.visit_durations(visits, at.period).min()) if visits else math.inf
+        shortest = float(state.iterate.visit_durations(visits, ode.period).min()) if visits else math.inf
         if shortest * form.H < SHORTEST_RESOLVED_CONTACT * form.nu:
             raise NoConvergence(f"a contact of {shortest:.2g} rad needs more harmonics", point.X, {}, [])
-        return coefficients(at, state.iterate, form.H)[0].ravel()
+        return coefficients(ode, state.iterate, form.H)[0].ravel()
 
     def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> None:
         """Return None: curves are followed by `own_trace`."""
@@ -359,11 +359,11 @@ class ContactInstants(HarmonicBalance):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return multipliers, regime, instants and rms of the harmonics above H of the exact motion near X."""
-        at, iterate = self._exact_iterate(X, parameters)
-        exact = exact_motion_of(at, iterate, sample_gaps(at, iterate)[0], 0.0)
-        regime, error = regime_of(iterate.pattern, at.equations.m), coefficients(at, iterate, self.H)[1]
-        found: dict[str, Any] = {"regime": regime, "instants": exact.instants, "error": error}
-        return found | ({"multipliers": exact.multipliers} if stability else {})
+        ode, iterate = self._exact_iterate(X, parameters)
+        exact = exact_motion_of(ode, iterate, sample_gaps(ode, iterate)[0], 0.0)
+        regime, error = regime_of(iterate.pattern, ode.equations.m), coefficients(ode, iterate, self.H)[1]
+        observed: dict[str, Any] = {"regime": regime, "instants": exact.instants, "error": error}
+        return observed | ({"multipliers": exact.multipliers} if stability else {})
 
     def observe_many(
         self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
@@ -376,8 +376,8 @@ class ContactInstants(HarmonicBalance):
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return the events of periodic motions; branches that leave are curves in contact instants."""
-        others = (event for event in super().events(parameter) if event.kind not in ("PD", "BP"))
-        return ExactPeriodDoubling(), ExactBranchPoint(), *others
+        inherited = (event for event in super().events(parameter) if event.kind not in ("PD", "BP"))
+        return ExactPeriodDoubling(), ExactBranchPoint(), *inherited
 
     def special_point_equations(self, parameter: str, point: Point, branch: Branch | None = None) -> Any:
         """Return the problem of a special point LP, PD, NS or GR whose exact motion is known, or traced again."""
@@ -410,30 +410,30 @@ class ContactInstants(HarmonicBalance):
         ValueError
             If the trace asks for events that are not located on these curves.
         """
-        if others := _other_events(settings):
+        if missing := _other_events(settings):
             raise ValueError(
-                f"curves in contact instants have no {', '.join(others)}: use hb.analysis.peaks(curve) for peaks, or "
+                f"curves in contact instants have no {', '.join(missing)}: use hb.analysis.peaks(curve) for peaks, or "
                 "trace a HarmonicBalance"
             )
         covers = cover and start is None
         branch, first = self._first_curve(span, start, settings, covers)
         if not covers:
             return branch
-        rest: tuple[Branch, ...] = ()
+        other_curves: tuple[Branch, ...] = ()
         if branch.status in (Status.LEFT_SPAN, Status.UNBOUNDED) and first == span:
             with suppress(NoConvergence):
-                rest = (self._first_curve(span[::-1], None, settings, False)[0],)
+                other_curves = (self._first_curve(span[::-1], None, settings, False)[0],)
         no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
-        texts = branch.message, no_start, coverage_message(branch, rest, span)
-        return replace(branch, others=rest, message="; ".join(text for text in texts if text))
+        messages = branch.message, no_start, coverage_message(branch, other_curves, span)
+        return replace(branch, others=other_curves, message="; ".join(message for message in messages if message))
 
     def _first_curve(
-        self, span: tuple[float, float], start: Any, settings: Any, both: bool
+        self, span: tuple[float, float], start: Any, settings: Any, either_end: bool
     ) -> tuple[Branch, tuple[float, float]]:
-        """Return a curve and its span: from either end if ``both``, else from a motion of softer contacts."""
+        """Return a curve and its span: from either end if ``either_end``, else from a motion of softer contacts."""
         failure: NoConvergence | None = None
         for softer in (False,) if start is not None else (False, True):
-            for ends in (span, span[::-1]) if both else (span,):
+            for ends in (span, span[::-1]) if either_end else (span,):
                 try:
                     return self._followed(ends, start, settings, softer), ends
                 except NoConvergence as error:
@@ -471,13 +471,13 @@ class ContactInstants(HarmonicBalance):
         value = (
             float(start.parameters.get(name, setup.span.start)) if hasattr(start, "parameters") else setup.span.start
         )
-        here = setup.parameters_at(value)
+        parameters = setup.parameters_at(value)
         if start is None:
-            return _found_state(self, name, here, softer), None
+            return _initial_state(self, name, parameters, softer), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
-        return self.exact_state(self.resized(X), name, here), None
+        return self.exact_state(self.resized(X), name, parameters), None
 
 
 def _sufficient(harmonics: int, model: Model, nu: int) -> int:
@@ -487,15 +487,15 @@ def _sufficient(harmonics: int, model: Model, nu: int) -> int:
     return max(int(harmonics), int(nu) * max(tooth_orders(model.system())))
 
 
-def _found_state(problem: ContactInstants, name: str, here: Mapping[str, float], softer: bool) -> CurveState:
+def _initial_state(problem: ContactInstants, name: str, parameters: Mapping[str, float], softer: bool) -> CurveState:
     """Return an exact motion found by the balance, or by the balance of ``softer`` contacts."""
     H = min(problem.H, _sufficient(START_HARMONICS, problem.model, problem.nu))
     if softer:
         balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu, orders="all")
-        system, Omega = problem.compiled(dict(here)).system, float(here["Omega"])
-        return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(here[name]))
+        system, Omega = problem.compiled(dict(parameters)).system, float(parameters["Omega"])
+        return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(parameters[name]))
     coarse = problem.with_order(problem.nu, H)
-    return coarse.exact_state(coarse.balance.start(**here), name, here)
+    return coarse.exact_state(coarse.balance.start(**parameters), name, parameters)
 
 
 def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
@@ -515,16 +515,16 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
     name = list(point.parameters)[-1]
     value = float(point.parameters[name])
     try:
-        at, iterate = exact_iterate(problem, point.X, point.parameters, name == "Omega")
+        ode, iterate = exact_iterate(problem, point.X, point.parameters, name == "Omega")
     except InconsistentPatternError as error:
         raise NoConvergence(str(error), point.X, dict(point.parameters), []) from error
-    state = CurveState.of(iterate, at.Omega if name == "Omega" else value)
+    state = CurveState.of(iterate, ode.Omega if name == "Omega" else value)
     family = problem.family(name, {key: x for key, x in point.parameters.items() if key != name})
-    near = point_on_curve(family, state, state.scale(abs(value) or 1.0))
-    found = relocated(family, near, point.kind, reach=0.2).state
-    if abs(found.value - value) > SAME_PLACE * abs(value):
+    point_nearby = point_on_curve(family, state, state.scale(abs(value) or 1.0))
+    special = relocated(family, point_nearby, point.kind, reach=0.2).state
+    if abs(special.value - value) > SAME_PLACE * abs(value):
         raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
-    return found
+    return special
 
 
 def exact_special_point(problem: ContactInstants, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
@@ -545,9 +545,9 @@ def exact_special_point(problem: ContactInstants, parameter: str, point: Point) 
     period = math.tau * problem.nu
     if np.abs(known[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
         return None
-    here = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
+    known_point = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
     resonances = FirstResonanceEvent(), SecondResonanceEvent()
-    return ExactSpecialPointProblem(problem, parameter, point.kind, here, resonances)
+    return ExactSpecialPointProblem(problem, parameter, point.kind, known_point, resonances)
 
 
 def exact_or_traced_again(
@@ -557,18 +557,18 @@ def exact_or_traced_again(
 
     The file has the harmonics of each motion, which do not show short contacts.
     """
-    found = exact_special_point(problem, parameter, point)
+    exact = exact_special_point(problem, parameter, point)
     span = branch.meta.get("trace", {}).get("span") if branch is not None else None
     large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
-    if found is not None or branch is None or span is None or problem.known is not None or large:
-        return found
+    if exact is not None or branch is None or span is None or problem.known is not None or large:
+        return exact
     value = point.parameters[parameter]
     with suppress(NoConvergence, ValueError):
         curve = trace(problem, parameter, tuple(span), at=dict(branch.fixed), stability=False)
-        for one in (special for part in curve.curves for special in part.special):
-            same = abs(one.parameters[parameter] - value) <= SAME_PLACE * abs(value)
-            if same and one.kind == getattr(point, "kind", ""):
-                return exact_special_point(one.problem, parameter, one)
+        for special in (candidate for part in curve.curves for candidate in part.special):
+            is_same = abs(special.parameters[parameter] - value) <= SAME_PLACE * abs(value)
+            if is_same and special.kind == getattr(point, "kind", ""):
+                return exact_special_point(special.problem, parameter, special)
     return None
 
 
@@ -671,8 +671,8 @@ def _contact_frequency(system: Any) -> float:
     M, K = dense(system.M), dense(system.K)
     k = np.array([e.law.reference for e in system.elements])
     closed = np.abs(np.linalg.eigvals(np.linalg.solve(M, K + (system.W * k) @ system.W.T))).max()
-    open_ = np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()
-    return float(np.sqrt(closed)) if closed > 4 * open_ else 0.0
+    opened = np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()
+    return float(np.sqrt(closed)) if closed > 4 * opened else 0.0
 
 
 MAX_HARD_COORDINATES = 10

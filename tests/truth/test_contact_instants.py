@@ -280,14 +280,14 @@ def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
     states = [s for s in branch.problem.known.states if s.pattern.count > 1]
     state = min(states, key=lambda s: abs(s.iterate.durations(2 * np.pi).min() - 0.05))
     state = CurveState(state.pattern, state.z * (1 + 1e-3 * np.cos(np.arange(len(state.z)))), state.fixed)
-    at = family(state.value)
-    now = linearise(at, state.iterate)
-    divided = short_visits(state.pattern.divisible_visits, state.iterate.tau, at.period) >= 0
+    ode = family(state.value)
+    linearised = linearise(ode, state.iterate)
+    divided = short_visits(state.pattern.divisible_visits, state.iterate.tau, ode.period) >= 0
     assert divided.any() or isinstance(model, hb.SpurPair)
-    for k in range(len(now.R)):
+    for k in range(len(linearised.R)):
         h = 1e-6
-        up, down = (linearise(at, state.moved(state.z + d * np.eye(len(state.z))[k]).iterate, False).R for d in (h, -h))
-        assert (up - down) / (2 * h) == pytest.approx(now.J[:, k], abs=1e-6 * np.abs(now.J).max())
+        a, b = (linearise(ode, state.with_z(state.z + d * np.eye(len(state.z))[k]).iterate, False).R for d in (h, -h))
+        assert (a - b) / (2 * h) == pytest.approx(linearised.J[:, k], abs=1e-6 * np.abs(linearised.J).max())
 
 
 def test_multipliers_of_a_contracting_pair_are_no_second_frequency() -> None:

@@ -114,7 +114,7 @@ def slopes_of_motion(
     def motion(at: Mapping[str, float], name: str) -> tuple[Array]:
         family = _family(problem, parameter, fixed if name == parameter else {**fixed, name: at[name]})
         z = np.append(state.z[:-1], at[parameter])
-        found = correct(family, state.moved(z), hold, scale)[0]
+        found = correct(family, state.with_z(z), hold, scale)[0]
         return (coefficients(family(found.value), found.iterate, problem.H)[0].ravel(),)
 
     X = np.zeros((len(names) + 1, len(point.X)))

@@ -75,12 +75,12 @@ class CurveState:
     @cached_property
     def iterate(self) -> Iterate:
         """States and phases of the switches."""
-        x, phases = self._parts(self.z)
+        x, phases = self._split(self.z)
         tau = self.fixed.copy()
         tau[self.pattern.free] = phases
         return Iterate(self.pattern, tau, x.reshape(self.pattern.count, -1))
 
-    def _parts(self, z: Array) -> tuple[Array, Array]:
+    def _split(self, z: Array) -> tuple[Array, Array]:
         """Return the states and the free phases of z, or of a step of z."""
         first = len(z) - 1 - self.pattern.free_count
         return z[:first], z[first:-1]
@@ -88,7 +88,7 @@ class CurveState:
     def phase_steps(self, step: Array) -> Array:
         """Return the changes (K,) of the phases of the switches by a step of z."""
         out = np.zeros(self.pattern.count)
-        out[self.pattern.free] = self._parts(step)[1]
+        out[self.pattern.free] = self._split(step)[1]
         return out
 
     @staticmethod
@@ -98,17 +98,17 @@ class CurveState:
         z = np.concatenate([iterate.x.ravel(), iterate.tau[free], [value]])
         return CurveState(iterate.pattern, z, np.where(free, np.nan, iterate.tau))
 
-    def moved(self, z: Array) -> CurveState:
+    def with_z(self, z: Array) -> CurveState:
         """Return the state with other values."""
         return CurveState(self.pattern, z, self.fixed)
 
     def enlarged(self, rate: Array, factor: float) -> CurveState:
         """Return the state extrapolated along dz/dr, r = |x|, to r -> inf, with states of the size ``factor`` r."""
-        count = len(self._parts(self.z)[0])
+        count = len(self._split(self.z)[0])
         r = float(np.linalg.norm(self.z[:count]))
         z = self.z + r * rate  # to first order in 1 / r
         z[:count] = factor * r * rate[:count]
-        return self.moved(z)
+        return self.with_z(z)
 
     def phase_column(self, i: int) -> int:
         """Return the entry of z that is the phase of switch i."""
@@ -117,7 +117,7 @@ class CurveState:
     def scale(self, width: float) -> Array:
         """Return the scales of z."""
         scale = np.ones(len(self.z))
-        self._parts(scale)[0][:] = residual_scale(self.iterate)
+        self._split(scale)[0][:] = residual_scale(self.iterate)
         scale[-1] = width
         return scale
 
@@ -132,15 +132,15 @@ point, its error of this order changes the direction of the tangent by several h
 
 def jacobian(family: Family, state: CurveState) -> tuple[Linearisation, Array]:
     """Return the linearised equations at a state, and [F_u F_p]."""
-    now = linearise(family(state.value), state.iterate)
-    return now, np.column_stack([now.J, parameter_column(family, state, state.value)])
+    linearised = linearise(family(state.value), state.iterate)
+    return linearised, np.column_stack([linearised.J, parameter_column(family, state, state.value)])
 
 
 def parameter_column(equations: Family, state: CurveState, value: float) -> Array:
     """Return the central difference of F in a parameter at a value, for the same states and instants."""
     h = PARAMETER_STEP * max(abs(value), 1e-3)
-    up, down = (linearise(equations(value + d), state.iterate, False).R for d in (h, -h))
-    return (up - down) / (2 * h)
+    above, below = (linearise(equations(value + d), state.iterate, False).R for d in (h, -h))
+    return (above - below) / (2 * h)
 
 
 def correct(
@@ -158,12 +158,12 @@ def correct(
     NoConvergence
         If Newton's method does not converge.
     """
-    z, now, J, iterations = solve_in_plane(lambda p: family(float(p[0])), state, state.z, row[None], scale)
-    return state.moved(z), now, J, iterations
+    z, linearised, J, iterations = solve_in_plane(lambda p: family(float(p[0])), state, state.z, row[None], scale)
+    return state.with_z(z), linearised, J, iterations
 
 
 def solve_in_plane(
-    equations: Callable[[Array], EquationsAt], near: CurveState, start: Array, normals: Array, scale: Array
+    equations: Callable[[Array], EquationsAt], guess: CurveState, start: Array, normals: Array, scale: Array
 ) -> tuple[Array, Linearisation, Array, int]:
     """Solve F(u, p) = 0, normals (z - start) = 0 for the unknowns z = (u, p) with one or more parameters p.
 
@@ -173,7 +173,7 @@ def solve_in_plane(
     ----------
     equations : callable
         Equations at values p (k,).
-    near : CurveState
+    guess : CurveState
         State with the pattern of the solution.
     start : ndarray, shape (n + k,)
         First approximation, a point of the plane.
@@ -192,20 +192,20 @@ def solve_in_plane(
     NoConvergence
         If Newton's method does not converge.
     """
-    z, before, moved, k = start, math.inf, math.inf, len(normals)
+    z, last_size, distance, k = start, math.inf, math.inf, len(normals)
     bordered = np.zeros((len(start), len(start)))
     bordered[-k:] = normals / scale
     for iteration in range(1, MAX_CORRECTOR_ITERATIONS + 1):
-        state, p = near.moved(z[: len(near.z)]), z[-k:]
-        at = equations(p)
-        now = linearise(at, state.iterate)
-        bordered[:-k, :-k] = now.J
-        if moved > VALID_DISTANCE:
-            moved = 0.0
+        state, p = guess.with_z(z[: len(guess.z)]), z[-k:]
+        ode = equations(p)
+        linearised = linearise(ode, state.iterate)
+        bordered[:-k, :-k] = linearised.J
+        if distance > VALID_DISTANCE:
+            distance = 0.0
             for i, h in enumerate(FORWARD_STEP * np.maximum(np.abs(p), 1e-3)):
-                ahead = equations(p + h * (np.arange(k) == i))
-                bordered[:-k, i - k] = (linearise(ahead, state.iterate, False).R - now.R) / h
-        rhs = -np.concatenate([now.R, normals @ ((z - start) / scale)])
+                shifted = equations(p + h * (np.arange(k) == i))
+                bordered[:-k, i - k] = (linearise(shifted, state.iterate, False).R - linearised.R) / h
+        rhs = -np.concatenate([linearised.R, normals @ ((z - start) / scale)])
         try:
             step = np.linalg.solve(bordered * scale, rhs) * scale
         except np.linalg.LinAlgError as error:
@@ -213,12 +213,12 @@ def solve_in_plane(
         size = float(np.abs(step / scale).max())
         if not np.isfinite(size) or size > 1e3:
             break
-        if before <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
-            return z + step, now, bordered[:-k].copy(), iteration
-        factor = step_factor(state, step[: len(near.z)], at.period)
-        z, before = z + factor * step, size if factor == 1.0 else math.inf
-        moved += factor * size
-    raise _failed(near)
+        if last_size <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
+            return z + step, linearised, bordered[:-k].copy(), iteration
+        factor = step_factor(state, step[: len(guess.z)], ode.period)
+        z, last_size = z + factor * step, size if factor == 1.0 else math.inf
+        distance += factor * size
+    raise _failed(guess)
 
 
 def _failed(state: CurveState) -> NoConvergence:
@@ -239,16 +239,16 @@ def step_factor(state: CurveState, step: Array, period: float) -> float:
     return float(1.0 / max(1.0, loss.max()))
 
 
-def tangent_of(J: Array, scale: Array, along: Array) -> Array:
-    """Return the unit null vector of [F_u F_p] in scaled unknowns, in the direction of ``along`` (scaled)."""
-    bordered = np.vstack([J * scale, along])
+def tangent_of(J: Array, scale: Array, direction: Array) -> Array:
+    """Return the unit null vector of [F_u F_p] in scaled unknowns, with the orientation of ``direction`` (scaled)."""
+    bordered = np.vstack([J * scale, direction])
     rhs = np.zeros(len(bordered))
     rhs[-1] = 1.0
     try:
         t: Array = np.linalg.solve(bordered, rhs)
     except np.linalg.LinAlgError:
         t = np.linalg.svd(J * scale)[2][-1]
-        t = t if t @ along >= 0 else -t
+        t = t if t @ direction >= 0 else -t
     return t / float(np.linalg.norm(t))
 
 
@@ -278,18 +278,18 @@ def asymptote_ahead(family: Family, state: CurveState, tangent: Array, width: fl
         return None
     rate = tangent / growth
     change, size = r * float(rate[-1]), abs(state.value)
-    turn = float(np.linalg.norm(rate[:count] - x / r))
-    if turn > MAX_TURN_TO_INFINITY or abs(change) > MAX_CHANGE_TO_INFINITY * size:
+    deviation = float(np.linalg.norm(rate[:count] - x / r))
+    if deviation > MAX_TURN_TO_INFINITY or abs(change) > MAX_CHANGE_TO_INFINITY * size:
         return None
-    far = state.enlarged(rate, ENLARGEMENT)
-    scale = far.scale(width)
-    row = np.append(far.z[:count], np.zeros(len(scale) - count)) / scale
+    enlarged = state.enlarged(rate, ENLARGEMENT)
+    scale = enlarged.scale(width)
+    row = np.append(enlarged.z[:count], np.zeros(len(scale) - count)) / scale
     try:
-        found = correct(family, far, row / float(np.linalg.norm(row)), scale)[0].value
+        limit = correct(family, enlarged, row / float(np.linalg.norm(row)), scale)[0].value
     except NoConvergence:
         return None
     allowed = MAX_TANGENT_MISS * abs(change) + ASYMPTOTE_ROUNDING * size
-    return found if abs(found - far.value) < allowed else None
+    return limit if abs(limit - enlarged.value) < allowed else None
 
 
 def chord_passes(first: Array, before: Array, last: Array) -> bool:
@@ -308,10 +308,10 @@ def departed(state: CurveState, distance: float, unit: Array, period: float) -> 
 
     Contacts of different elements, simultaneous on a symmetric motion, separate in an order of their own.
     """
-    here, ahead = state.moved(state.z + distance * unit), state.moved(state.z + (1 + distance) * unit)
-    for i in exchanges_of(here, period, 0.0):
-        here, ahead = (with_exchange(one, i, period) for one in (here, ahead))
-    return here, ahead
+    start, ahead = state.with_z(state.z + distance * unit), state.with_z(state.z + (1 + distance) * unit)
+    for i in exchanges_of(start, period, 0.0):
+        start, ahead = (with_exchange(point, i, period) for point in (start, ahead))
+    return start, ahead
 
 
 def exchanges_of(state: CurveState, period: float, tolerance: float) -> list[int]:
@@ -322,14 +322,14 @@ def exchanges_of(state: CurveState, period: float, tolerance: float) -> list[int
     NoConvergence
         If both switches belong to one element: its contact vanishes.
     """
-    found: list[int] = []
+    segments: list[int] = []
     while len(early := np.flatnonzero(state.iterate.durations(period) < -tolerance)):
         i, switches = int(early[0]), state.pattern.switches
-        if switches[i].element == switches[(i + 1) % len(switches)].element or len(found) > len(switches) ** 2:
+        if switches[i].element == switches[(i + 1) % len(switches)].element or len(segments) > len(switches) ** 2:
             raise NoConvergence("a contact vanishes within one step", state.z, {}, [])
-        found.append(i)
+        segments.append(i)
         state = with_exchange(state, i, period)
-    return found
+    return segments
 
 
 def with_exchange(state: CurveState, i: int, period: float) -> CurveState:

@@ -150,16 +150,16 @@ class Equations:
         for power in range(1, d + 1):
             S[power, power - 1] = power
         for i, order in enumerate(self.orders):
-            at = 1 + d + 2 * i
-            S[at, at + 1], S[at + 1, at] = -order, order
+            column = 1 + d + 2 * i
+            S[column, column + 1], S[column + 1, column] = -order, order
         return S
 
     def displacements(self, section: int) -> Array:
         """Return the coefficients (m, count) of the prescribed displacements of the elements on a section."""
-        found = self._displacements.get(section)
-        if found is None:
-            found = self._displacements[section] = self._displacement_coefficients(section)
-        return found
+        coefficients = self._displacements.get(section)
+        if coefficients is None:
+            coefficients = self._displacements[section] = self._displacement_coefficients(section)
+        return coefficients
 
     def _displacement_coefficients(self, section: int) -> Array:
         """Compute `displacements` of a section."""
@@ -179,12 +179,12 @@ class Equations:
 
     def bounds(self, levels: tuple[int, ...]) -> Array:
         """Return the breakpoints (m, 2) below and above each gap; -inf or inf without one."""
-        found = self._bounds.get(levels)
-        if found is None:
-            all_of = [(-math.inf, *points, math.inf) for points in self.breakpoints]
-            pairs = [points[level : level + 2] for points, level in zip(all_of, levels, strict=True)]
-            found = self._bounds[levels] = np.array(pairs, dtype=float)
-        return found
+        bounds = self._bounds.get(levels)
+        if bounds is None:
+            extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
+            pairs = [points[level : level + 2] for points, level in zip(extended, levels, strict=True)]
+            bounds = self._bounds[levels] = np.array(pairs, dtype=float)
+        return bounds
 
     def at(self, Omega: float) -> EquationsAt:
         """Return the equations at a frequency of the excitation."""
@@ -199,9 +199,9 @@ class Equations:
     def is_inverse(self) -> bool:
         """Whether all forces are independent of Omega, so that A is A_1 / Omega + S."""
         system = self.system
-        moving = any(e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
+        driven = any(e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
                      for e in system.elements)  # fmt: skip
-        return system.speed is None and not moving and all(load.power == 0 for load in system.loads)
+        return system.speed is None and not driven and all(load.power == 0 for load in system.loads)
 
     def structure(self, Omega: float) -> StateSpace:
         """Return the structure at a frequency."""
@@ -213,13 +213,13 @@ class Equations:
 
     def springs(self, j: int, level: int) -> tuple[tuple[Phased, float, float], ...]:
         """Return stiffness, slope and offset of each spring of element j with ``level`` of its breakpoints below d."""
-        found = self._springs.get((j, level))
-        if found is None:
-            inner, law = np.array(self.breakpoints[j])[:level], self.system.elements[j].law
-            segments = (_linear_segment(spring, inner) for spring in law.piecewise or ())
-            found = tuple((k, self.stiffness * slope, self.stiffness * offset) for k, slope, offset in segments)
-            self._springs[j, level] = found
-        return found
+        springs = self._springs.get((j, level))
+        if springs is None:
+            below, law = np.array(self.breakpoints[j])[:level], self.system.elements[j].law
+            segments = (_linear_segment(spring, below) for spring in law.piecewise or ())
+            springs = tuple((k, self.stiffness * slope, self.stiffness * offset) for k, slope, offset in segments)
+            self._springs[j, level] = springs
+        return springs
 
 
 class StateSpace:
@@ -263,8 +263,8 @@ class EquationsAt:
     @cached_property
     def input(self) -> Array:
         """Derivatives (r, m) of the state by the forces of the elements."""
-        found: Array = self.structure.input @ self.structure.W / self.Omega
-        return found
+        derivatives: Array = self.structure.input @ self.structure.W / self.Omega
+        return derivatives
 
     @property
     def period(self) -> float:
@@ -282,31 +282,31 @@ class EquationsAt:
 
     def gaps(self, section: int) -> Array:
         """Return the rows (m, N) that map y to the gaps of all elements."""
-        found = self.structure.gaps.get(section)
-        if found is None:
-            rows = [self.structure.D, -self.equations.displacements(section)]
-            found = self.structure.gaps[section] = np.concatenate(rows, axis=1)
-        return found
+        rows = self.structure.gaps.get(section)
+        if rows is None:
+            blocks = [self.structure.D, -self.equations.displacements(section)]
+            rows = self.structure.gaps[section] = np.concatenate(blocks, axis=1)
+        return rows
 
     def flow(self, contacts: Contacts) -> Flow:
         """Return the flow for the contacts of all elements."""
-        found = self._flows.get(contacts)
-        if found is None:
-            found = self._flows[contacts] = self._constant_flow(contacts) or self._assemble_flow(contacts)
-        return found
+        flow = self._flows.get(contacts)
+        if flow is None:
+            flow = self._flows[contacts] = self._constant_flow(contacts) or self._assemble_flow(contacts)
+        return flow
 
     def flows(self, contacts: tuple[Contacts, ...]) -> tuple[Array, dict[int, Flow]]:
         """Return the matrices A (K, N, N) of several flows, and the flows of varying stiffness by their number."""
-        known = self.equations.constant_matrices
-        if contacts not in known:
+        stored = self.equations.constant_matrices
+        if contacts not in stored:
             units = [unit.A for unit in map(self._unit_flow, contacts) if unit is not None]
-            known[contacts] = np.array(units) if len(units) == len(contacts) else None
-        matrices = known[contacts]
+            stored[contacts] = np.array(units) if len(units) == len(contacts) else None
+        matrices = stored[contacts]
         if matrices is not None:
             A = matrices.copy()
             A[:, : self.size] /= self.Omega
             return A, {}
-        flows = [self.flow(one) for one in contacts]
+        flows = [self.flow(segment) for segment in contacts]
         return np.array([flow.A for flow in flows]), {k: flow for k, flow in enumerate(flows) if flow.stiffness}
 
     def _unit_flow(self, contacts: Contacts) -> Flow | None:
@@ -361,10 +361,10 @@ class EquationsAt:
 
     def _forcing_coefficients(self, section: int) -> Array:
         """Return the coefficients (r, count) of loads and prescribed displacements in the derivative of the state."""
-        found = self._forcing.get(section)
-        if found is None:
-            found = self._forcing[section] = self._compute_forcing(section)
-        return found
+        coefficients = self._forcing.get(section)
+        if coefficients is None:
+            coefficients = self._forcing[section] = self._compute_forcing(section)
+        return coefficients
 
     def _compute_forcing(self, section: int) -> Array:
         """Compute `_forcing_coefficients` of a section."""
@@ -376,9 +376,9 @@ class EquationsAt:
                 if order == 0:
                     f[:, 0] += amplitude.real
                     continue
-                at = 1 + equations.degree + 2 * equations.orders.index(order)
-                f[:, at] += amplitude.real
-                f[:, at + 1] -= amplitude.imag
+                column = 1 + equations.degree + 2 * equations.orders.index(order)
+                f[:, column] += amplitude.real
+                f[:, column + 1] -= amplitude.imag
         rates = self.Omega * equations.displacements(section) @ equations.generator
         f += (structure.W * structure.damping) @ rates
         forced: Array = structure.input @ f / self.Omega
@@ -422,10 +422,10 @@ def _observable_part(A: Array, force: Array, D: Array, L: Array) -> tuple[Array,
     while len(A):
         stacked = np.concatenate([A / (np.abs(A).max() or 1.0), D / (np.abs(D).max() or 1.0)])
         _, sizes, vt = np.linalg.svd(stacked)
-        kept = sizes > UNOBSERVED_SINGULAR_VALUE * sizes.max(initial=0.0)
-        if kept.all():
+        observable = sizes > UNOBSERVED_SINGULAR_VALUE * sizes.max(initial=0.0)
+        if observable.all():
             break
-        N = vt[kept]  # orthonormal: its transpose is the basis, itself the left inverse that removes r
+        N = vt[observable]  # orthonormal: its transpose is the basis, itself the left inverse that removes r
         A, force, D, L = N @ A @ N.T, N @ force, D @ N.T, N @ L
     return A, force, D, L
 
@@ -433,9 +433,9 @@ def _observable_part(A: Array, force: Array, D: Array, L: Array) -> tuple[Array,
 def _linear_segment(spring: PiecewiseLinear, below: Array) -> tuple[Phased, float, float]:
     """Return stiffness, slope and offset of a spring for d above the breakpoints ``below`` and below all others."""
     g0, changes, breakpoints = spring.ramps
-    inside = np.isin(breakpoints, below)
-    slope = spring.slopes[0] + float(changes[inside].sum())
-    return spring.stiffness, slope, g0 - float(changes[inside] @ breakpoints[inside])
+    is_below = np.isin(breakpoints, below)
+    slope = spring.slopes[0] + float(changes[is_below].sum())
+    return spring.stiffness, slope, g0 - float(changes[is_below] @ breakpoints[is_below])
 
 
 def _constant_stiffness(stiffness: Phased, start: float) -> float | None:
@@ -449,11 +449,11 @@ def _constant_stiffness(stiffness: Phased, start: float) -> float | None:
     return None
 
 
-def shifted_polynomial(derivatives: Sequence[Any], by: float) -> list[Any]:
+def shifted_polynomial(derivatives: Sequence[Any], shift: float) -> list[Any]:
     """Return the coefficients of powers of s about a shifted point, from derivatives of a polynomial at the point."""
     c = [d / math.factorial(n) for n, d in enumerate(derivatives)]
     return [
-        sum(c[n] * math.comb(n, power) * by ** (n - power) for n in range(power, len(c))) for power in range(len(c))
+        sum(c[n] * math.comb(n, power) * shift ** (n - power) for n in range(power, len(c))) for power in range(len(c))
     ]
 
 

@@ -155,16 +155,16 @@ class Follower:
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
         """Follow the curve from a state; towards the end of the span, or in a direction of z."""
         scale = state.scale(self.width)
-        hold = _at_value(len(scale))
-        along = hold * math.copysign(1.0, self.span[1] - self.span[0])
+        normal = _at_value(len(scale))
+        orientation = normal * math.copysign(1.0, self.span[1] - self.span[0])
         if direction is not None:
             self.origin, unit = state, direction / np.linalg.norm(direction / scale)
             state, ahead = departed(
                 state, DEPARTURE, unit, self.family(state.value).period
             )  # equations are singular where curves cross
-            along = hold = (ahead.z - state.z) / scale
+            orientation = normal = (ahead.z - state.z) / scale
         try:
-            first = exact_point(self.family, state, hold, scale, along)
+            first = exact_point(self.family, state, normal, scale, orientation)
             self._accept(first, self._gaps(first), 0.0)
             while not self._ended():
                 self._advance()
@@ -190,22 +190,22 @@ class Follower:
         """Compute the next point, and pass a grazing point if there is one before it."""
         last = self.curve.points[-1]
         while True:
-            length = self._limited(last, self.step)
+            length = self._limited_length(last, self.step)
             try:
-                point, samples, missed, border, crossed = self._solved(last, length)
+                point, samples, missed, border, crossed = self._next_point(last, length)
                 if _turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
                 change = multiplier_change(last, point)
                 if length > MULTIPLIER_STEP and change > MAX_POLYNOMIAL_CHANGE:
                     raise NoConvergence("the multipliers change fast", last.state.z, {}, [])
                 if missed:
-                    self._open(last, point, missed)
+                    self._pass_opening(last, point, missed)
                     return
                 if _strays(last, point, length):
                     raise NoConvergence("the corrector leaves the curve", last.state.z, {}, [])
                 if self.special and self._hides_two_points(border, point, length):
                     raise NoConvergence("two special points of one kind lie in a step", last.state.z, {}, [])
-                found = [] if self._leaves(point) else crossed or self._special(last, *border, point)
+                special = [] if self._leaves_span(point) else crossed or self._special_points(last, *border, point)
             except (NoConvergence, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
@@ -216,28 +216,28 @@ class Follower:
         if change > PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / STEP_GROWTH:  # the next step would change them too far
             grow = min(grow, max(MULTIPLIER_STEP / length, PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / change))
         self.step = min(LARGEST_STEP, max(length * grow, self.step if length < self.step else 0.0))
-        if self._leaves(point):
+        if self._leaves_span(point):
             self._finish(last, point)
             return
-        self._add(point, samples, length, found)
+        self._add(point, samples, length, special)
         self._search_asymptote(point)
-        vanishing = [] if self.curve.message else self._vanishing(point)
+        vanishing = [] if self.curve.message else self._vanishing_contacts(point)
         if vanishing:
-            self._close(point, vanishing)
+            self._pass_closing(point, vanishing)
 
-    def _solved(self, last: ExactPoint, length: float) -> _Step:
+    def _next_point(self, last: ExactPoint, length: float) -> _Step:
         """Return the point at a distance from the last one, with the switches in the order of their phases."""
-        guess = last.state.moved(last.state.z + length * last.tangent * last.scale)
+        guess = last.state.with_z(last.state.z + length * last.tangent * last.scale)
         point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
-        at = self.family(point.state.value)
-        exchanges = exchanges_of(point.state, at.period, SIMULTANEOUS_SWITCHES * at.period)
+        ode = self.family(point.state.value)
+        exchanges = exchanges_of(point.state, ode.period, SIMULTANEOUS_SWITCHES * ode.period)
         border: list[ExactPoint] = []
         crossed: list[SpecialExactPoint] = []
         if exchanges:
             if self.special:
                 border, crossed = self._border(last, point, exchanges)
             point = self._exchanged(point, exchanges)
-        samples, missed = sample_gaps(at, point.state.iterate)
+        samples, missed = sample_gaps(ode, point.state.iterate)
         return _Step(_rescaled(point, self.width), samples, missed, border, crossed)
 
     def _border(
@@ -247,10 +247,10 @@ class Follower:
 
         Where a symmetric motion bifurcates, several pairs of switches coincide and the equations are singular.
         """
-        i, tried = exchanges[0], [0.5]
+        i, fractions = exchanges[0], [0.5]
 
         def duration(s: float) -> float:
-            tried.append(s)
+            fractions.append(s)
             state = (last, point)[int(s)].state if s in (0.0, 1.0) else point_between(self.family, last, point, s).state
             return float(state.iterate.durations(self.family(state.value).period)[i])
 
@@ -263,29 +263,29 @@ class Follower:
         except NoConvergence:
             if len(exchanges) < 2:
                 raise
-        s, found = branch_point_near(self.family, last, point, tried[-1])
-        return [], [("BP", s, found)]
+        s, branch_point = branch_point_near(self.family, last, point, fractions[-1])
+        return [], [("BP", s, branch_point)]
 
     def _exchanged(self, point: ExactPoint, exchanges: list[int]) -> ExactPoint:
         """Return the point with pairs of switches exchanged one after the other."""
         period = self.family(point.state.value).period
-        state, ahead = point.state, point.state.moved(point.state.z + point.tangent * point.scale)
+        state, ahead = point.state, point.state.with_z(point.state.z + point.tangent * point.scale)
         for i in exchanges:
-            state, ahead = (with_exchange(one, i, period) for one in (state, ahead))
+            state, ahead = (with_exchange(end, i, period) for end in (state, ahead))
         scale = state.scale(self.width)
-        along = (ahead.z - state.z) / scale  # the exchange is linear
-        along /= float(np.linalg.norm(along))
-        return exact_point(self.family, state, along, scale, along)
+        direction = (ahead.z - state.z) / scale  # the exchange is linear
+        direction /= float(np.linalg.norm(direction))
+        return exact_point(self.family, state, direction, scale, direction)
 
-    def _limited(self, last: ExactPoint, length: float) -> float:
+    def _limited_length(self, last: ExactPoint, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
         visits = last.state.pattern.visits
         if not visits:
             return length
         period = self.family(last.state.value).period
-        ahead = last.state.moved(last.state.z + length * last.tangent * last.scale)
-        now, after = (state.iterate.visit_durations(visits, period) for state in (last.state, ahead))
-        ratio = float(((now - after) / (PREDICTED_LOSS * now)).max())
+        ahead = last.state.with_z(last.state.z + length * last.tangent * last.scale)
+        before, after = (state.iterate.visit_durations(visits, period) for state in (last.state, ahead))
+        ratio = float(((before - after) / (PREDICTED_LOSS * before)).max())
         return length / max(1.0, ratio)
 
     def _hides_two_points(self, border: list[ExactPoint], point: ExactPoint, length: float) -> bool:
@@ -299,48 +299,48 @@ class Follower:
 
     # ---- grazing
 
-    def _open(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
+    def _pass_opening(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
         """Accept the grazing point at which contacts open between the last point and one without them."""
         guesses = [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed]
-        found = first_grazing(self.family, last, point, guesses, 1.5 * LARGEST_STEP)
-        here = self._grazing_point(found, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
-        if self._leaves(here):
-            self._finish(last, here)
+        grazing = first_grazing(self.family, last, point, guesses, 1.5 * LARGEST_STEP)
+        exact = self._grazing_point(grazing, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
+        if self._leaves_span(exact):
+            self._finish(last, exact)
             return
-        state, growing = with_contacts(self.family, found, here.scale)
+        state, growing = with_contacts(self.family, grazing, exact.scale)
         scale = state.scale(self.width)
         first = exact_point(self.family, state, growing, scale, growing)
         samples = self._gaps(first)
-        self._add(here, self._gaps(here), 0.0, self._special(last, here))
-        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
+        self._add(exact, self._gaps(exact), 0.0, self._special_points(last, exact))
+        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(grazing.contacts)))
         self._accept(first, samples, 0.0)
-        self.step = found.first_duration * self.family(first.state.value).period
+        self.step = grazing.first_duration * self.family(first.state.value).period
 
-    def _close(self, point: ExactPoint, visits: list[Visit]) -> None:
+    def _pass_closing(self, point: ExactPoint, visits: list[Visit]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
         guess, contacts = without_contacts(self.family, point.state, visits)
-        found = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
-        here = self._grazing_point(found, None)
-        self._accept(here, self._gaps(here), 0.0)
-        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(found.contacts)))
+        grazing = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
+        exact = self._grazing_point(grazing, None)
+        self._accept(exact, self._gaps(exact), 0.0)
+        self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(grazing.contacts)))
         self.step = 1e-4
 
-    def _grazing_point(self, found: GrazingPoint, along: Array | None) -> ExactPoint:
-        """Return the point of a grazing, with its tangent; without ``along`` the gap leaves the breakpoint."""
-        scale = found.state.scale(self.width)
-        direction = -found.gradient * scale if along is None else along
+    def _grazing_point(self, grazing: GrazingPoint, orientation: Array | None) -> ExactPoint:
+        """Return the point of a grazing, with its tangent; without ``orientation`` the gap leaves the breakpoint."""
+        scale = grazing.state.scale(self.width)
+        direction = -grazing.gradient * scale if orientation is None else orientation
         direction = direction / float(np.linalg.norm(direction))
-        point = exact_point(self.family, found.state, _at_value(len(scale)), scale, direction)
-        if along is None and found.gradient * scale @ point.tangent > 0:
-            return ExactPoint(point.state, point.now, point.J, scale, -point.tangent)
+        point = exact_point(self.family, grazing.state, _at_value(len(scale)), scale, direction)
+        if orientation is None and grazing.gradient * scale @ point.tangent > 0:
+            return ExactPoint(point.state, point.linearised, point.J, scale, -point.tangent)
         return point
 
-    def _vanishing(self, point: ExactPoint) -> list[Visit]:
+    def _vanishing_contacts(self, point: ExactPoint) -> list[Visit]:
         """Return the contacts that vanish along the curve."""
         period, visits = self.family(point.state.value).period, point.state.pattern.visits
-        ahead = point.state.moved(point.state.z + 1e-3 * point.tangent * point.scale)
-        now, after = (state.iterate.visit_durations(visits, period) for state in (point.state, ahead))
-        short = [(visit, a) for visit, a, b in zip(visits, now, after, strict=True)
+        ahead = point.state.with_z(point.state.z + 1e-3 * point.tangent * point.scale)
+        before, after = (state.iterate.visit_durations(visits, period) for state in (point.state, ahead))
+        short = [(visit, a) for visit, a, b in zip(visits, before, after, strict=True)
                  if a < SIMULTANEOUS_DURATION * period and b < a]  # fmt: skip
         limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
         return [visit for visit, a in short if a < limit]
@@ -352,32 +352,32 @@ class Follower:
         self.smallest = min(self.smallest, size)
         if self.curve.message or size < UNBOUNDED_GROWTH * self.smallest:
             return
-        found = asymptote_ahead(self.family, state, point.tangent * point.scale, self.width)
-        if found is not None and min(self.span) <= found <= max(self.span):
-            self.curve.status, self.curve.asymptote = Status.UNBOUNDED, found
-            self.curve.message = unbounded_message(self.name, found)
+        asymptote = asymptote_ahead(self.family, state, point.tangent * point.scale, self.width)
+        if asymptote is not None and min(self.span) <= asymptote <= max(self.span):
+            self.curve.status, self.curve.asymptote = Status.UNBOUNDED, asymptote
+            self.curve.message = unbounded_message(self.name, asymptote)
 
     # ---- acceptance
 
-    def _special(self, *points: ExactPoint) -> list[SpecialExactPoint]:
+    def _special_points(self, *points: ExactPoint) -> list[SpecialExactPoint]:
         """Return the special points between successive points of a step."""
         if not self.special:
             return []
-        return [one for a, b in pairwise(points) if a.state.pattern == b.state.pattern
-                for one in special_points(self.family, a, b)]  # fmt: skip
+        return [special for a, b in pairwise(points) if a.state.pattern == b.state.pattern
+                for special in special_points(self.family, a, b)]  # fmt: skip
 
     def _add(self, point: ExactPoint, samples: Samples, length: float, special: list[SpecialExactPoint]) -> None:
         """Accept a point after the special points between the last point and it."""
-        least = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
-        for kind, _, found in special:
-            self._accept(found, self._gaps(found), 0.0)
-            if least and np.linalg.norm(_difference_of_halves(found.state)) < SHORTER_PERIOD_DIFFERENCE * least:
+        norm = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
+        for kind, _, exact in special:
+            self._accept(exact, self._gaps(exact), 0.0)
+            if norm and np.linalg.norm(_difference_of_halves(exact.state)) < SHORTER_PERIOD_DIFFERENCE * norm:
                 self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
                 self.curve.status = Status.MERGED
-                self.curve.message = f"the branch joined the one it came from at {self.name} = {found.state.value:.6g}"
+                self.curve.message = f"the branch joined the one it came from at {self.name} = {exact.state.value:.6g}"
                 return
             self.curve.marks.append(CurveMark(kind, len(self.curve.points) - 1))
-            if kind == "BP" and self.origin and _is_same(self.origin, found.state, self.width):
+            if kind == "BP" and self.origin and _is_same(self.origin, exact.state, self.width):
                 self.curve.status = Status.CLOSED
                 self.curve.message = f"the curve closed after {len(self.curve.points)} points"
                 return
@@ -394,7 +394,7 @@ class Follower:
         """Return the gaps over a period at a point."""
         return sample_gaps(self.family(point.state.value), point.state.iterate)[0]
 
-    def _leaves(self, point: ExactPoint) -> bool:
+    def _leaves_span(self, point: ExactPoint) -> bool:
         """Return whether a point lies outside the span."""
         return not min(self.span) <= point.state.value <= max(self.span)
 
@@ -403,13 +403,13 @@ class Follower:
         low, high = sorted(self.span)
         end = high if point.state.value > high else low
         scale = last.scale
-        hold = _at_value(len(scale))
+        normal = _at_value(len(scale))
         s = (end - last.state.value) / (point.state.value - last.state.value)
         between = point_between(self.family, last, point, s).state if s > 0 else last.state
         z = between.z.copy()
         z[-1] = end
-        final = exact_point(self.family, between.moved(z), hold, scale, last.tangent)
-        self._add(final, self._gaps(final), self.step, self._special(last, final))
+        final = exact_point(self.family, between.with_z(z), normal, scale, last.tangent)
+        self._add(final, self._gaps(final), self.step, self._special_points(last, final))
         reached = end == self.span[1]
         self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
         self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (
@@ -432,7 +432,7 @@ def _is_same(a: CurveState, b: CurveState, width: float) -> bool:
     """Return whether two branch points are the same one; their switches may have another order."""
     if a.pattern.count != b.pattern.count or abs(a.value - b.value) > SAME_POINT * width:
         return False
-    first, second = (np.sort(np.abs(one.iterate.x), axis=None) for one in (a, b))
+    first, second = (np.sort(np.abs(state.iterate.x), axis=None) for state in (a, b))
     return float(np.abs(first - second).max(initial=0.0)) <= SAME_POINT * float(first.max(initial=0.0))
 
 
@@ -478,7 +478,7 @@ def _rescaled(point: ExactPoint, width: float) -> ExactPoint:
     scale = point.state.scale(width)
     tangent = point.tangent * point.scale / scale
     return ExactPoint(
-        point.state, point.now, point.J, scale, tangent / float(np.linalg.norm(tangent)), point.iterations
+        point.state, point.linearised, point.J, scale, tangent / float(np.linalg.norm(tangent)), point.iterations
     )
 
 
@@ -497,10 +497,10 @@ def _reversed_difference(a: CurveState, b: CurveState) -> float:
 
 def _difference_of_halves(state: CurveState) -> Array:
     """Return the differences (K / 2, r) of the states of both halves of a period; empty if their switches differ."""
-    iterate, half = state.iterate, state.pattern.count // 2
-    if state.pattern.count % 2 or state.pattern.switches[:half] != state.pattern.switches[half:]:
+    iterate, count = state.iterate, state.pattern.count // 2
+    if state.pattern.count % 2 or state.pattern.switches[:count] != state.pattern.switches[count:]:
         return np.empty((0, 0))
-    return iterate.x[:half] - iterate.x[half:]
+    return iterate.x[:count] - iterate.x[count:]
 
 
 def multiplier_change(a: ExactPoint, b: ExactPoint) -> float:

@@ -36,11 +36,11 @@ ROUNDING_OF_GAPS = 1e-15
 
 
 @kernel
-def _exponentials(A: Any, h: float, parts: Any, powers: Any, Z: Any) -> None:
-    """Compute Z (G, N, N) after parts (G,) of a duration h; it is nan if a power of A h is not finite.
+def _exponentials(A: Any, h: float, fractions: Any, powers: Any, Z: Any) -> None:
+    """Compute Z (G, N, N) after fractions (G,) of a duration h; it is nan if a power of A h is not finite.
 
-    X^k / k!, in powers (EXPONENTIAL_ORDER + 1, N, N), is shared by all parts. The truncation error is bounded by norms
-    of the fourth and fifth power, which states of different size affect less than the norm of X.
+    X^k / k!, in powers (EXPONENTIAL_ORDER + 1, N, N), is shared by all fractions. The truncation error is bounded by
+    norms of the fourth and fifth power, which states of different size affect less than the norm of X.
     """
     powers[1] = A
     powers[1] *= h
@@ -51,14 +51,14 @@ def _exponentials(A: Any, h: float, parts: Any, powers: Any, Z: Any) -> None:
     if not math.isfinite(_norm(powers[EXPONENTIAL_ORDER])):
         Z[:] = np.nan
         return
-    for g in range(parts.shape[0]):
-        halvings = max(0, math.frexp(size * parts[g])[1] + 1)
-        part = parts[g] * 0.5**halvings
+    for g in range(fractions.shape[0]):
+        halvings = max(0, math.frexp(size * fractions[g])[1] + 1)
+        scaled = fractions[g] * 0.5**halvings
         Z[g] = powers[EXPONENTIAL_ORDER]
         for k in range(EXPONENTIAL_ORDER - 1, 0, -1):
-            Z[g] *= part
+            Z[g] *= scaled
             Z[g] += powers[k]
-        Z[g] *= part
+        Z[g] *= scaled
         for _ in range(halvings):
             powers[0] = Z[g]
             Z[g] *= 2.0
@@ -68,14 +68,14 @@ def _exponentials(A: Any, h: float, parts: Any, powers: Any, Z: Any) -> None:
 @kernel
 def _norm(A: Any) -> float:
     """Return the largest sum of the moduli of a column."""
-    most = 0.0
+    largest = 0.0
     for j in range(A.shape[1]):
         total = 0.0
         for i in range(A.shape[0]):
             total += abs(A[i, j])
-        if not total <= most:
-            most = total
-    return most
+        if not total <= largest:
+            largest = total
+    return largest
 
 
 @kernel
@@ -183,11 +183,11 @@ def constant_segments(A: Any, h: Any, y: Any) -> Any:
         Z (K, N, N), change, begin, end and slope (K, N).
     """
     K, N = y.shape
-    Z, powers, whole = np.empty((K, N, N)), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.ones(1)
+    Z, powers, fraction = np.empty((K, N, N)), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.ones(1)
     change, begin, end, slope = np.empty((K, N)), np.empty((K, N)), np.empty((K, N)), np.empty((K, N))
     work, total = np.empty(N), np.empty(N)
     for k in range(K):
-        _exponentials(A[k], h[k], whole, powers, Z[k : k + 1])
+        _exponentials(A[k], h[k], fraction, powers, Z[k : k + 1])
         _apply(Z[k], y[k], change[k])
         _apply(A[k], y[k], begin[k])
         _apply(A[k], y[k] + change[k], end[k])
@@ -231,10 +231,10 @@ def short_visits(visits: Any, tau: Any, period: float) -> Any:
     """
     first = np.full(tau.shape[0], -1)
     for v in range(visits.shape[0]):
-        own, before, after = visits[v, 0], visits[v, 1], visits[v, 2]
+        visit, before, after = visits[v, 0], visits[v, 1], visits[v, 2]
         nearest = min(_duration(before, tau, period), _duration(after, tau, period))
-        if _duration(own, tau, period) < SHORT_SEGMENT_RATIO * nearest:
-            first[own[1]] = own[0]
+        if _duration(visit, tau, period) < SHORT_SEGMENT_RATIO * nearest:
+            first[visit[1]] = visit[0]
     return first
 
 
@@ -308,10 +308,10 @@ def _dot(a: Any, b: Any) -> float:
 
 
 @kernel
-def _moved(Z: Any, begin: Any, a: int, r: int) -> float:
+def _begin_rate(Z: Any, begin: Any, a: int, r: int) -> float:
     """Return entry a of the derivative of the final state of a segment in its begin, with the sign of its advance."""
-    out: float = begin[a] + _dot(Z[a, :r], begin[:r])
-    return out
+    rate: float = begin[a] + _dot(Z[a, :r], begin[:r])
+    return rate
 
 
 @kernel
@@ -328,7 +328,7 @@ def _periodicity_slopes(segments: Any, column: Any, r: int, J: Any) -> None:
             for b in range(r):
                 J[e, k * r + b] -= Z[k, a, b]
             if column[k] >= 0:
-                J[e, K * r + column[k]] += _moved(Z[k], begin[k], a, r)
+                J[e, K * r + column[k]] += _begin_rate(Z[k], begin[k], a, r)
             if column[after] >= 0:
                 J[e, K * r + column[after]] -= end[k, a]
 
@@ -358,8 +358,8 @@ def _divided_slopes(
     while k != j:
         after = (k + 1) % K
         for a in range(row.shape[0]):
-            moved = begin[k, a] if a >= r else _moved(Z[k], begin[k], a, r)
-            J[n, K * r + column[k]] -= row[a] * moved / delta
+            rate = begin[k, a] if a >= r else _begin_rate(Z[k], begin[k], a, r)
+            J[n, K * r + column[k]] -= row[a] * rate / delta
             J[n, K * r + column[after]] += row[a] * end[k, a] / delta
         k = after
     J[n, first] += R[n] / delta
@@ -389,9 +389,9 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
         P += counts[k]
     gaps, slopes, p = np.empty((P, G, m)), np.empty((P, G, m)), 0
     state, change, node, rate = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
-    parts, powers, Z = np.append(offsets, 1.0), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.empty((G + 1, N, N))
+    fractions, powers, Z = np.append(offsets, 1.0), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.empty((G + 1, N, N))
     for k in range(K):
-        _exponentials(A[k], h[k], parts, powers, Z)
+        _exponentials(A[k], h[k], fractions, powers, Z)
         state[:] = y[k]
         for _ in range(counts[k]):
             for g in range(G):
@@ -443,31 +443,31 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
         Number of the segment, of the element, side (-1 or +1), begin and end of each interval.
     """
     K, m, C, first = bounds.shape[0], bounds.shape[1], 0, 0
-    found = np.empty((2 * gaps.shape[0] * m, 5))
-    beyond, slope = np.empty(gaps.shape[0]), np.empty(gaps.shape[0])
+    intervals = np.empty((2 * gaps.shape[0] * m, 5))
+    excess, slope = np.empty(gaps.shape[0]), np.empty(gaps.shape[0])
     for k in range(K):
         last = first + counts[k]
         for j in range(m):
             extent = np.max(gaps[first:last, j]) - np.min(gaps[first:last, j])
-            least = ROUNDING_OF_GAPS * np.max(np.abs(gaps[:, j]))
+            rounding_of_gap = ROUNDING_OF_GAPS * np.max(np.abs(gaps[:, j]))
             for side in (1, -1):
                 bound = bounds[k, j, (1 + side) // 2]
                 if not math.isfinite(bound):
                     continue
                 for p in range(first, last):
-                    beyond[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
-                known = C
-                allowed = max(least, rounding * max(extent, abs(bound)))
-                C = _add_intervals(tau[first:last], beyond[first:last], slope[first:last], allowed, found, C)
-                for c in range(known, C):
-                    found[c, 0], found[c, 1], found[c, 2] = k, j, side
+                    excess[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
+                first_interval = C
+                allowed = max(rounding_of_gap, rounding * max(extent, abs(bound)))
+                C = _add_intervals(tau[first:last], excess[first:last], slope[first:last], allowed, intervals, C)
+                for c in range(first_interval, C):
+                    intervals[c, 0], intervals[c, 1], intervals[c, 2] = k, j, side
         first = last
-    return found[:C]
+    return intervals[:C]
 
 
 @kernel
-def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, found: Any, count: Any) -> Any:
-    """Add begin and end of each interval where h is positive to ``found`` from entry ``count`` on; return its end.
+def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, intervals: Any, count: Any) -> Any:
+    """Add begin and end of each interval where h is positive to ``intervals`` from entry ``count`` on; return its end.
 
     An interval that the samples begin or end in has their first or last phase.
     """
@@ -477,8 +477,8 @@ def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, found: Any, co
             last = s
             while last < end and h[last + 1] > rounding:
                 last += 1
-            found[count, 3] = _linear_root(tau, h, s - 1) if s > 0 else tau[0]
-            found[count, 4] = _linear_root(tau, h, last) if last < end else tau[end]
+            intervals[count, 3] = _linear_root(tau, h, s - 1) if s > 0 else tau[0]
+            intervals[count, 4] = _linear_root(tau, h, last) if last < end else tau[end]
             count, s = count + 1, last
         elif s < end and slope[s] > 0 and slope[s + 1] < 0 and not h[s + 1] > rounding:
             width = tau[s + 1] - tau[s]
@@ -488,7 +488,7 @@ def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, found: Any, co
             if maximum > rounding:
                 half = math.sqrt(2 * maximum * width / (slope[s] - slope[s + 1]))
                 middle = tau[s] + offset * width
-                found[count, 3], found[count, 4] = max(middle - half, tau[s]), min(middle + half, tau[s + 1])
+                intervals[count, 3], intervals[count, 4] = max(middle - half, tau[s]), min(middle + half, tau[s + 1])
                 count += 1
         s += 1
     return count
@@ -503,9 +503,9 @@ def _linear_root(tau: Any, h: Any, s: int) -> float:
 
 
 @kernel
-def _cubic_maximum(left: float, right: float, a: float, b: float) -> float:
+def _cubic_maximum(begin: float, end: float, a: float, b: float) -> float:
     """Return the position of the maximum of the cubic on [0, 1] with these values and slopes at its ends."""
-    c, d = 3 * (right - left) - 2 * a - b, 2 * (left - right) + a + b
+    c, d = 3 * (end - begin) - 2 * a - b, 2 * (begin - end) + a + b
     root = math.sqrt(max(c * c - 3 * d * a, 0.0))
     x = a / (root - c) if root > c else 0.5  # root of a + 2 c x + 3 d x^2 at a maximum
     return min(max(x, 0.0), 1.0)

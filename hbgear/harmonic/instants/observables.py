@@ -15,19 +15,19 @@ from hbgear.harmonic.instants.sampling import coefficients
 from hbgear.harmonic.instants.shooting import Iterate, Linearisation, residual_scale
 
 
-def observed_motion(at: EquationsAt, iterate: Iterate, H: int, own: list[float]) -> tuple[Array, dict[str, Any]]:
-    """Return the coefficients up to H and the parameters ``own`` in one array, and regime and error of a motion."""
-    rows, rest = coefficients(at, iterate, H)
-    return np.append(rows.ravel(), own), {"regime": regime_of(iterate.pattern, at.equations.m), "error": rest}
+def observed_motion(ode: EquationsAt, iterate: Iterate, H: int, values: list[float]) -> tuple[Array, dict[str, Any]]:
+    """Return the coefficients up to H and the parameters ``values`` in one array, and regime and error of a motion."""
+    rows, rms = coefficients(ode, iterate, H)
+    return np.append(rows.ravel(), values), {"regime": regime_of(iterate.pattern, ode.equations.m), "error": rms}
 
 
-def relative_residual(now: Linearisation, iterate: Iterate, rows: Array) -> float:
+def relative_residual(linearised: Linearisation, iterate: Iterate, rows: Array) -> float:
     """Return the largest residual over the size of the states and of the coefficients of the motion.
 
     The states at the switches alone may be zero: where a contact begins, gap and velocity are.
     """
     size = max(residual_scale(iterate), float(np.abs(rows).max(initial=0.0)))
-    return float(np.abs(now.R).max(initial=0.0)) / size
+    return float(np.abs(linearised.R).max(initial=0.0)) / size
 
 
 def regime_of(pattern: Pattern, m: int) -> Any:

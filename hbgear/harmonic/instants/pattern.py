@@ -90,8 +90,8 @@ class Pattern:
         Switches of other elements may lie between them. If a gap alternates between both sides of a breakpoint, the
         visits of either side are included.
         """
-        return tuple((i, own[(n + 1) % len(own)]) for i, own, n in self._in_element()
-                     if self.switches[i].opposite(self.switches[own[(n + 1) % len(own)]]))  # fmt: skip
+        return tuple((i, group[(n + 1) % len(group)]) for i, group, n in self._switch_groups()
+                     if self.switches[i].opposite(self.switches[group[(n + 1) % len(group)]]))  # fmt: skip
 
     @cached_property
     def sections(self) -> list[int]:
@@ -117,20 +117,20 @@ class Pattern:
     @cached_property
     def divisible_visits(self) -> Array:
         """Visits without a fixed switch, each with the intervals of its gap before and after it (V, 3, 2)."""
-        places = {i: (own, n) for i, own, n in self._in_element()}
-        found = []
+        positions = {i: (group, n) for i, group, n in self._switch_groups()}
+        visits = []
         for i, j in self.visits:
             if not any(self.switches[k].is_fixed for k in self.segments_between(i, j)[1:]):
-                own, n = places[i]
-                found.append(((i, j), (own[n - 1], i), (j, own[(n + 2) % len(own)])))
-        return np.array(found, dtype=np.int64).reshape(-1, 3, 2)
+                group, n = positions[i]
+                visits.append(((i, j), (group[n - 1], i), (j, group[(n + 2) % len(group)])))
+        return np.array(visits, dtype=np.int64).reshape(-1, 3, 2)
 
-    def _in_element(self) -> list[tuple[int, list[int], int]]:
+    def _switch_groups(self) -> list[tuple[int, list[int], int]]:
         """Return each switch with the switches of its element and its place among them."""
-        own: dict[int, list[int]] = {}
+        groups: dict[int, list[int]] = {}
         for i, switch in enumerate(self.switches):
-            own.setdefault(switch.element, []).append(i)
-        return [(i, own[s.element], own[s.element].index(i)) for i, s in enumerate(self.switches)]
+            groups.setdefault(switch.element, []).append(i)
+        return [(i, groups[s.element], groups[s.element].index(i)) for i, s in enumerate(self.switches)]
 
     def segments_between(self, i: int, j: int) -> list[int]:
         """Return the segments from switch i to switch j."""
@@ -144,8 +144,8 @@ class Pattern:
                 element = self.switches[j].element
                 levels[element] = self.contacts[j].levels[element]
         removed = {switch for visit in visits for switch in visit}
-        kept = [switch for k, switch in enumerate(self.switches) if k not in removed]
-        return Pattern.of(kept, levels, self.contacts[-1].section)
+        retained = [switch for k, switch in enumerate(self.switches) if k not in removed]
+        return Pattern.of(retained, levels, self.contacts[-1].section)
 
     def swapped(self, i: int) -> Pattern:
         """Return the pattern with switch i after the one that follows it."""

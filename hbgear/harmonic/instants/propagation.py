@@ -33,8 +33,8 @@ def growth(flow: Flow, tau: float, h: float) -> Array:
         Z: Array = kernels.constant_segments(flow.A[None], np.array([float(h)]), np.zeros((1, len(flow.A))))[0][0]
         return Z
     steps = taylor_steps(flow, h)
-    grown: Array = kernels.taylor_growth(flow.A, flow.b, flow.r, _stiffness_series(flow, tau, h, steps), h / steps)
-    return grown
+    series: Array = kernels.taylor_growth(flow.A, flow.b, flow.r, _stiffness_series(flow, tau, h, steps), h / steps)
+    return series
 
 
 def taylor_steps(flow: Flow, h: float) -> int:
@@ -94,16 +94,16 @@ def segments_of(A: Array, varying: Mapping[int, Flow], tau: Array, h: Array, y: 
     tau, h, y : ndarray, shape (K,), (K,), (K, N)
         Begins, durations and initial states of the segments.
     """
-    found = Segments(*kernels.constant_segments(A, h, y))
+    segments = Segments(*kernels.constant_segments(A, h, y))
     for k, flow in varying.items():
         Z = growth(flow, float(tau[k]), float(h[k]))
         change, begin = Z @ y[k], rates(flow, float(tau[k]), y[k])
         end = rates(flow, float(tau[k] + h[k]), y[k] + change)
         with np.errstate(divide="ignore", invalid="ignore"):  # segments that vanish have no slope
             slope = (end - change / h[k]) / h[k]
-        for array, value in zip(found, (Z, change, begin, end, slope), strict=True):
+        for array, value in zip(segments, (Z, change, begin, end, slope), strict=True):
             array[k] = value
-    return found
+    return segments
 
 
 def _taylor_coefficients(stiffness: Phased, tau: Array, h: float) -> Array:

@@ -139,67 +139,67 @@ def refine(equations: Equations, approximation: Approximation, Omega: float, fre
     NoConvergence
         If Newton's method does not converge; the message states the reason.
     """
-    at = equations.at(Omega)
+    ode = equations.at(Omega)
     try:
-        at, iterate, samples = solve(at, initial(at, approximation), free)
+        ode, iterate, samples = solve(ode, initial(ode, approximation), free)
     except InconsistentPatternError as error:
         raise _failure(f"the order of contacts is inconsistent: {error}", Omega) from error
-    return exact_motion_of(at, iterate, samples, _distance(equations, approximation.rows, samples))
+    return exact_motion_of(ode, iterate, samples, _distance(equations, approximation.rows, samples))
 
 
-def solve(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, Samples]:
+def solve(ode: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, Samples]:
     """Solve by Newton's method, and change the order of switches where a segment vanishes or a crossing is missed."""
     for _ in range(MAX_ORDER_CHANGES):
-        at, iterate, vanished = _newton(at, iterate, free)
-        if vanished is not None:
-            iterate = _without_segment(at, iterate, vanished)
+        ode, iterate, segment = _newton(ode, iterate, free)
+        if segment is not None:
+            iterate = _without_segment(ode, iterate, segment)
             continue
-        samples, missed = sample_gaps(at, iterate)
+        samples, missed = sample_gaps(ode, iterate)
         if not missed:
-            return at, iterate, samples
-        iterate = with_missed_crossings(at, iterate, missed)
-    raise _failure("the order of contacts keeps changing", at.Omega)
+            return ode, iterate, samples
+        iterate = with_missed_crossings(ode, iterate, missed)
+    raise _failure("the order of contacts keeps changing", ode.Omega)
 
 
-def initial(at: EquationsAt, approximation: Approximation) -> Iterate:
+def initial(ode: EquationsAt, approximation: Approximation) -> Iterate:
     """Return switches and states of the approximate motion."""
-    equations = at.equations
-    events = [(tau, Switch(*rest)) for tau, *rest in approximation.crossings] + fixed_switches(equations)
+    equations = ode.equations
+    events = [(tau, Switch(*switch)) for tau, *switch in approximation.crossings] + fixed_switches(equations)
     if len(events) > MAX_SWITCHES_PER_PERIOD * equations.nu:
         raise _failure(
-            f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter): {len(events)}", at.Omega
+            f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter): {len(events)}", ode.Omega
         )
     events = sorted(events, key=lambda event: event[0]) or [(0.0, Switch(-1, 0, 0))]
     tau = np.array([phase for phase, _ in events])
-    longest = int(np.argmax(np.diff(np.append(tau, tau[0] + at.period))))
-    ahead = np.roll(np.arange(len(tau)), -longest - 1)
-    tau = np.where(ahead <= longest, tau[ahead] + at.period, tau[ahead])
-    tau = tau - (at.period if tau[0] >= at.period else 0.0)
-    middle = tau[-1] + 0.5 * (tau[0] + at.period - tau[-1])
+    longest = int(np.argmax(np.diff(np.append(tau, tau[0] + ode.period))))
+    rotation = np.roll(np.arange(len(tau)), -longest - 1)
+    tau = np.where(rotation <= longest, tau[rotation] + ode.period, tau[rotation])
+    tau = tau - (ode.period if tau[0] >= ode.period else 0.0)
+    middle = tau[-1] + 0.5 * (tau[0] + ode.period - tau[-1])
     section = equations.section(middle)
-    gaps = at.gaps(section) @ at.extended(at.state(approximation.rows, middle), middle, section)
+    gaps = ode.gaps(section) @ ode.extended(ode.state(approximation.rows, middle), middle, section)
     levels = [int(np.searchsorted(b, d)) for b, d in zip(equations.breakpoints, gaps, strict=True)]
-    pattern = Pattern.of([events[i][1] for i in ahead.tolist()], levels, section)
-    return Iterate(pattern, tau, np.array([at.state(approximation.rows, t) for t in tau.tolist()]))
+    pattern = Pattern.of([events[i][1] for i in rotation.tolist()], levels, section)
+    return Iterate(pattern, tau, np.array([ode.state(approximation.rows, t) for t in tau.tolist()]))
 
 
-def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, int | None]:
+def _newton(ode: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, int | None]:
     """Return a solution with the given switches, or the number of a segment that vanishes."""
-    vanishing, count = -1, 0
+    vanishing, repetitions = -1, 0
     for _ in range(MAX_INSTANT_ITERATIONS):
-        empty = _empty_contact(at, iterate)
+        empty = _empty_contact(ode, iterate)
         if empty is not None:
-            return at, iterate, empty
-        now = linearise(at, iterate)
-        step, dOmega = _step(at, iterate, now.R, now.J, free)
-        factor, segment = _step_factor(at, iterate, step)
-        count = count + 1 if factor < 1.0 and segment == vanishing else 1
+            return ode, iterate, empty
+        linearised = linearise(ode, iterate)
+        step, dOmega = _step(ode, iterate, linearised.R, linearised.J, free)
+        factor, segment = _step_factor(ode, iterate, step)
+        repetitions = repetitions + 1 if factor < 1.0 and segment == vanishing else 1
         vanishing = segment if factor < 1.0 else -1
-        if factor < 1.0 and count >= MAX_SHORTENED_STEPS:
-            return at, iterate, segment
+        if factor < 1.0 and repetitions >= MAX_SHORTENED_STEPS:
+            return ode, iterate, segment
         if dOmega:
-            limited = max(-0.05, min(0.05, factor * dOmega / at.Omega))
-            at = at.equations.at(at.Omega * (1.0 + limited))
+            change = max(-0.05, min(0.05, factor * dOmega / ode.Omega))
+            ode = ode.equations.at(ode.Omega * (1.0 + change))
         iterate = _advanced(iterate, factor * step)
         size = residual_scale(iterate)
         if not np.isfinite(iterate.x).all() or size > 1e12:
@@ -210,55 +210,55 @@ def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt,
             factor == 1.0
             and step_converged
             and instants_converged
-            and float(np.abs(now.R).max(initial=0.0)) <= INSTANT_RESIDUAL_TOLERANCE * size * 1e3
+            and float(np.abs(linearised.R).max(initial=0.0)) <= INSTANT_RESIDUAL_TOLERANCE * size * 1e3
         ):
-            return at, iterate, None
+            return ode, iterate, None
     raise _failure(
         f"Newton's method in {iterate.pattern.count} contact instants does not converge"
         + ("" if free else ": there may be no motion at this Omega (close to a fold)"),
-        at.Omega,
+        ode.Omega,
     )
 
 
-def _empty_contact(at: EquationsAt, iterate: Iterate) -> int | None:
+def _empty_contact(ode: EquationsAt, iterate: Iterate) -> int | None:
     """Return a contact without duration, whose equation would be divided by zero; None without one."""
-    switches, durations = iterate.pattern.switches, iterate.durations(at.period)
-    for i in np.flatnonzero(durations <= EMPTY_DURATION * at.period).tolist():
+    switches, durations = iterate.pattern.switches, iterate.durations(ode.period)
+    for i in np.flatnonzero(durations <= EMPTY_DURATION * ode.period).tolist():
         if switches[i].opposite(switches[(i + 1) % len(switches)]):
             return int(i)
     return None
 
 
-def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> tuple[Array, float]:
+def _step(ode: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> tuple[Array, float]:
     """Return the Newton step, and the change of Omega if it is free."""
     if not free:
         try:
             return np.linalg.solve(J, -R), 0.0
         except np.linalg.LinAlgError as error:
-            raise _failure("the equations of the contact instants are singular", at.Omega) from error
-    h = FREQUENCY_STEP * at.Omega
-    up, down = (linearise(at.equations.at(at.Omega + d), iterate).R for d in (h, -h))
+            raise _failure("the equations of the contact instants are singular", ode.Omega) from error
+    h = FREQUENCY_STEP * ode.Omega
+    above, below = (linearise(ode.equations.at(ode.Omega + d), iterate).R for d in (h, -h))
     scale = np.ones(len(R) + 1)
     scale[: iterate.x.size] = residual_scale(iterate)
-    scale[-1] = at.Omega
-    whole = np.column_stack([J, (up - down) / (2 * h)]) * scale
-    step = scale * np.linalg.lstsq(whole, -R, rcond=1e-14)[0]
+    scale[-1] = ode.Omega
+    bordered = np.column_stack([J, (above - below) / (2 * h)]) * scale
+    step = scale * np.linalg.lstsq(bordered, -R, rcond=1e-14)[0]
     return step[:-1], float(step[-1])
 
 
-def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
+def _step_factor(ode: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
     """Return the factor of a step that takes at most half of the duration of each segment, and the limiting segment.
 
     Switches of two elements may be in the wrong order by rounding.
     """
     pattern, free = iterate.pattern, iterate.pattern.free
-    moves = np.zeros(pattern.count)
-    moves[free] = step[iterate.x.size :]
-    loss = moves - np.roll(moves, -1)
+    phase_steps = np.zeros(pattern.count)
+    phase_steps[free] = step[iterate.x.size :]
+    loss = phase_steps - np.roll(phase_steps, -1)
     elements = np.array([switch.element for switch in pattern.switches])
-    apart = free & np.roll(free, -1) & (elements != np.roll(elements, -1))
-    least = np.where(apart, SIMULTANEOUS_SWITCHES * at.period, np.finfo(float).tiny)  # a segment may be empty
-    ratio = loss / np.maximum(0.5 * iterate.durations(at.period), least)
+    separable = free & np.roll(free, -1) & (elements != np.roll(elements, -1))
+    shortest = np.where(separable, SIMULTANEOUS_SWITCHES * ode.period, np.finfo(float).tiny)  # a segment may be empty
+    ratio = loss / np.maximum(0.5 * iterate.durations(ode.period), shortest)
     segment = int(np.argmax(ratio))
     return float(min(1.0, 1.0 / max(ratio[segment], 1e-300))), segment
 
@@ -270,13 +270,13 @@ def _advanced(iterate: Iterate, step: Array) -> Iterate:
     return Iterate(iterate.pattern, tau, iterate.x + step[: iterate.x.size].reshape(iterate.x.shape))
 
 
-def _without_segment(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
+def _without_segment(ode: EquationsAt, iterate: Iterate, i: int) -> Iterate:
     """Return the iterate with the switches at the ends of a vanishing segment removed or exchanged."""
     pattern, j = iterate.pattern, (i + 1) % iterate.pattern.count
     if pattern.switches[i].opposite(pattern.switches[j]):
         return iterate.without([(i, j)])
     if pattern.switches[i].element == pattern.switches[j].element or j == 0:
-        raise _failure("two contact instants of an element meet", at.Omega)
+        raise _failure("two contact instants of an element meet", ode.Omega)
     tau, width = iterate.tau.copy(), float(iterate.tau[j] - iterate.tau[i])
     if pattern.switches[i].is_fixed:
         tau[[i, j]] -= width
@@ -285,22 +285,22 @@ def _without_segment(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
     return Iterate(pattern.swapped(i), tau, iterate.x)
 
 
-def with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[MissedCrossing]) -> Iterate:
+def with_missed_crossings(ode: EquationsAt, iterate: Iterate, missed: list[MissedCrossing]) -> Iterate:
     """Return the iterate with switches added at missed crossings."""
-    pattern, period = iterate.pattern, at.period
+    pattern, period = iterate.pattern, ode.period
     events = [(float(t), s, x) for t, s, x in zip(iterate.tau, pattern.switches, iterate.x, strict=True)]
-    artificial = pattern.count == 1 and pattern.switches[0].is_fixed and not fixed_switches(at.equations)
+    artificial = pattern.count == 1 and pattern.switches[0].is_fixed and not fixed_switches(ode.equations)
     for begin, end, first in missed:
         end = max(end, begin + MIN_CONTACT_DURATION * period)
-        back = Switch(first.element, first.breakpoint, -first.sign)
-        for t, switch in ((begin, first), (end, back)):
-            events.append((t, switch, state_at(at, iterate, t)))
+        last = Switch(first.element, first.breakpoint, -first.sign)
+        for t, switch in ((begin, first), (end, last)):
+            events.append((t, switch, state_at(ode, iterate, t)))
     if artificial:
         events = events[1:]
     start = float(iterate.tau[0])
     events.sort(key=lambda event: (event[0] - start) % period)
-    if len(events) > MAX_SWITCHES_PER_PERIOD * at.equations.nu:
-        raise _failure(f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter)", at.Omega)
+    if len(events) > MAX_SWITCHES_PER_PERIOD * ode.equations.nu:
+        raise _failure(f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter)", ode.Omega)
     tau = np.array([start + (t - start) % period for t, _, _ in events])
     before = pattern.contacts[-1] if not artificial else pattern.contacts[0]
     return Iterate(
@@ -308,32 +308,32 @@ def with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[Missed
     )
 
 
-def state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
+def state_at(ode: EquationsAt, iterate: Iterate, tau: float) -> Array:
     """Return the state of an iterate at a phase."""
     i = int(np.searchsorted(iterate.tau, tau, side="right")) - 1
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
-    y = at.extended(iterate.x[i], start, contacts.section)
-    x: Array = (y + growth(at.flow(contacts), start, tau - start) @ y)[: at.size]
+    y = ode.extended(iterate.x[i], start, contacts.section)
+    x: Array = (y + growth(ode.flow(contacts), start, tau - start) @ y)[: ode.size]
     return x
 
 
-def exact_motion_of(at: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
+def exact_motion_of(ode: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
     """Return the result of a converged iterate."""
-    now = linearise(at, iterate)
-    monodromy = now.flows[0]
-    for flow in now.flows[1:]:
+    linearised = linearise(ode, iterate)
+    monodromy = linearised.flows[0]
+    for flow in linearised.flows[1:]:
         monodromy = flow @ monodromy
     mu = np.linalg.eigvals(monodromy).astype(complex)
-    durations = iterate.durations(at.period)
+    durations = iterate.durations(ode.period)
     ends = [i for i in range(iterate.pattern.count) if not iterate.pattern.switches[(i + 1) % len(durations)].is_fixed]
-    order = np.argsort(iterate.tau % at.period)
+    order = np.argsort(iterate.tau % ode.period)
     return ExactMotion(
-        Omega=at.Omega,
-        instants=(iterate.tau % at.period)[order],
+        Omega=ode.Omega,
+        instants=(iterate.tau % ode.period)[order],
         switches=tuple(iterate.pattern.switches[i] for i in order.tolist()),
         states=iterate.x[order],
         multipliers=mu[np.argsort(-np.abs(mu), kind="stable")],
-        residual=float(np.abs(now.R).max(initial=0.0)) / residual_scale(iterate),
+        residual=float(np.abs(linearised.R).max(initial=0.0)) / residual_scale(iterate),
         distance=distance,
         shortest=float(durations[ends].min()) if ends else float("inf"),
         monodromy=monodromy,

@@ -70,8 +70,8 @@ def build_exact_branch(
         switches = sorted(contact.switch for contact in mark.contacts)
         note = ", ".join(_grazing_text(problem, switch) for switch in switches)
         error = EXACT_ERRORS.get(mark.kind, PARAMETER_ROUNDING) * abs(points[mark.index].value)
-        found = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", error)
-        marks.append(SpecialPointMark(mark.index, found, (low.value, high.value)))
+        event = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", error)
+        marks.append(SpecialPointMark(mark.index, event, (low.value, high.value)))
     return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)
 
 
@@ -85,12 +85,12 @@ def _curve_point(
     problem: Any, family: Family, point: ExactPoint, samples: Samples, step: float, stability: bool
 ) -> CurvePoint:
     """Return a point of a branch: harmonics, multipliers, regime."""
-    at, iterate = family(point.state.value), point.state.iterate
-    u, observed = observed_motion(at, iterate, problem.H, [point.state.value])
-    observed |= {"instants": iterate.tau % at.period, "shortest": float(iterate.durations(at.period).min())}
+    ode, iterate = family(point.state.value), point.state.iterate
+    u, observed = observed_motion(ode, iterate, problem.H, [point.state.value])
+    observed |= {"instants": iterate.tau % ode.period, "shortest": float(iterate.durations(ode.period).min())}
     if stability:
         observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
     direction = int(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > 1e-12 else 0
     tangent = np.append(np.zeros(len(u) - 1), 1.0)
-    residual = relative_residual(point.now, iterate, u[:-1])
+    residual = relative_residual(point.linearised, iterate, u[:-1])
     return CurvePoint(u, tangent, 1, residual, point.iterations, step, direction, observed)

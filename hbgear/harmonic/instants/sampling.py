@@ -58,21 +58,21 @@ class Samples(NamedTuple):
     gaps: Array
 
 
-def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list[MissedCrossing]]:
+def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[MissedCrossing]]:
     """Return the gaps over a period, and the crossings for which the iterate has no switches."""
-    contacts, durations = iterate.pattern.contacts, iterate.durations(equations.period)
-    flows = [equations.flow(one) for one in contacts]
+    contacts, durations = iterate.pattern.contacts, iterate.durations(ode.period)
+    flows = [ode.flow(segment) for segment in contacts]
     steps = np.array([
         max(min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(d * flow.rate / MAX_STEP_OF_FLOW))),
             taylor_steps(flow, d))
         for d, flow in zip(durations.tolist(), flows, strict=True)
     ])  # fmt: skip
-    gaps, slopes = (found[:, 0] for found in _gaps_along(
-        equations, iterate, np.arange(len(flows)), durations / steps, steps + 1, np.zeros(1)
+    gaps, slopes = (values[:, 0] for values in _gaps_along(
+        ode, iterate, np.arange(len(flows)), durations / steps, steps + 1, np.zeros(1)
     ))  # fmt: skip
     step = np.concatenate([np.arange(count + 1) for count in steps])
     tau = np.repeat(iterate.tau, steps + 1) + np.repeat(durations / steps, steps + 1) * step
-    bounds = np.array([equations.equations.bounds(one.levels) for one in contacts])
+    bounds = np.array([ode.equations.bounds(segment.levels) for segment in contacts])
     missed = []
     crossings = kernels.unexpected_crossings(tau, gaps, slopes, steps + 1, bounds, CROSSING_ROUNDING)
     for k, j, side, begin, end in crossings.tolist():
@@ -80,66 +80,66 @@ def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list
         missed.append(MissedCrossing(begin, end, Switch(int(j), level if side > 0 else level - 1, int(side))))
     inner = np.ones(len(tau), dtype=bool)
     inner[np.cumsum(steps + 1) - 1] = False  # the end of a segment is the begin of the next one
-    return Samples(tau[inner], gaps[inner]), _joined(missed, equations.period)
+    return Samples(tau[inner], gaps[inner]), _joined(missed, ode.period)
 
 
 def _joined(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]:
     """Return crossings, of which the parts before and after a switch of another element are one."""
     out: list[MissedCrossing] = []
-    for one in missed:  # in the order of the segments
-        before = [k for k, other in enumerate(out) if _follows(other, one, period)]
+    for crossing in missed:  # in the order of the segments
+        before = [k for k, other in enumerate(out) if _follows(other, crossing, period)]
         if before:
-            out[before[0]] = out[before[0]]._replace(end=out[before[0]].end + one.end - one.begin)
+            out[before[0]] = out[before[0]]._replace(end=out[before[0]].end + crossing.end - crossing.begin)
         else:
-            out.append(one)
-    for one in out:  # the last segment of a period precedes the first
-        after = [other for other in out if other is not one and _follows(one, other, period)]
+            out.append(crossing)
+    for crossing in out:  # the last segment of a period precedes the first
+        after = [other for other in out if other is not crossing and _follows(crossing, other, period)]
         if after:
-            rest = [other for other in out if other is not one and other is not after[0]]
-            return _joined([*rest, one._replace(end=one.end + after[0].end - after[0].begin)], period)
+            others = [other for other in out if other is not crossing and other is not after[0]]
+            return _joined([*others, crossing._replace(end=crossing.end + after[0].end - after[0].begin)], period)
     return out
 
 
-def _follows(one: MissedCrossing, other: MissedCrossing, period: float) -> bool:
+def _follows(first: MissedCrossing, second: MissedCrossing, period: float) -> bool:
     """Return whether a crossing begins where another one of the same gap ends."""
-    return one.first == other.first and abs(math.remainder(one.end - other.begin, period)) < SAME_INSTANT * period
+    return first.first == second.first and abs(math.remainder(first.end - second.begin, period)) < SAME_INSTANT * period
 
 
-def coefficients(at: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
+def coefficients(ode: EquationsAt, iterate: Iterate, H: int) -> tuple[Array, float]:
     """Return the real coefficients (m, 2H + 1) of all gaps, and the rms of the harmonics above H, the largest gap's."""
-    nu, (tau, weights, gaps) = at.equations.nu, _nodes(at, iterate, H / at.equations.nu)
-    c = kernels.fourier_sums(tau / nu, weights, gaps, H) / at.period
+    nu, (tau, weights, gaps) = ode.equations.nu, _nodes(ode, iterate, H / ode.equations.nu)
+    c = kernels.fourier_sums(tau / nu, weights, gaps, H) / ode.period
     power = np.abs(c[:, 0]) ** 2 + 2 * (np.abs(c[:, 1:]) ** 2).sum(axis=1)
-    rest = math.sqrt(max(0.0, float((weights @ gaps**2 / at.period - power).max(initial=0.0))))
+    rms = math.sqrt(max(0.0, float((weights @ gaps**2 / ode.period - power).max(initial=0.0))))
     c[:, 1:] *= 2  # one-sided amplitudes
-    return to_real(c), rest
+    return to_real(c), rms
 
 
-def _nodes(at: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, Array, Array]:
+def _nodes(ode: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, Array, Array]:
     """Return phases (T,), weights (T,) and gaps (T, m) at the nodes of all segments."""
-    durations = iterate.durations(at.period)
-    used = np.flatnonzero(durations > 0)
-    flows = [at.flow(iterate.pattern.contacts[i]) for i in used]
+    durations = iterate.durations(ode.period)
+    segments = np.flatnonzero(durations > 0)
+    flows = [ode.flow(iterate.pattern.contacts[i]) for i in segments]
     panels = np.array([
         max(1, math.ceil(d * max(flow.rate, highest) / PANEL_ANGLE), taylor_steps(flow, d))
-        for d, flow in zip(durations[used].tolist(), flows, strict=True)
+        for d, flow in zip(durations[segments].tolist(), flows, strict=True)
     ])  # fmt: skip
-    h, offsets = durations[used] / panels, 0.5 * (1 + GAUSS_NODES)
-    gaps = _gaps_along(at, iterate, used, h, panels, offsets)[0]
+    h, offsets = durations[segments] / panels, 0.5 * (1 + GAUSS_NODES)
+    gaps = _gaps_along(ode, iterate, segments, h, panels, offsets)[0]
     panel = np.concatenate([np.arange(count) for count in panels])
-    tau = np.repeat(iterate.tau[used], panels)[:, None] + np.repeat(h, panels)[:, None] * (panel[:, None] + offsets)
+    tau = np.repeat(iterate.tau[segments], panels)[:, None] + np.repeat(h, panels)[:, None] * (panel[:, None] + offsets)
     weights = 0.5 * np.multiply.outer(np.repeat(h, panels), GAUSS_WEIGHTS)
     return tau.ravel(), weights.ravel(), gaps.reshape(tau.size, -1)
 
 
 def _gaps_along(
-    at: EquationsAt, iterate: Iterate, used: Any, h: Array, panels: Any, offsets: Array
+    ode: EquationsAt, iterate: Iterate, segments: Any, h: Array, panels: Any, offsets: Array
 ) -> tuple[Array, Array]:
-    """Return gaps and their derivatives (P, G, m) at nodes of panels of duration h in the segments ``used``."""
-    contacts, starts = [iterate.pattern.contacts[i] for i in used], iterate.tau[used]
-    sections, flows = [one.section for one in contacts], [at.flow(one) for one in contacts]
-    y = at.extended_states(iterate.x[used], starts, sections)
-    rows = np.array([at.gaps(section) for section in sections])
+    """Return gaps and their derivatives (P, G, m) at nodes of panels of duration h in some ``segments``."""
+    contacts, starts = [iterate.pattern.contacts[i] for i in segments], iterate.tau[segments]
+    sections, flows = [segment.section for segment in contacts], [ode.flow(segment) for segment in contacts]
+    y = ode.extended_states(iterate.x[segments], starts, sections)
+    rows = np.array([ode.gaps(section) for section in sections])
     gaps, slopes = kernels.gaps_along(np.array([flow.A for flow in flows]), y, rows, h, panels, offsets)
     ends = np.cumsum(panels)
     for k, flow in enumerate(flows):
@@ -147,6 +147,6 @@ def _gaps_along(
             tau = starts[k] + h[k] * np.add.outer(np.arange(panels[k]), offsets)
             duration = float(h[k] * panels[k])
             states = varying_states(flow, float(starts[k]), duration, int(panels[k]), y[k], offsets)
-            own = slice(ends[k] - panels[k], ends[k])
-            gaps[own], slopes[own] = states @ rows[k].T, rates(flow, tau, states) @ rows[k].T
+            block = slice(ends[k] - panels[k], ends[k])
+            gaps[block], slopes[block] = states @ rows[k].T, rates(flow, tau, states) @ rows[k].T
     return gaps, slopes

@@ -64,47 +64,47 @@ class Iterate:
     def without(self, visits: Sequence[Visit]) -> Iterate:
         """Return the iterate without some visits; without switches, it begins after the last one of them."""
         pattern, removed = self.pattern, {switch for visit in visits for switch in visit}
-        kept = [k for k in range(pattern.count) if k not in removed]
-        if kept:
-            return Iterate(pattern.without(visits), self.tau[kept], self.x[kept])
+        retained = [k for k in range(pattern.count) if k not in removed]
+        if retained:
+            return Iterate(pattern.without(visits), self.tau[retained], self.x[retained])
         firsts = {i for i, _ in visits}
         j = next(j for _, j in visits if (j + 1) % pattern.count in firsts)
-        outside = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
-        return Iterate(outside, self.tau[[j]], self.x[[j]])
+        remaining = Pattern.of([Switch(-1, pattern.contacts[j].section, 0)], pattern.contacts[j].levels, 0)
+        return Iterate(remaining, self.tau[[j]], self.x[[j]])
 
 
-def linearise(equations: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
+def linearise(ode: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
     """Return the residual of the equations at an iterate, its derivatives and the flows.
 
     Parameters
     ----------
-    equations : EquationsAt
+    ode : EquationsAt
         Equations at one Omega.
     iterate : Iterate
         States and phases of the switches.
     derivatives : bool, optional
         Whether J is computed; if False it is empty. Default: True.
     """
-    r, pattern, tau = equations.size, iterate.pattern, iterate.tau
-    y = equations.extended_states(iterate.x, tau, pattern.sections)
-    A, varying = equations.flows(pattern.contacts)
-    segments = segments_of(A, varying, tau, iterate.durations(equations.period), y)
-    switches = pattern.columns, *switching_rows(equations, pattern), pattern.divisible_visits
-    R, J = kernels.periodicity(tuple(segments), switches, y, tau, equations.period, r, derivatives)
+    r, pattern, tau = ode.size, iterate.pattern, iterate.tau
+    y = ode.extended_states(iterate.x, tau, pattern.sections)
+    A, varying = ode.flows(pattern.contacts)
+    segments = segments_of(A, varying, tau, iterate.durations(ode.period), y)
+    switches = pattern.columns, *switching_rows(ode, pattern), pattern.divisible_visits
+    R, J = kernels.periodicity(tuple(segments), switches, y, tau, ode.period, r, derivatives)
     return Linearisation(R, J, list(np.eye(r) + segments.Z[:, :r, :r]) if derivatives else [])
 
 
-def switching_rows(equations: EquationsAt, pattern: Pattern) -> tuple[Array, Array]:
+def switching_rows(ode: EquationsAt, pattern: Pattern) -> tuple[Array, Array]:
     """Return the rows (K, N) that map y to the gap of each switch, and its breakpoints (K,); zero for fixed phases."""
-    found = equations.structure.switching_rows.get(pattern)
-    if found is None:
-        rows, levels = np.zeros((pattern.count, equations.size + equations.equations.count)), np.zeros(pattern.count)
+    stored = ode.structure.switching_rows.get(pattern)
+    if stored is None:
+        rows, levels = np.zeros((pattern.count, ode.size + ode.equations.count)), np.zeros(pattern.count)
         for i, (element, breakpoint, _) in enumerate(pattern.switches):
             if element >= 0:
-                rows[i] = equations.gaps(pattern.contacts[i].section)[element]
-                levels[i] = equations.equations.breakpoints[element][breakpoint]
-        found = equations.structure.switching_rows[pattern] = rows, levels
-    return found
+                rows[i] = ode.gaps(pattern.contacts[i].section)[element]
+                levels[i] = ode.equations.breakpoints[element][breakpoint]
+        stored = ode.structure.switching_rows[pattern] = rows, levels
+    return stored
 
 
 def residual_scale(iterate: Iterate) -> float:

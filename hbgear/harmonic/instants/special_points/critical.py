@@ -44,7 +44,7 @@ class ExactPoint:
     """Point of a curve: state, linearised equations, [F_u F_p], scales and unit tangent in scaled unknowns."""
 
     state: CurveState
-    now: Linearisation
+    linearised: Linearisation
     J: Array
     scale: Array
     tangent: Array
@@ -53,7 +53,7 @@ class ExactPoint:
     @cached_property
     def monodromy(self) -> Array:
         """Monodromy matrix (r, r) of the state."""
-        return monodromy_matrix(self.now)
+        return monodromy_matrix(self.linearised)
 
     @cached_property
     def multipliers(self) -> ComplexArray:
@@ -73,20 +73,20 @@ class ExactPoint:
     @cached_property
     def polynomial(self) -> Array:
         """Characteristic polynomial of the leading multipliers, highest power first."""
-        found = np.ones(1, dtype=complex)
+        polynomial = np.ones(1, dtype=complex)
         for mu in self.multipliers[:LEADING_MULTIPLIERS]:
-            found = np.append(found, 0.0) - mu * np.append(0.0, found)
-        return found.real
+            polynomial = np.append(polynomial, 0.0) - mu * np.append(0.0, polynomial)
+        return polynomial.real
 
 
 SpecialExactPoint = tuple[str, float, ExactPoint]
 """Kind of a special point, its fraction of the step, and the point."""
 
 
-def monodromy_matrix(now: Linearisation) -> Array:
+def monodromy_matrix(linearised: Linearisation) -> Array:
     """Return the product (r, r) of the flows."""
-    P = now.flows[0]
-    for flow in now.flows[1:]:
+    P = linearised.flows[0]
+    for flow in linearised.flows[1:]:
         P = flow @ P
     return P
 
@@ -113,36 +113,36 @@ def _singularity(J: Array, row: Array) -> float:
     return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
 
 
-def exact_point(family: Family, state: CurveState, row: Array, scale: Array, along: Array) -> ExactPoint:
-    """Return the corrected point in the plane across ``row``, with its tangent in the direction of ``along``."""
-    state, now, J, iterations = correct(family, state, row, scale)
-    return ExactPoint(state, now, J, scale, tangent_of(J, scale, along), iterations)
+def exact_point(family: Family, state: CurveState, row: Array, scale: Array, direction: Array) -> ExactPoint:
+    """Return the corrected point in the plane across ``row``, whose tangent has the orientation of ``direction``."""
+    state, linearised, J, iterations = correct(family, state, row, scale)
+    return ExactPoint(state, linearised, J, scale, tangent_of(J, scale, direction), iterations)
 
 
 def point_on_curve(family: Family, state: CurveState, scale: Array) -> ExactPoint:
     """Return the point of a state on a curve, with its tangent in one of both directions."""
-    now, J = jacobian(family, state)
-    return ExactPoint(state, now, J, scale, tangent_of(J, scale, np.linalg.svd(J * scale)[2][-1]))
+    linearised, J = jacobian(family, state)
+    return ExactPoint(state, linearised, J, scale, tangent_of(J, scale, np.linalg.svd(J * scale)[2][-1]))
 
 
 def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[SpecialExactPoint]:
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
     changed = {kind for kind, value in a.tests.items() if value * b.tests[kind] < 0}
-    found = [("BP", *_locate_branch_point(family, a, b))] if "BP" in changed else []
-    crossing = found[0] if found else None
+    located = [("BP", *_locate_branch_point(family, a, b))] if "BP" in changed else []
+    crossing = located[0] if located else None
     for kind in sorted(changed - {"BP"}):
         try:
             s = _root(family, a, b, kind, (0.0, 1.0))
         except NoConvergence:
             if crossing is None:
                 raise
-            s = _root_beside(family, a, b, kind, crossing[1])
+            s = _root_near_branch_point(family, a, b, kind, crossing[1])
         if not math.isfinite(s):
             continue
         point = point_between(family, a, b, s)
         if (kind != "NS" or is_complex_pair(point.multipliers)) and not _coincide(point, crossing):
-            found.append((kind, s, point))
-    return sorted(found, key=lambda one: one[1])
+            located.append((kind, s, point))
+    return sorted(located, key=lambda special: special[1])
 
 
 RELOCATION_STEP = 1e-7
@@ -159,20 +159,20 @@ def relocated(family: Family, point: ExactPoint, kind: str, reach: float = 1e-3)
     NoConvergence
         If there is no such point nearby.
     """
-    scale, along = point.scale, point.tangent
-    start = exact_point(family, point.state, along, scale, along)
+    scale, tangent = point.scale, point.tangent
+    start = exact_point(family, point.state, tangent, scale, tangent)
 
-    def at(s: float) -> ExactPoint:
-        return exact_point(family, start.state.moved(start.state.z + s * along * scale), along, scale, along)
+    def point_at(s: float) -> ExactPoint:
+        return exact_point(family, start.state.with_z(start.state.z + s * tangent * scale), tangent, scale, tangent)
 
     def test(s: float) -> float:
-        return (at(s) if s else start).tests[kind]
+        return (point_at(s) if s else start).tests[kind]
 
-    step, here = RELOCATION_STEP, start.tests[kind]
+    step, start_value = RELOCATION_STEP, start.tests[kind]
     while step < reach:
         for end in (step, -step):
-            if test(end) * here <= 0:
-                return at(_zero(test, 0.0, end, 1e-16, kind, point))
+            if test(end) * start_value <= 0:
+                return point_at(_zero(test, 0.0, end, 1e-16, kind, point))
         step *= 2
     raise NoConvergence(f"{kind} is not near its place on the curve", point.state.z, {}, [])
 
@@ -195,13 +195,13 @@ def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tupl
 
 def _zero(test: Callable[[float], float], low: float, high: float, xtol: float, kind: str, point: ExactPoint) -> float:
     """Return the zero of the test function of a kind between two fractions or distances."""
-    s, found = scipy.optimize.brentq(test, low, high, xtol=xtol, rtol=1e-14, maxiter=60, full_output=True, disp=False)
-    if not found.converged:
+    s, result = scipy.optimize.brentq(test, low, high, xtol=xtol, rtol=1e-14, maxiter=60, full_output=True, disp=False)
+    if not result.converged:
         raise NoConvergence(f"the zero of the test function of {kind} was not located", point.state.z, {}, [])
     return float(s)
 
 
-def _root_beside(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singular: float) -> float:
+def _root_near_branch_point(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singular: float) -> float:
     """Return the fraction at which a test function is zero on either side of a branch point.
 
     The result is nan if it changes its sign at the branch point, as the direction of the parameter where a branch
@@ -219,17 +219,17 @@ def _root_beside(family: Family, a: ExactPoint, b: ExactPoint, kind: str, singul
 
 def _locate_branch_point(family: Family, a: ExactPoint, b: ExactPoint) -> tuple[float, ExactPoint]:
     """Return the fraction and the point of a branch point between two points."""
-    tried, chord = [0.5], (b.state.z - a.state.z) / a.scale
+    fractions, chord = [0.5], (b.state.z - a.state.z) / a.scale
     row = chord / np.linalg.norm(chord)
 
     def test(s: float) -> float:
-        tried.append(s)
+        fractions.append(s)
         point = (b if s else a) if s in (0.0, 1.0) else point_between(family, a, b, s)
         return _singularity(point.J * a.scale, row)
 
     with suppress(NoConvergence):  # at the branch point itself the corrector does not converge
-        tried.append(float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=BRANCH_POINT_DISTANCE)))
-    return branch_point_near(family, a, b, tried[-1])
+        fractions.append(float(scipy.optimize.brentq(test, 0.0, 1.0, xtol=BRANCH_POINT_DISTANCE)))
+    return branch_point_near(family, a, b, fractions[-1])
 
 
 def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
@@ -237,26 +237,26 @@ def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
     return max(BRANCH_POINT_DISTANCE, MIN_DISTANCE / float(np.linalg.norm((b.state.z - a.state.z) / a.scale)))
 
 
-def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, near: float) -> tuple[float, ExactPoint]:
+def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, fraction: float) -> tuple[float, ExactPoint]:
     """Return a branch point from points around it, because the equations of a point are singular there.
 
     Test function and state are interpolated through four points. The border of the test function is their direction,
     because the tangents of single points are inaccurate next to the branch point.
     """
     distance = _distance_of_points(a, b)
-    s = near + distance * np.array([-3.0, -1.0, 1.0, 3.0])
-    points = [point_between(family, a, b, float(one)) for one in s]
+    fractions = fraction + distance * np.array([-3.0, -1.0, 1.0, 3.0])
+    points = [point_between(family, a, b, float(s)) for s in fractions]
     direction = (points[3].state.z - points[0].state.z) / a.scale
     row = direction / np.linalg.norm(direction)
     values = [_singularity(jacobian(family, point.state)[1] * a.scale, row) for point in points]
-    x = (s - near) / distance
+    x = (fractions - fraction) / distance
     roots = np.roots(np.polyfit(x, values, 3))
     root = float(roots[np.argmin(np.abs(roots))].real)
     weights = [np.prod([(root - q) / (p - q) for q in x if q != p]) for p in x]
     z = sum(weight * point.state.z for weight, point in zip(weights, points, strict=True))
-    state = points[1].state.moved(np.asarray(z))
-    now, J = jacobian(family, state)
-    return near + distance * root, ExactPoint(state, now, J, a.scale, row)
+    state = points[1].state.with_z(np.asarray(z))
+    linearised, J = jacobian(family, state)
+    return fraction + distance * root, ExactPoint(state, linearised, J, a.scale, row)
 
 
 def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> ExactPoint:
@@ -267,14 +267,14 @@ def point_between(family: Family, a: ExactPoint, b: ExactPoint, s: float) -> Exa
     row = chord / length
     ta, tb = (t * length / float(t @ row) for t in (a.tangent, b.tangent * b.scale / scale))
     bend = (ta - chord) * (1 - s) - (tb - chord) * s
-    guess = a.state.moved(a.state.z + scale * (s * chord + s * (1 - s) * bend))
+    guess = a.state.with_z(a.state.z + scale * (s * chord + s * (1 - s) * bend))
     return exact_point(family, guess, row, scale, row)
 
 
 def is_complex_pair(mu: ComplexArray) -> bool:
     """Return whether the multipliers nearest to the unit circle are a complex pair."""
-    near = mu[np.argmin(np.abs(np.abs(mu) - 1))]
-    return bool(abs(near.imag) > REAL_PAIR_TOLERANCE and abs(abs(near) - 1) < UNIT_CIRCLE_DISTANCE)
+    nearest = mu[np.argmin(np.abs(np.abs(mu) - 1))]
+    return bool(abs(nearest.imag) > REAL_PAIR_TOLERANCE and abs(abs(nearest) - 1) < UNIT_CIRCLE_DISTANCE)
 
 
 # ---- two special points in a step
@@ -314,11 +314,11 @@ def hides_two_points(
     promising = {kind for kind in kinds & set(_UNIT) if length > LONG_STEP and _comes_near(_UNIT[kind], last, point)}
     if before is not None and step > 0 and before.state.pattern == last.state.pattern:
         for kind in kinds - promising:
-            here, rate = last.tests[kind], (last.tests[kind] - before.tests[kind]) / step
-            if (here + rate * length) * here < 0:
+            value, rate = last.tests[kind], (last.tests[kind] - before.tests[kind]) / step
+            if (value + rate * length) * value < 0:
                 promising.add(kind)
-    inside = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
-    samples = {0.0: last, **inside, 1.0: point}
+    interior = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
+    samples = {0.0: last, **interior, 1.0: point}
     return any(_passes_zero(family, samples, kind) for kind in promising)
 
 
@@ -338,36 +338,36 @@ def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) ->
     it has a corner, which is approached by secants.
     """
     sign = math.copysign(1.0, samples[0.0].tests[kind])
-    found = [(s, sign * point.tests[kind]) for s, point in samples.items()]
+    values = [(s, sign * point.tests[kind]) for s, point in samples.items()]
     for _ in range(MAX_PARABOLAS):
-        least = min(range(len(found)), key=lambda i: found[i][1])
-        if found[least][1] < 0:
+        i = min(range(len(values)), key=lambda i: values[i][1])
+        if values[i][1] < 0:
             return True
-        first = min(max(least - 1, 0), len(found) - 3)
-        s, lowest = _minimum(*zip(*found[first : first + 3], strict=True))
-        if not lowest < PROMISING_MINIMUM * found[least][1]:
-            s = _zero_of_secant(found, least)
-        if not math.isfinite(s) or any(abs(s - other) < 1e-3 for other, _ in found):
+        first = min(max(i - 1, 0), len(values) - 3)
+        s, lowest = _minimum(*zip(*values[first : first + 3], strict=True))
+        if not lowest < PROMISING_MINIMUM * values[i][1]:
+            s = _zero_of_secant(values, i)
+        if not math.isfinite(s) or any(abs(s - position) < 1e-3 for position, _ in values):
             return False
-        found = sorted([*found, (s, sign * point_between(family, samples[0.0], samples[1.0], s).tests[kind])])
-    return min(value for _, value in found) < 0
+        values = sorted([*values, (s, sign * point_between(family, samples[0.0], samples[1.0], s).tests[kind])])
+    return min(value for _, value in values) < 0
 
 
-def _zero_of_secant(found: list[tuple[float, float]], i: int) -> float:
+def _zero_of_secant(points: list[tuple[float, float]], i: int) -> float:
     """Return the zero nearest to point i of the secants through it and its neighbours, beyond it; inf without one."""
-    if not 0 < i < len(found) - 1:
+    if not 0 < i < len(points) - 1:
         return math.inf
-    (low, before), (s, here), (high, after) = found[i - 1 : i + 2]
-    rising = s + (s - low) * here / (before - here) if before > here else math.inf
-    falling = s - (high - s) * here / (after - here) if after > here else -math.inf
-    inside = [zero for zero in (rising, falling) if low < zero < high]
-    return min(inside, key=lambda zero: abs(zero - s), default=math.inf)
+    (low, before), (s, value), (high, after) = points[i - 1 : i + 2]
+    rising = s + (s - low) * value / (before - value) if before > value else math.inf
+    falling = s - (high - s) * value / (after - value) if after > value else -math.inf
+    zeros = [zero for zero in (rising, falling) if low < zero < high]
+    return min(zeros, key=lambda zero: abs(zero - s), default=math.inf)
 
 
 def _minimum(s: tuple[float, ...], values: tuple[float, ...]) -> tuple[float, float]:
     """Return position and value of the minimum of the parabola through three points; infinite if it is outside."""
     curvature, slope, _ = np.polyfit(np.array(s) - s[1], values, 2)
-    at = -slope / (2 * curvature) if curvature > 0 else math.inf
-    if not s[0] < s[1] + at < s[2]:
+    offset = -slope / (2 * curvature) if curvature > 0 else math.inf
+    if not s[0] < s[1] + offset < s[2]:
         return math.inf, math.inf
-    return s[1] + at, float(values[1] + 0.5 * slope * at)
+    return s[1] + offset, float(values[1] + 0.5 * slope * offset)

@@ -90,40 +90,40 @@ def _segment_at(state: CurveState, period: float, t: float) -> tuple[int, float]
 
 def _distance(family: Family, state: CurveState, grazing: Grazing) -> tuple[Array, Array, int, float]:
     """Return (h, dh/dt), their derivatives (2, r) in the state of the segment, its number, and d2h/dt2."""
-    at, iterate = family(state.value), state.iterate
-    i, t = _segment_at(state, at.period, grazing.t)
-    contacts, r = iterate.pattern.contacts[i], at.size
-    flow, tau = at.flow(contacts), float(iterate.tau[i])
-    row = grazing.switch.sign * at.gaps(contacts.section)[grazing.switch.element]
-    level = grazing.switch.sign * at.equations.breakpoints[grazing.switch.element][grazing.switch.breakpoint]
+    ode, iterate = family(state.value), state.iterate
+    i, t = _segment_at(state, ode.period, grazing.t)
+    contacts, r = iterate.pattern.contacts[i], ode.size
+    flow, tau = ode.flow(contacts), float(iterate.tau[i])
+    row = grazing.switch.sign * ode.gaps(contacts.section)[grazing.switch.element]
+    level = grazing.switch.sign * ode.equations.breakpoints[grazing.switch.element][grazing.switch.breakpoint]
     Y = np.eye(len(row)) + growth(flow, tau, t - tau)
-    y = Y @ at.extended(iterate.x[i], tau, contacts.section)
+    y = Y @ ode.extended(iterate.x[i], tau, contacts.section)
     rate = rates(flow, t, y)
     value = np.array([row @ y - level, row @ rate])
     gradient = np.stack([row @ Y[:, :r], row @ rates(flow, t, Y.T).T[:, :r]])
-    bend = 1e-6
-    after, before = (rates(flow, t + d, y + d * rate) for d in (bend, -bend))
-    return value, gradient, i, float(row @ (after - before)) / (2 * bend)
+    h = 1e-6
+    after, before = (rates(flow, t + d, y + d * rate) for d in (h, -h))
+    return value, gradient, i, float(row @ (after - before)) / (2 * h)
 
 
 def _equations(family: Family, state: CurveState, grazing: Grazing) -> tuple[Array, Array]:
     """Return (h, dh/dt) and its derivatives (2, n + 2) in z and t."""
-    value, gradient, i, bend = _distance(family, state, grazing)
+    value, gradient, i, curvature = _distance(family, state, grazing)
     r, J = gradient.shape[1], np.zeros((2, len(state.z) + 1))
     J[:, i * r : (i + 1) * r] = gradient
-    J[:, -1] = value[1], bend
+    J[:, -1] = value[1], curvature
     columns = [len(state.z) - 1] + ([state.phase_column(i)] if state.pattern.free[i] else [])
     for column in columns:
         h = PARAMETER_STEP * max(abs(state.z[column]), 1e-3)
-        up, down = (_distance(family, state.moved(_shifted(state.z, column, d)), grazing)[0] for d in (h, -h))
-        J[:, column] = (up - down) / (2 * h)
+        above, below = (_distance(family, state.with_z(_shifted(state.z, column, d)), grazing)[0] for d in (h, -h))
+        J[:, column] = (above - below) / (2 * h)
     return value, J
 
 
-def _shifted(z: Array, column: int, by: float) -> Array:
+def _shifted(z: Array, column: int, change: float) -> Array:
     """Return z with one entry changed."""
     out = z.copy()
-    out[column] += by
+    out[column] += change
     return out
 
 
@@ -138,24 +138,24 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
     grazing = contacts[0]
     scales = np.append(scale, 1.0)
     for _ in range(MAX_GRAZING_ITERATIONS):
-        now, J = jacobian(family, state)
-        value, more = _equations(family, state, grazing)
-        whole = np.zeros((len(J) + 2, len(scales)))
-        whole[: len(J), :-1] = J
-        whole[len(J) :] = more
+        linearised, J = jacobian(family, state)
+        value, grazing_rows = _equations(family, state, grazing)
+        bordered = np.zeros((len(J) + 2, len(scales)))
+        bordered[: len(J), :-1] = J
+        bordered[len(J) :] = grazing_rows
         try:
-            step = np.linalg.solve(whole * scales, -np.concatenate([now.R, value])) * scales
+            step = np.linalg.solve(bordered * scales, -np.concatenate([linearised.R, value])) * scales
         except np.linalg.LinAlgError:
             break
         size = float(np.abs(step / scales).max())
         if not np.isfinite(size) or size > 10:
             break
-        state, grazing = state.moved(state.z + step[:-1]), grazing._replace(t=grazing.t + float(step[-1]))
+        state, grazing = state.with_z(state.z + step[:-1]), grazing._replace(t=grazing.t + float(step[-1]))
         if size <= GRAZING_TOLERANCE:
             _require_order(family, state)
             _, gradient = _equations(family, state, grazing)
-            others = [_touching(family, state, other) for other in contacts[1:]]
-            touching = [other for other in others if other is not None]
+            extrema = [_touching(family, state, contact) for contact in contacts[1:]]
+            touching = [contact for contact in extrema if contact is not None]
             return GrazingPoint(state, [grazing, *touching], gradient[0, :-1])
     raise NoConvergence("the grazing point does not converge", state.z[:-1], {}, [])
 
@@ -179,28 +179,28 @@ def first_grazing(
     NoConvergence
         If no grazing point converges, or all lie elsewhere.
     """
-    found: list[tuple[float, GrazingPoint]] = []
+    candidates: list[tuple[float, GrazingPoint]] = []
     error = NoConvergence("the grazing point does not lie on the step", point.state.z, {}, [])
     for i, guess in enumerate(guesses):
-        if any(_is_same_contact(guess, other) for _, one in found for other in one.contacts):
+        if any(_is_same_contact(guess, contact) for _, candidate in candidates for contact in candidate.contacts):
             continue
         try:
-            one = locate_grazing(family, point.state, [*guesses[i:], *guesses[:i]], point.scale)
+            candidate = locate_grazing(family, point.state, [*guesses[i:], *guesses[:i]], point.scale)
         except NoConvergence as failed:
             error = failed
             continue
-        same = len(one.state.z) == len(last.state.z)
-        ahead = float((one.state.z - last.state.z) / last.scale @ last.tangent) if same else 0.0
-        if -MAX_MISSED_DISTANCE < ahead < reach:
-            found.append((ahead, one))
-    if not found:
+        comparable = len(candidate.state.z) == len(last.state.z)
+        distance = float((candidate.state.z - last.state.z) / last.scale @ last.tangent) if comparable else 0.0
+        if -MAX_MISSED_DISTANCE < distance < reach:
+            candidates.append((distance, candidate))
+    if not candidates:
         raise error
-    return min(found, key=lambda one: one[0])[1]
+    return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _is_same_contact(one: Grazing, other: Grazing) -> bool:
+def _is_same_contact(a: Grazing, b: Grazing) -> bool:
     """Return whether two grazings are the same contact."""
-    return one.switch == other.switch and abs(one.t - other.t) < SAME_GRAZING_DISTANCE
+    return a.switch == b.switch and abs(a.t - b.t) < SAME_GRAZING_DISTANCE
 
 
 def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | None:
@@ -210,26 +210,26 @@ def _touching(family: Family, state: CurveState, grazing: Grazing) -> Grazing | 
     return grazing if abs(distance) <= SIMULTANEOUS_DISTANCE * size else None
 
 
-def highest_point(family: Family, state: CurveState, near: Grazing) -> tuple[Grazing, float]:
+def highest_point(family: Family, state: CurveState, grazing: Grazing) -> tuple[Grazing, float]:
     """Return the contact at the extremum of its gap near a phase, and the distance beyond the breakpoint there."""
     for _ in range(MAX_GRAZING_ITERATIONS):
-        value, _, _, bend = _distance(family, state, near)
-        step = -float(value[1]) / (bend or 1.0)
-        near = near._replace(t=near.t + max(-MAX_PHASE_STEP, min(MAX_PHASE_STEP, step)))
+        value, _, _, curvature = _distance(family, state, grazing)
+        step = -float(value[1]) / (curvature or 1.0)
+        grazing = grazing._replace(t=grazing.t + max(-MAX_PHASE_STEP, min(MAX_PHASE_STEP, step)))
         if abs(step) < SIMULTANEOUS_DISTANCE:
             break
-    return near, float(_distance(family, state, near)[0][0])
+    return grazing, float(_distance(family, state, grazing)[0][0])
 
 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
     """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
-    at = family(point.state.value)
-    delta = point.first_duration * at.period
+    ode = family(point.state.value)
+    delta = point.first_duration * ode.period
     missed = [MissedCrossing(t - 0.5 * delta, t + 0.5 * delta, switch) for t, switch in point.contacts]
-    guess = CurveState.of(with_missed_crossings(at, point.state.iterate, missed), point.state.value)
+    guess = CurveState.of(with_missed_crossings(ode, point.state.iterate, missed), point.state.value)
     switch = point.contacts[0].switch
     visits = [visit for visit in guess.pattern.visits if guess.pattern.switches[visit[0]] == switch]
-    first, last = visits[int(np.argmin(guess.iterate.visit_durations(visits, at.period)))]
+    first, last = visits[int(np.argmin(guess.iterate.visit_durations(visits, ode.period)))]
     row = np.zeros(len(guess.z))
     row[guess.phase_column(first)], row[guess.phase_column(last)] = -1.0, 1.0
     size = guess.scale(scale[-1])

@@ -98,8 +98,8 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         """Return the unknowns (X, p) minus those of the special point near them, and the unit matrix."""
         point = self.located(X, parameters)
         fixed = {key: value for key, value in point.parameters.items() if key != self.parameter}
-        at = self.problem.family(self.parameter, fixed)(point.state.value)
-        exact = np.append(coefficients(at, point.state.iterate, self.problem.H)[0].ravel(), point.state.value)
+        ode = self.problem.family(self.parameter, fixed)(point.state.value)
+        exact = np.append(coefficients(ode, point.state.iterate, self.problem.H)[0].ravel(), point.state.value)
         return Evaluation(X - exact, np.eye(len(X)), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
 
     # ---- points
@@ -114,35 +114,35 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         NoConvergence
             If the curve from there does not reach these parameters.
         """
-        others = {name: value for name, value in parameters.items() if name != self.parameter}
+        fixed = {name: value for name, value in parameters.items() if name != self.parameter}
 
-        def distance(known: KnownPoint) -> float:
-            here = {**others, self.parameter: float(U[-1])}
-            return sum(abs(value - known.parameters[name]) / self.unit_of(name, value) for name, value in here.items())
+        def distance(start: KnownPoint) -> float:
+            goal = {**fixed, self.parameter: float(U[-1])}
+            return sum(abs(value - start.parameters[name]) / self.unit_of(name, value) for name, value in goal.items())
 
-        found = min(self.known, key=distance)
-        for name, value in others.items():
-            if value != found.parameters[name]:
-                found = self._moved(found, name, value)
-        return found
+        point = min(self.known, key=distance)
+        for name, value in fixed.items():
+            if value != point.parameters[name]:
+                point = self._followed(point, name, value)
+        return point
 
-    def _moved(self, known: KnownPoint, name: str, value: float) -> KnownPoint:
+    def _followed(self, point: KnownPoint, name: str, value: float) -> KnownPoint:
         """Return a special point at another value of a parameter."""
-        if abs(value - known.parameters[name]) <= NEXT_VALUE * self.unit_of(name, value):
-            return self._relocated(known, name, value)
-        start, steps = known._replace(direction=0), StepControl(max_points=MAX_POINTS_BETWEEN)
-        curve = self._curve(start, name, (known.parameters[name], value), steps, lambda *_: None)
+        if abs(value - point.parameters[name]) <= NEXT_VALUE * self.unit_of(name, value):
+            return self._relocated(point, name, value)
+        start, steps = point._replace(direction=0), StepControl(max_points=MAX_POINTS_BETWEEN)
+        curve = self._curve(start, name, (point.parameters[name], value), steps, lambda *_: None)
         if curve.status is not Status.REACHED_END:
-            raise NoConvergence(f"the {self.kind} was not found: {curve.message}", known.state.z, known.parameters, [])
-        return self._known_point(curve.points[-1], known, name)
+            raise NoConvergence(f"the {self.kind} was not found: {curve.message}", point.state.z, point.parameters, [])
+        return self._known_point(curve.points[-1], point, name)
 
-    def _relocated(self, known: KnownPoint, name: str, value: float) -> KnownPoint:
+    def _relocated(self, point: KnownPoint, name: str, value: float) -> KnownPoint:
         """Return a special point at a value of a parameter that differs by rounding."""
-        parameters = {**known.parameters, name: value}
-        family = self._surface(known, name).family(value)
-        scale = known.state.scale(abs(known.state.value) or 1.0)
-        found = state_near(family, known.state, self.kind, known.grazing, scale, MAX_RELOCATION)
-        return known._replace(state=found, parameters={**parameters, self.parameter: found.value})
+        parameters = {**point.parameters, name: value}
+        family = self._surface(point, name).family(value)
+        scale = point.state.scale(abs(point.state.value) or 1.0)
+        state = state_near(family, point.state, self.kind, point.grazing, scale, MAX_RELOCATION)
+        return point._replace(state=state, parameters={**parameters, self.parameter: state.value})
 
     def _known_point(self, motion: SpecialMotion, start: KnownPoint, name: str) -> KnownPoint:
         """Return a point of a curve in a parameter from a start."""
@@ -170,14 +170,14 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         point = self.located(U, parameters)
         fixed = {key: value for key, value in point.parameters.items() if key != self.parameter}
         family, state = self.problem.family(self.parameter, fixed), point.state
-        here = point_on_curve(family, state, state.scale(abs(state.value) or 1.0))
+        fold = point_on_curve(family, state, state.scale(abs(state.value) or 1.0))
         visits = state.pattern.visits
         durations = state.iterate.visit_durations(visits, family(state.value).period)
         step = DISTANCE_FROM_FOLD * min(1.0, float(np.abs(durations).min(initial=1.0)))
 
-        def at_distance(by: float) -> ExactPoint:
-            near = state.moved(state.z + by * here.tangent * here.scale)
-            return exact_point(family, near, here.tangent, here.scale, here.tangent)
+        def at_distance(distance: float) -> ExactPoint:
+            guess = state.with_z(state.z + distance * fold.tangent * fold.scale)
+            return exact_point(family, guess, fold.tangent, fold.scale, fold.tangent)
 
         return 1 if at_distance(step).tangent[-1] < at_distance(-step).tangent[-1] else -1
 
@@ -198,34 +198,34 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         setup = set_up(self, settings, span, start, work=Work(float("inf")))
         name, ends = setup.name, (setup.span.start, setup.span.end)
         second = float(start.parameters.get(name, ends[0]))
-        own = float(start.parameters.get(self.parameter, start.X[-1]))
-        here = self.located(np.append(start.X, own), {**setup.fixed, name: second})
+        first_value = float(start.parameters.get(self.parameter, start.X[-1]))
+        first_point = self.located(np.append(start.X, first_value), {**setup.fixed, name: second})
         if isinstance(start, Point):
-            here = here._replace(direction=0)  # towards the end of the span
+            first_point = first_point._replace(direction=0)  # towards the end of the span
         report = reporter(settings.progress, name, ends)
-        curve = self._curve(here, name, ends, settings.steps, report)
-        surface = self._surface(here, name)
+        curve = self._curve(first_point, name, ends, settings.steps, report)
+        surface = self._surface(first_point, name)
         steps = zip(curve.points, curve.steps, strict=True)
         points = [self._curve_point(surface, motion, step) for motion, step in steps]
         marks = []
         for kind, index in curve.marks if settings.special else ():
             low, high = points[max(index - 1, 0)].value, points[min(index + 1, len(points) - 1)].value
             error = PARAMETER_ROUNDING * abs(points[index].value)
-            found = LocatedEvent(self.codimension_two[kind], 0.5, points[index], True, "in contact instants", error)
-            marks.append(SpecialPointMark(index, found, (low, high)))
+            event = LocatedEvent(self.codimension_two[kind], 0.5, points[index], True, "in contact instants", error)
+            marks.append(SpecialPointMark(index, event, (low, high)))
         problem = copy.copy(self)
-        problem._fixed(known=tuple(self._known_point(motion, here, name) for motion in curve.points))
+        problem._fixed(known=tuple(self._known_point(motion, first_point, name) for motion in curve.points))
         header = settings.header(*ends)
         return build_branch(problem, name, setup.fixed, points, marks, curve.status, curve.message, header)
 
     def _curve_point(self, surface: Surface, motion: SpecialMotion, step: float) -> CurvePoint:
         """Return a point of the branch."""
         point, iterate = motion.point, motion.point.state.iterate
-        own = [point.state.value, point.second]
-        u, observed = observed_motion(surface.at(point), iterate, self.problem.H, own)
+        values = [point.state.value, point.second]
+        u, observed = observed_motion(surface.at(point), iterate, self.problem.H, values)
         direction = int(np.sign(motion.tangent[-1])) if abs(motion.tangent[-1]) > 1e-12 else 0
         tangent = np.append(np.zeros(len(u) - 1), 1.0)
-        residual = relative_residual(point.now, iterate, u[: -len(own)])
+        residual = relative_residual(point.linearised, iterate, u[: -len(values)])
         return CurvePoint(u, tangent, 1, residual, 0, step, direction, observed)
 
 

@@ -93,68 +93,68 @@ class SpecialMotions:
     def __init__(self, surface: Surface, kind: str, width: float) -> None:
         self.surface, self.kind, self.width = surface, kind, width
 
-    def placed(self, point: SurfacePoint, grazing: Grazing | None) -> SpecialMotion:
+    def with_basis(self, point: SurfacePoint, grazing: Grazing | None) -> SpecialMotion:
         """Return a motion with the tangent plane of the surface and the gradient of the test function there."""
         scale = self.surface.scale(point.state, self.width)
-        now, J = self.surface.linearised(point.state, point.second)
+        linearised, J = self.surface.linearised(point.state, point.second)
         T = self.surface.basis(J, scale)
         if grazing is not None:
             grazing = highest_point(self.surface.family(point.second), point.state, grazing)[0]
-        point = point._replace(now=now)
+        point = point._replace(linearised=linearised)
         test = self.surface.test(self.kind, point, scale, grazing)
         visits = point.state.pattern.visits
         durations = point.state.iterate.visit_durations(visits, self.surface.at(point).period)
         h = min(DIFFERENCE, DIFFERENCE_OF_CONTACT * float(np.abs(durations).min(initial=1.0)))
         slopes = []
         for direction in T.T:
-            up, down = (test(self.moved(point, sign * h * direction * scale, T, scale)) for sign in (1, -1))
-            slopes.append((up - down) / (2 * h))
+            above, below = (test(self.motion_at(point, sign * h * direction * scale, T, scale)) for sign in (1, -1))
+            slopes.append((above - below) / (2 * h))
         size = math.hypot(*slopes)
         if not size > 0 or not math.isfinite(size):
             raise NoConvergence("the special point is not isolated", point.state.z, {}, [])
         tangent, normal = T @ np.array([-slopes[1], slopes[0]]) / size, T @ np.array(slopes) / size
         return SpecialMotion(point, scale, T, tangent, normal, size, test, grazing)
 
-    def moved(self, point: SurfacePoint, by: Array, T: Array, scale: Array) -> SurfacePoint:
+    def motion_at(self, point: SurfacePoint, change: Array, T: Array, scale: Array) -> SurfacePoint:
         """Return the motion of the surface near a motion plus a change of w."""
-        w = point.w + by
-        return self.surface.point(point.state.moved(w[:-1]), float(w[-1]), T, scale)
+        w = point.w + change
+        return self.surface.point(point.state.with_z(w[:-1]), float(w[-1]), T, scale)
 
-    def along(self, last: SpecialMotion, length: float) -> tuple[SurfacePoint, int]:
+    def point_at(self, last: SpecialMotion, length: float) -> tuple[SurfacePoint, int]:
         """Return the special point at a distance along the tangent, and the number of evaluations of g."""
-        c, slope, before = 0.0, last.slope, (math.nan, math.nan)
+        c, slope, last_value = 0.0, last.slope, (math.nan, math.nan)
         for count in range(1, MAX_SECANTS + 1):
-            by = (length * last.tangent + c * last.normal) * last.scale
-            point = self.moved(last.point, by, last.basis, last.scale)
+            change_of_w = (length * last.tangent + c * last.normal) * last.scale
+            point = self.motion_at(last.point, change_of_w, last.basis, last.scale)
             g = last.test(point)
-            if count > 1 and c != before[0]:
-                slope = (g - before[1]) / (c - before[0])
+            if count > 1 and c != last_value[0]:
+                slope = (g - last_value[1]) / (c - last_value[0])
             change = -g / slope if slope else math.inf
             if not abs(c + change) <= (MAX_CORRECTION_OF_POINT * length or MAX_DISTANCE_OF_GUESS):
                 break
             if abs(change) <= SECANT_TOLERANCE:
                 return point, count
-            before, c = (c, g), c + change
+            last_value, c = (c, g), c + change
         raise NoConvergence("the special point is not found", last.point.state.z, {}, [])
 
     def corrected(self, state: CurveState, second: float, grazing: Grazing | None) -> SpecialMotion:
         """Return the special point near a guess."""
-        near = self.near(state, second, grazing)
-        return self.placed(self.along(near, 0.0)[0], near.grazing)
+        guess = self.motion_near(state, second, grazing)
+        return self.with_basis(self.point_at(guess, 0.0)[0], guess.grazing)
 
-    def near(self, state: CurveState, second: float, grazing: Grazing | None) -> SpecialMotion:
+    def motion_near(self, state: CurveState, second: float, grazing: Grazing | None) -> SpecialMotion:
         """Return the motion near a guess, which need not be the special point."""
         scale = self.surface.scale(state, self.width)
         J = self.surface.linearised(state, second)[1]
-        return self.placed(self.surface.point(state, second, self.surface.basis(J, scale), scale), grazing)
+        return self.with_basis(self.surface.point(state, second, self.surface.basis(J, scale), scale), grazing)
 
-    def held(self, near: SpecialMotion) -> SpecialMotion:
+    def with_duration(self, motion: SpecialMotion) -> SpecialMotion:
         """Return a motion whose normal is the direction in which the shortest contact keeps its duration."""
-        T = near.basis
-        now, _ = self.durations(near.point, near.tangent * near.scale)
-        rates = [self.durations(near.point, column * near.scale)[1][np.argmin(now)] for column in T.T]
+        T = motion.basis
+        durations, _ = self.durations(motion.point, motion.tangent * motion.scale)
+        rates = [self.durations(motion.point, column * motion.scale)[1][np.argmin(durations)] for column in T.T]
         v = np.array([-rates[1], rates[0]]) / math.hypot(*rates)
-        return replace(near, normal=T @ v, slope=near.slope * float(near.normal @ (T @ v)))
+        return replace(motion, normal=T @ v, slope=motion.slope * float(motion.normal @ (T @ v)))
 
     def at_second(self, last: SpecialMotion, second: float, length: float) -> SurfacePoint:
         """Return the special point at a value of the second parameter, near a distance along the tangent.
@@ -165,11 +165,11 @@ class SpecialMotions:
             If there is no such point nearby, or its contact instants have another order.
         """
         family, scale = self.surface.family(second), last.scale[:-1]
-        guess = last.point.state.moved(last.point.state.z + length * (last.tangent * last.scale)[:-1])
+        guess = last.point.state.with_z(last.point.state.z + length * (last.tangent * last.scale)[:-1])
         state = state_near(family, guess, self.kind, last.grazing, scale, MAX_CORRECTION_OF_POINT * length)
         point = SurfacePoint(state, second, linearise(family(state.value), state.iterate))
         self.check_durations(last, point)
-        if self.exchanged(point) is not None or self.missed(point, last.grazing):
+        if self.exchanged(point) is not None or self.missed_contacts(point, last.grazing):
             raise NoConvergence("the order of contact instants changes", state.z, {}, [])
         if np.linalg.norm((state.z - guess.z) / scale) > MAX_CORRECTION_OF_POINT * length:
             raise NoConvergence("the special point is another one", state.z, {}, [])
@@ -177,12 +177,12 @@ class SpecialMotions:
 
     # ---- contacts
 
-    def limited(self, last: SpecialMotion, length: float) -> float:
+    def limited_length(self, last: SpecialMotion, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
         if not last.point.state.pattern.visits:
             return length
-        now, rate = self.durations(last.point, last.tangent * last.scale)
-        return length / max(1.0, float((-length * rate / (PREDICTED_LOSS * now)).max()))
+        durations, rate = self.durations(last.point, last.tangent * last.scale)
+        return length / max(1.0, float((-length * rate / (PREDICTED_LOSS * durations)).max()))
 
     def durations(self, point: SurfacePoint, direction: Array) -> tuple[Array, Array]:
         """Return the durations of all visits, and their rates in a direction of w."""
@@ -207,24 +207,24 @@ class SpecialMotions:
             state = with_exchange(state, i, period)
         return state if exchanges else None
 
-    def missed(self, point: SurfacePoint, own: Grazing | None) -> list[Grazing]:
+    def missed_contacts(self, point: SurfacePoint, grazing: Grazing | None) -> list[Grazing]:
         """Return the contacts for which a motion has no switches, without the grazing one that is followed.
 
         Rounding makes that one a crossing around its extremum.
         """
-        at, family = self.surface.at(point), self.surface.family(point.second)
-        found = [Grazing(0.5 * (one.begin + one.end), one.first) for one in sample_gaps(at, point.state.iterate)[1]]
-        if own is None or not found:
-            return found
-        extremum = highest_point(family, point.state, own)[0].t
+        ode, family = self.surface.at(point), self.surface.family(point.second)
+        contacts = [Grazing(0.5 * (m.begin + m.end), m.first) for m in sample_gaps(ode, point.state.iterate)[1]]
+        if grazing is None or not contacts:
+            return contacts
+        extremum = highest_point(family, point.state, grazing)[0].t
 
-        def is_own(contact: Grazing) -> bool:
+        def is_grazing(contact: Grazing) -> bool:
             distance = highest_point(family, point.state, contact)[0].t - extremum
-            return contact.switch == own.switch and abs(math.remainder(distance, at.period)) < SAME_EXTREMUM
+            return contact.switch == grazing.switch and abs(math.remainder(distance, ode.period)) < SAME_EXTREMUM
 
-        return [contact for contact in found if not is_own(contact)]
+        return [contact for contact in contacts if not is_grazing(contact)]
 
-    def height(self, point: SurfacePoint, contacts: Sequence[Grazing]) -> float:
+    def largest_distance(self, point: SurfacePoint, contacts: Sequence[Grazing]) -> float:
         """Return the largest distance of the gaps of contacts beyond their breakpoints."""
         family = self.surface.family(point.second)
         return max(highest_point(family, point.state, contact)[1] for contact in contacts)

@@ -45,7 +45,7 @@ class SurfacePoint(NamedTuple):
 
     state: CurveState
     second: float
-    now: Linearisation
+    linearised: Linearisation
 
     @property
     def w(self) -> Array:
@@ -68,12 +68,12 @@ class Surface:
 
     def __init__(self, families: Callable[[float], Family]) -> None:
         self._families = families
-        self._known = LRUCache[Family](STORED_FAMILIES)
+        self._stored_families = LRUCache[Family](STORED_FAMILIES)
 
     def family(self, second: float) -> Family:
         """Return the equations as a function of the first parameter; a refused value ends an iteration."""
         try:
-            return self._known.get(second, lambda: self._families(second))
+            return self._stored_families.get(second, lambda: self._families(second))
         except ValueError as error:
             raise NoConvergence(str(error), np.empty(0), {}, []) from error
 
@@ -87,14 +87,14 @@ class Surface:
 
     def linearised(self, state: CurveState, second: float) -> tuple[Linearisation, Array]:
         """Return the linearised equations, and [F_u F_p F_q] with central differences in both parameters."""
-        now, J = jacobian(self.family(second), state)
-        return now, np.column_stack([J, parameter_column(lambda q: self.family(q)(state.value), state, second)])
+        linearised, J = jacobian(self.family(second), state)
+        return linearised, np.column_stack([J, parameter_column(lambda q: self.family(q)(state.value), state, second)])
 
     def basis(self, J: Array, scale: Array) -> Array:
         """Return T (n + 2, 2)."""
         return np.linalg.qr((J * scale).T, mode="complete")[0][:, -2:]
 
-    def point(self, near: CurveState, second: float, T: Array, scale: Array) -> SurfacePoint:
+    def point(self, guess: CurveState, second: float, T: Array, scale: Array) -> SurfacePoint:
         """Return the motion in the plane across T through a guess.
 
         Raises
@@ -102,21 +102,21 @@ class Surface:
         NoConvergence
             If Newton's method does not converge.
         """
-        w, now, _, _ = solve_in_plane(
-            lambda p: self.family(float(p[1]))(float(p[0])), near, np.append(near.z, second), T.T, scale
+        w, linearised, _, _ = solve_in_plane(
+            lambda p: self.family(float(p[1]))(float(p[0])), guess, np.append(guess.z, second), T.T, scale
         )
-        return SurfacePoint(near.moved(w[:-1]), float(w[-1]), now)
+        return SurfacePoint(guess.with_z(w[:-1]), float(w[-1]), linearised)
 
     # ---- special points
 
-    def test(self, kind: str, at: SurfacePoint, scale: Array, grazing: Grazing | None) -> TestFunction:
+    def test(self, kind: str, motion: SurfacePoint, scale: Array, grazing: Grazing | None) -> TestFunction:
         """Return the test function of a kind of special points near a motion.
 
         Parameters
         ----------
         kind : str
             LP, PD, NS or GR.
-        at : SurfacePoint
+        motion : SurfacePoint
             The motion, whose singular vectors are the borders of F_u at a fold.
         scale : ndarray, shape (n + 2,)
             Scales of w.
@@ -126,15 +126,15 @@ class Surface:
         if grazing is not None:
             return lambda point: highest_point(self.family(point.second), point.state, grazing)[1]
         if kind == "LP":
-            return self._fold_test(at, scale)
+            return self._fold_test(motion, scale)
 
         def multiplier_test(point: SurfacePoint) -> float:
-            mu = multipliers_of(monodromy_matrix(point.now))
+            mu = multipliers_of(monodromy_matrix(point.linearised))
             return float(scaled_determinant(mu[None], -1.0)[0]) if kind == "PD" else pair_test(mu)
 
         return multiplier_test
 
-    def _fold_test(self, at: SurfacePoint, scale: Array) -> TestFunction:
+    def _fold_test(self, motion: SurfacePoint, scale: Array) -> TestFunction:
         """Return the determinant of F_u, bordered twice, over the duration of the shortest contact.
 
             [F_u  B] [V]   [0]
@@ -143,16 +143,16 @@ class Surface:
         F_u is singular at a contact of no duration as well, which the quotient leaves out. B and C are the singular
         vectors of the two smallest singular values at the point.
         """
-        left, _, right = np.linalg.svd(at.now.J * scale[:-2])
+        left, _, right = np.linalg.svd(motion.linearised.J * scale[:-2])
         n, count = len(left), min(2, len(left))
         bordered = np.zeros((n + count, n + count))
         bordered[:n, n:], bordered[n:, :n] = left[:, -count:], right[-count:]
         unit = np.eye(n + count)[:, n:]
-        visits, period = at.state.pattern.visits, self.at(at).period
-        shortest = [visits[int(np.argmin(at.state.iterate.visit_durations(visits, period)))]] if visits else []
+        visits, period = motion.state.pattern.visits, self.at(motion).period
+        shortest = [visits[int(np.argmin(motion.state.iterate.visit_durations(visits, period)))]] if visits else []
 
         def test(point: SurfacePoint) -> float:
-            bordered[:n, :n] = point.now.J * scale[:-2]
+            bordered[:n, :n] = point.linearised.J * scale[:-2]
             duration = float(point.state.iterate.visit_durations(shortest, period)[0]) if shortest else 1.0
             return float(np.linalg.det(np.linalg.solve(bordered, unit)[n:])) / duration
 

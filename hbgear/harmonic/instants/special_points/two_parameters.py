@@ -107,8 +107,8 @@ class SpecialPointFollower:
         """Follow the curve from a special point in a direction of the second parameter; with 0 along the span."""
         try:
             first = self.motions.corrected(state, second, grazing)
-            towards = direction or math.copysign(1.0, self.span[1] - self.span[0])
-            self._accept(_reversed(first) if first.tangent[-1] * towards < 0 else first, 0.0)
+            orientation = direction or math.copysign(1.0, self.span[1] - self.span[0])
+            self._accept(_reversed(first) if first.tangent[-1] * orientation < 0 else first, 0.0)
             while not self._ended():
                 self._advance()
         except (NoConvergence, InconsistentPatternError) as error:
@@ -127,25 +127,25 @@ class SpecialPointFollower:
         """Compute the next point, and pass a change of the order of contact instants."""
         last = self.curve.points[-1]
         while True:
-            length = self.motions.limited(last, self.step)
+            length = self.motions.limited_length(last, self.step)
             if self._reaches_end(last, length):
                 return
             try:
-                point, count = self.motions.along(last, length)
+                point, count = self.motions.point_at(last, length)
                 self.motions.check_durations(last, point)
                 exchanged = self.motions.exchanged(point)
                 if exchanged is not None:
                     if length > EXCHANGE_STEP:
                         raise NoConvergence("two contacts exchange their order", last.point.state.z, {}, [])
-                    self._pass(last, exchanged, point.second)
+                    self._pass_exchange(last, exchanged, point.second)
                     return
-                found = self.motions.placed(point, last.grazing)
-                missed = self.motions.missed(point, last.grazing)
+                motion = self.motions.with_basis(point, last.grazing)
+                missed = self.motions.missed_contacts(point, last.grazing)
                 if missed:
-                    self._open(last, found, length, missed)
+                    self._add_contacts(last, motion, length, missed)
                     return
-                found = _reversed(found) if _cosine(last, found) < 0 else found
-                if _cosine(last, found) < MIN_COSINE_OF_STEP:
+                motion = _reversed(motion) if _cosine(last, motion) < 0 else motion
+                if _cosine(last, motion) < MIN_COSINE_OF_STEP:
                     raise NoConvergence("the curve turns sharply", last.point.state.z, {}, [])
             except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
                 self.step = 0.4 * length
@@ -154,10 +154,10 @@ class SpecialPointFollower:
                 continue
             break
         self.step = min(self.steps.max_step, max(length * (2.0 if count <= FAST_SECANTS else 1.0), self.step))
-        self._add(last, found, length)
-        vanishing = [] if self.curve.message else self._vanishing(found)
+        self._add(last, motion, length)
+        vanishing = [] if self.curve.message else self._vanishing_contacts(motion)
         if vanishing:
-            self._leave(found, vanishing)
+            self._remove_contacts(motion, vanishing)
 
     def _reaches_end(self, last: SpecialMotion, length: float) -> bool:
         """Accept the point at an end of the span before the next step, and return whether there is one.
@@ -184,96 +184,96 @@ class SpecialPointFollower:
 
     # ---- changes of the order of contact instants
 
-    def _pass(self, last: SpecialMotion, state: CurveState, second: float) -> None:
+    def _pass_exchange(self, last: SpecialMotion, state: CurveState, second: float) -> None:
         """Accept the special point with exchanged switches."""
-        found = self.motions.corrected(state, second, last.grazing)
-        along = last.tangent[-2:] * last.scale[-2:] @ (found.tangent[-2:] * found.scale[-2:])
-        self._accept(_reversed(found) if along < 0 else found, 0.0)
+        motion = self.motions.corrected(state, second, last.grazing)
+        cosine = last.tangent[-2:] * last.scale[-2:] @ (motion.tangent[-2:] * motion.scale[-2:])
+        self._accept(_reversed(motion) if cosine < 0 else motion, 0.0)
 
-    def _open(self, last: SpecialMotion, found: SpecialMotion, length: float, contacts: list[Grazing]) -> None:
+    def _add_contacts(self, last: SpecialMotion, motion: SpecialMotion, length: float, contacts: list[Grazing]) -> None:
         """Accept the point at which contacts begin between two points, and the first one with the contacts.
 
         The curve has a corner there: test functions change with the duration of a contact, and this with the square
         root of the distance.
         """
-        found = _reversed(found) if _cosine(last, found) < 0 else found
-        here = self._root(last, found, length, lambda motion: self.motions.height(motion.point, contacts))
-        if not min(self.span) <= here.point.second <= max(self.span):
-            self._add(last, found, length)
+        motion = _reversed(motion) if _cosine(last, motion) < 0 else motion
+        opening = self._root(last, motion, length, lambda m: self.motions.largest_distance(m.point, contacts))
+        if not min(self.span) <= opening.point.second <= max(self.span):
+            self._add(last, motion, length)
             return
-        point, at = here.point, self.surface.at(here.point)
+        point, ode = opening.point, self.surface.at(opening.point)
         size = SIMULTANEOUS_DISTANCE * float(np.abs(point.state.iterate.x).max())
-        half = 0.5 * FIRST_DURATION * at.period
-        tops = [highest_point(self.surface.family(point.second), point.state, one) for one in contacts]
-        fresh = [MissedCrossing(one.t - half, one.t + half, one.switch) for one, height in tops if height > -size]
-        iterate = with_missed_crossings(at, point.state.iterate, fresh)
-        near = self.motions.near(CurveState.of(iterate, point.state.value), point.second, last.grazing)
-        first = self.motions.placed(self.motions.along(self.motions.held(near), 0.0)[0], near.grazing)
-        now, rate = self.motions.durations(first.point, first.tangent * first.scale)
-        self._accept(here, length)
-        self._accept(_reversed(first) if rate[np.argmin(now)] < 0 else first, 0.0)
+        half = 0.5 * FIRST_DURATION * ode.period
+        extrema = [highest_point(self.surface.family(point.second), point.state, contact) for contact in contacts]
+        crossings = [MissedCrossing(g.t - half, g.t + half, g.switch) for g, height in extrema if height > -size]
+        iterate = with_missed_crossings(ode, point.state.iterate, crossings)
+        guess = self.motions.motion_near(CurveState.of(iterate, point.state.value), point.second, last.grazing)
+        first = self.motions.with_basis(self.motions.point_at(self.motions.with_duration(guess), 0.0)[0], guess.grazing)
+        durations, rate = self.motions.durations(first.point, first.tangent * first.scale)
+        self._accept(opening, length)
+        self._accept(_reversed(first) if rate[np.argmin(durations)] < 0 else first, 0.0)
 
-    def _vanishing(self, motion: SpecialMotion) -> list[tuple[int, int]]:
+    def _vanishing_contacts(self, motion: SpecialMotion) -> list[tuple[int, int]]:
         """Return the contacts that vanish along the curve."""
         visits = motion.point.state.pattern.visits
         if not visits:
             return []
-        now, rate = self.motions.durations(motion.point, motion.tangent * motion.scale)
+        durations, rate = self.motions.durations(motion.point, motion.tangent * motion.scale)
         limit = VANISHING_CONTACT * self.surface.at(motion.point).period
-        return [visit for visit, a, b in zip(visits, now, rate, strict=True) if a < limit and b < 0]
+        return [visit for visit, a, b in zip(visits, durations, rate, strict=True) if a < limit and b < 0]
 
-    def _leave(self, motion: SpecialMotion, visits: list[tuple[int, int]]) -> None:
+    def _remove_contacts(self, motion: SpecialMotion, visits: list[tuple[int, int]]) -> None:
         """Continue without contacts that vanish; the curve ends with them if there is no such point."""
         state, point = motion.point.state, motion.point
         element = self.surface.at(point).equations.system.elements[state.pattern.switches[visits[0][0]].element]
         try:
             guess, contacts = without_contacts(self.surface.family(point.second), state, visits)
-            found = self.motions.corrected(guess, point.second, motion.grazing)
-            step = EXCHANGE_STEP * found.tangent * found.scale
-            ahead, behind = (self.motions.moved(found.point, by, found.basis, found.scale) for by in (step, -step))
-            closing = self.motions.height(ahead, contacts) > self.motions.height(behind, contacts)
-            self._accept(_reversed(found) if closing else found, 0.0)
+            after = self.motions.corrected(guess, point.second, motion.grazing)
+            step = EXCHANGE_STEP * after.tangent * after.scale
+            ahead, behind = (self.motions.motion_at(after.point, d, after.basis, after.scale) for d in (step, -step))
+            closing = self.motions.largest_distance(ahead, contacts) > self.motions.largest_distance(behind, contacts)
+            self._accept(_reversed(after) if closing else after, 0.0)
         except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
             self._end(Status.EVENT, f"the {self.kind} ends where its contact of {element.name} vanishes")
 
     # ---- acceptance
 
-    def _add(self, last: SpecialMotion, found: SpecialMotion, length: float) -> None:
+    def _add(self, last: SpecialMotion, motion: SpecialMotion, length: float) -> None:
         """Accept a point after the turning point between the last point and it; the end of the span ends the curve."""
         low, high = sorted(self.span)
-        if last.tangent[-1] * found.tangent[-1] < 0:
-            here = self._root(last, found, length, lambda motion: float(motion.tangent[-1]))
-            if low <= here.point.second <= high:
-                self._accept(here, 0.0)
-                self.curve.marks.append((self._turning_kind(here), len(self.curve.points) - 1))
-        if self.kind == "NS" and low <= found.point.second <= high and self._ends_at_resonance(last, found, length):
+        if last.tangent[-1] * motion.tangent[-1] < 0:
+            turning = self._root(last, motion, length, lambda m: float(m.tangent[-1]))
+            if low <= turning.point.second <= high:
+                self._accept(turning, 0.0)
+                self.curve.marks.append((self._turning_kind(turning), len(self.curve.points) - 1))
+        if self.kind == "NS" and low <= motion.point.second <= high and self._ends_at_resonance(last, motion, length):
             return
-        if low <= found.point.second <= high:
-            self._accept(found, length)
-            if self._leaves_range(found):
+        if low <= motion.point.second <= high:
+            self._accept(motion, length)
+            if self._leaves_range(motion):
                 self._end(
-                    Status.EVENT, f"{self.first_name} = {found.point.state.value:.3g} tends to the end of its range"
+                    Status.EVENT, f"{self.first_name} = {motion.point.state.value:.3g} tends to the end of its range"
                 )
             elif self._is_closed():
                 self._end(Status.CLOSED, f"the curve closed after {len(self.curve.points)} points")
             return
-        end = high if found.point.second > high else low
-        final = self._root(last, found, length, lambda motion: motion.point.second - end)
+        end = high if motion.point.second > high else low
+        final = self._root(last, motion, length, lambda m: m.point.second - end)
         self._accept(replace(final, point=final.point._replace(second=end)), length)
         self._finish(end)
 
-    def _ends_at_resonance(self, last: SpecialMotion, found: SpecialMotion, length: float) -> bool:
+    def _ends_at_resonance(self, last: SpecialMotion, motion: SpecialMotion, length: float) -> bool:
         """Accept the point at which a Neimark-Sacker pair becomes real, +1 or -1, and return whether there is one.
 
         Beyond it, the product of two real multipliers is 1, which is no change of the motion.
         """
         for kind, name, double in (("RI", "1:1", 1), ("RII", "1:2", -1)):
             distance = partial(_distance_of_pair, double=double)
-            if distance(last) * distance(found) < 0:
-                self._accept(self._root(last, found, length, distance), 0.0)
+            if distance(last) * distance(motion) < 0:
+                self._accept(self._root(last, motion, length, distance), 0.0)
                 self.curve.marks.append((kind, len(self.curve.points) - 1))
-                where = f"a {name} resonance: a double multiplier {double:+d}"
-                self._end(Status.EVENT, f"the curve of Neimark-Sacker points ends at {where}")
+                reason = f"a {name} resonance: a double multiplier {double:+d}"
+                self._end(Status.EVENT, f"the curve of Neimark-Sacker points ends at {reason}")
                 return True
         return False
 
@@ -284,22 +284,22 @@ class SpecialPointFollower:
         return "IC" if abs(motion.tangent[-2]) > MOVING_PARAMETER else "CP"
 
     def _root(
-        self, last: SpecialMotion, found: SpecialMotion, length: float, test: Callable[[SpecialMotion], float]
+        self, last: SpecialMotion, motion: SpecialMotion, length: float, test: Callable[[SpecialMotion], float]
     ) -> SpecialMotion:
         """Return the point between two points at which a function is zero."""
-        known = {0.0: last, length: found}
+        computed = {0.0: last, length: motion}
 
         def value(s: float) -> float:
-            if s not in known:
-                here = self.motions.placed(self.motions.along(last, s)[0], last.grazing)
-                known[s] = _reversed(here) if _cosine(last, here) < 0 else here
-            return test(known[s])
+            if s not in computed:
+                located = self.motions.with_basis(self.motions.point_at(last, s)[0], last.grazing)
+                computed[s] = _reversed(located) if _cosine(last, located) < 0 else located
+            return test(computed[s])
 
         if value(0.0) * value(length) > 0:
             raise NoConvergence("a function has no zero between two points", last.point.state.z, {}, [])
         s = float(scipy.optimize.brentq(value, 0.0, length, xtol=1e-13, rtol=1e-14))
         value(s)
-        return known[s]
+        return computed[s]
 
     def _accept(self, motion: SpecialMotion, length: float) -> None:
         """Store a point."""
@@ -339,15 +339,15 @@ def _reversed(motion: SpecialMotion) -> SpecialMotion:
     return replace(motion, tangent=-motion.tangent)
 
 
-def _cosine(last: SpecialMotion, found: SpecialMotion) -> float:
+def _cosine(last: SpecialMotion, motion: SpecialMotion) -> float:
     """Return the cosine of the angle of the tangents of two points of one order of contact instants."""
-    t = found.tangent * found.scale / last.scale
+    t = motion.tangent * motion.scale / last.scale
     return float(last.tangent @ t) / float(np.linalg.norm(t))
 
 
 def _distance_of_pair(motion: SpecialMotion, double: float) -> float:
     """Return half the sum of the two multipliers whose product is nearest to 1, minus a double multiplier."""
-    mu = multipliers_of(monodromy_matrix(motion.point.now))
+    mu = multipliers_of(monodromy_matrix(motion.point.linearised))
     i, j = np.triu_indices(len(mu), 1)
     k = int(np.abs(mu[i] * mu[j] - 1).argmin())
     return float((mu[i[k]] + mu[j[k]]).real) / 2 - double
