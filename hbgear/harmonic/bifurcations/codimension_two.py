@@ -84,9 +84,9 @@ class CodimensionTwoEvent(Event):
 
     def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
         """Return the function at a point; nan where it is undefined."""
-        X, own = problem.split(point.X)
+        X, tracked = problem.split(point.X)
         try:
-            return type(self).function(problem, X, {**fixed, **own, name: point.value})
+            return type(self).function(problem, X, {**fixed, **tracked, name: point.value})
         except (NoConvergence, np.linalg.LinAlgError):
             return math.nan
 
@@ -97,7 +97,7 @@ class CodimensionTwoEvent(Event):
 # ---- resonances 1:1 and 1:2, and fold-flip
 
 
-def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array) -> tuple[Array, Array]:
+def hill_matrices(balance: Any, X: Array, parameters: Mapping[str, float], unknowns: Array) -> tuple[Array, Array]:
     """Return Hill's determinant D(0) and its derivative in the exponent, for real coefficients.
 
     Parameters
@@ -106,9 +106,9 @@ def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array
         Equations of the motion.
     X : ndarray, shape (n,)
         Motion.
-    here : mapping of str to float
+    parameters : mapping of str to float
         All parameters.
-    some : ndarray of int, shape (k,)
+    unknowns : ndarray of int, shape (k,)
         Unknowns of the disturbance.
 
     Returns
@@ -118,10 +118,10 @@ def hill_matrices(balance: Any, X: Array, here: Mapping[str, float], some: Array
     D_s : ndarray, shape (k, k)
         Its derivative.
     """
-    hill = CondensedHillMatrix.of(balance.compiled(here), X, here["Omega"])
+    hill = CondensedHillMatrix.of(balance.compiled(parameters), X, parameters["Omega"])
     G, dG = hill.receptances(0.0)
     D, D_s = (
-        _in_real_coefficients(matrix, balance.m, balance.orders)[np.ix_(some, some)]
+        _in_real_coefficients(matrix, balance.m, balance.orders)[np.ix_(unknowns, unknowns)]
         for matrix in (hill.matrix(G, 0.0), hill.rate(G, dG, 0.0))
     )
     return D, D_s
@@ -136,9 +136,9 @@ def _in_real_coefficients(matrix: ComplexArray, m: int, orders: Array) -> Array:
     image[:, :, 0] = above[:, :, 0]
     image[:, :, 1::2], image[:, :, 2::2] = 0.5 * (above + below)[:, :, 1:], 0.5j * (below - above)[:, :, 1:]
     image[1:] *= 2.0
-    kept = places(orders)
-    real = to_real(image.transpose(1, 3, 2, 0))[..., kept].transpose(0, 3, 1, 2)[..., kept]  # row, column by element
-    return real.reshape(m * len(kept), -1)
+    i = places(orders)
+    real = to_real(image.transpose(1, 3, 2, 0))[..., i].transpose(0, 3, 1, 2)[..., i]  # row, column by element
+    return real.reshape(m * len(i), -1)
 
 
 def rate_of_exponent(D: Array, D_s: Array) -> float:
@@ -178,11 +178,11 @@ class ResonanceEvent(CodimensionTwoEvent):
         """
         for distance, sign in product(range(1, MAX_NEIGHBOURS + 1), (1, -1)):
             i = point.index + sign * distance
-            found = self._complex_pair_near(branch, i) if 0 <= i < len(branch) else None
-            if found is not None:
-                direction = np.zeros(len(found[1].X) + 1)
+            start = self._complex_pair_near(branch, i) if 0 <= i < len(branch) else None
+            if start is not None:
+                direction = np.zeros(len(start[1].X) + 1)
                 direction[-1] = branch.values[i] - branch.values[point.index]
-                return found[0], BranchStart(found[1].X, branch.parameters_at(i), direction, away=False)
+                return start[0], BranchStart(start[1].X, branch.parameters_at(i), direction, away=False)
         return None
 
     def _complex_pair_near(self, branch: Branch, i: int) -> tuple[NeimarkSackerProblem, Solution] | None:
@@ -193,30 +193,30 @@ class ResonanceEvent(CodimensionTwoEvent):
         function of this event.
         """
         equations: Any = as_problem(branch.problem)
-        balance, name, here = equations.problem, equations.parameter, branch.parameters_at(i)
+        balance, name, parameters = equations.problem, equations.parameter, branch.parameters_at(i)
         X = balance.from_point(branch[i])
-        now = linearise(balance, X, name, here)
-        t = scipy.linalg.svd(np.column_stack([as_dense(now.dR_dX), now.dR_dp]))[2][-1]
+        evaluation = linearise(balance, X, name, parameters)
+        t = scipy.linalg.svd(np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]))[2][-1]
         h = DIFFERENCE_STEP * (norm(X) or 1.0)
 
-        def at(distance: float) -> tuple[Array, dict[str, float]]:
-            return X + distance * t[:-1], {**here, name: here[name] + distance * float(t[-1])}
+        def point_at(distance: float) -> tuple[Array, dict[str, float]]:
+            return X + distance * t[:-1], {**parameters, name: parameters[name] + distance * float(t[-1])}
 
         try:
-            before, value, after = (type(self).function(equations, *at(distance)) for distance in (-h, 0.0, h))
+            before, value, after = (type(self).function(equations, *point_at(distance)) for distance in (-h, 0.0, h))
             distance = -2 * h * value / (after - before)
-            nearby, changed = at(distance)
+            nearby, changed = point_at(distance)
             mu = balance.multipliers(nearby, **changed)
             two = np.argsort(np.abs(mu - self.multiplier))[:2]
             s = exponent_of_pair(mu[two], balance.nu, changed["Omega"])
             if s is None:
                 return None
             pair = NeimarkSackerProblem(balance, name, 1j * s.imag)
-            fixed = {key: value for key, value in here.items() if key != name}
-            found = solve(pair, pair.join(nearby, changed), fixed)
+            fixed = {key: value for key, value in parameters.items() if key != name}
+            solution = solve(pair, pair.join(nearby, changed), fixed)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        return (pair, found) if norm(pair.split(found.X)[0] - nearby) <= abs(distance) else None
+        return (pair, solution) if norm(pair.split(solution.X)[0] - nearby) <= abs(distance) else None
 
 
 MAX_NEIGHBOURS = 8
@@ -229,9 +229,9 @@ class FirstResonanceEvent(ResonanceEvent):
     kind, meaning, marker, multiplier = "RI", "1:1 resonance: a double multiplier +1", "p", 1
 
     @staticmethod
-    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+    def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the derivative of the determinant in the exponent."""
-        return rate_of_exponent(*hill_matrices(problem.problem, X, here, np.arange(len(X))))
+        return rate_of_exponent(*hill_matrices(problem.problem, X, parameters, np.arange(len(X))))
 
 
 class SecondResonanceEvent(ResonanceEvent):
@@ -240,9 +240,9 @@ class SecondResonanceEvent(ResonanceEvent):
     kind, meaning, marker, multiplier = "RII", "1:2 resonance: a double multiplier -1", "h", -1
 
     @staticmethod
-    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+    def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the derivative of the determinant of the half-integer block in the exponent."""
-        return rate_of_exponent(*hill_matrices(problem.doubled, problem.embed(X), here, problem.odd))
+        return rate_of_exponent(*hill_matrices(problem.doubled, problem.embed(X), parameters, problem.odd))
 
 
 class FlipOnFoldEvent(CodimensionTwoEvent):
@@ -251,9 +251,11 @@ class FlipOnFoldEvent(CodimensionTwoEvent):
     kind, meaning, marker = "FF", "fold-flip: multipliers +1 and -1", "H"
 
     @staticmethod
-    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+    def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the smallest singular value of the half-integer block, with the sign of its determinant."""
-        return _signed_singular_value(PeriodDoublingProblem(problem.problem, problem.parameter).matrix(X, here)[0])
+        return _signed_singular_value(
+            PeriodDoublingProblem(problem.problem, problem.parameter).matrix(X, parameters)[0]
+        )
 
 
 class FoldOnFlipEvent(CodimensionTwoEvent):
@@ -262,9 +264,9 @@ class FoldOnFlipEvent(CodimensionTwoEvent):
     kind, meaning, marker = "FF", FlipOnFoldEvent.meaning, FlipOnFoldEvent.marker
 
     @staticmethod
-    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+    def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the smallest singular value of dR/dX, with the sign of its determinant."""
-        return _signed_singular_value(as_dense(linearise(problem.problem, X, "", here).dR_dX))
+        return _signed_singular_value(as_dense(linearise(problem.problem, X, "", parameters).dR_dX))
 
 
 # ---- generalised period doubling
@@ -276,21 +278,21 @@ class GeneralisedDoublingEvent(CodimensionTwoEvent):
     kind, meaning, marker = "GPD", "generalised period doubling: the doubled branch turns over", "X"
 
     @staticmethod
-    def function(problem: Any, X: Array, here: dict[str, float]) -> float:
+    def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the cubic coefficient, or zero if it is within a hundred times its rounding.
 
         Every point of a curve of a linear oscillator is degenerate.
         """
-        value, rounding = cubic_coefficient(problem, X, here)
+        value, rounding = cubic_coefficient(problem, X, parameters)
         return 0.0 if abs(value) < rounding else value
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the zero of the coefficient itself if its sign changes beyond rounding."""
 
         def test(point: CurvePoint) -> float:
-            X, own = segment.problem.split(point.X)
-            here = {**segment.parameters, **own, segment.name: point.value}
-            return cubic_coefficient(segment.problem, X, here)[0]
+            X, tracked = segment.problem.split(point.X)
+            parameters = {**segment.parameters, **tracked, segment.name: point.value}
+            return cubic_coefficient(segment.problem, X, parameters)[0]
 
         first, last = (
             self._value(segment.problem, segment.name, segment.parameters, end) for end in (segment.a, segment.b)
@@ -298,7 +300,7 @@ class GeneralisedDoublingEvent(CodimensionTwoEvent):
         return [locate_root(segment, self, test)] if first * last < 0 else []
 
 
-def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[float, float]:
+def cubic_coefficient(problem: Any, X: Array, parameters: dict[str, float]) -> tuple[float, float]:
     """Return the cubic coefficient of the doubled branch and a hundred times its rounding.
 
     Its sign is that of the side on which the branch exists. Derivatives along v and h are differences of Jacobians of
@@ -310,7 +312,7 @@ def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[f
         Equations of the period doubling.
     X : ndarray, shape (n,)
         Motion.
-    here : dict of str to float
+    parameters : dict of str to float
         All parameters.
 
     Returns
@@ -318,26 +320,26 @@ def cubic_coefficient(problem: Any, X: Array, here: dict[str, float]) -> tuple[f
     (float, float)
         Coefficient and rounding.
     """
-    doubled, wide, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
-    w, v = np.zeros(len(wide)), np.zeros(len(wide))
-    w[odd], v[odd] = least_singular_vectors(problem.matrix(X, here)[0])
+    doubled, embedded, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
+    w, v = np.zeros(len(embedded)), np.zeros(len(embedded))
+    w[odd], v[odd] = least_singular_vectors(problem.matrix(X, parameters)[0])
     t = DIFFERENCE_STEP * (norm(X) or 1.0)
 
     def jacobian(change: Array) -> Array:
-        return as_dense(linearise(doubled, wide + change, "", here).dR_dX)
+        return as_dense(linearise(doubled, embedded + change, "", parameters).dR_dX)
 
-    def sides(along: Array) -> tuple[list[Array], float]:
-        size = norm(along) or 1.0
+    def jacobians_along(direction: Array) -> tuple[list[Array], float]:
+        size = norm(direction) or 1.0
         step = t / size
-        return [jacobian(k * step * along) for k in (-2, -1, 1, 2)], step
+        return [jacobian(k * step * direction) for k in (-2, -1, 1, 2)], step
 
-    (A, B, C, D), step = sides(v)
+    (A, B, C, D), step = jacobians_along(v)
     first, second = (A - 8 * B + 8 * C - D) @ v / (12 * step), (-A + 16 * B + 16 * C - D) @ v
-    middle = jacobian(np.zeros(len(wide)))
+    middle = jacobian(np.zeros(len(embedded)))
     third = (second - 30 * middle @ v) / (12 * step**2)
-    h = np.zeros(len(wide))
+    h = np.zeros(len(embedded))
     h[even] = -0.5 * np.linalg.solve(middle[np.ix_(even, even)], first[even])
-    (A, B, C, D), step = sides(h)
+    (A, B, C, D), step = jacobians_along(h)
     mixed = (A - 8 * B + 8 * C - D) @ v / (12 * step)
     coefficient = float(w @ (mixed + third / 6))
     rounding = MAX_ROUNDING * float(np.finfo(float).eps) * float(np.abs(middle).max()) / t**2
@@ -365,11 +367,11 @@ class AngleEvent(CodimensionTwoEvent):
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
-        near = None
+        exponent = None
         for point in points:
             if EXPONENT not in point.observed:
-                point.observed[EXPONENT] = exponent_at(problem, name, fixed, point, near)
-            near = point.observed[EXPONENT]
+                point.observed[EXPONENT] = exponent_at(problem, name, fixed, point, exponent)
+            exponent = point.observed[EXPONENT]
         return np.array([[self._value(problem, name, fixed, point)] for point in points])
 
     def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
@@ -400,10 +402,10 @@ def exponent_at(
     near : complex or None
         Exponent of a neighbouring point. By default that of the equations.
     """
-    X, own = problem.split(point.X)
+    X, tracked = problem.split(point.X)
     equations = problem if near is None else type(problem)(problem.problem, problem.parameter, near)
     try:
-        s: complex = equations.exponent(X, **{**fixed, **own, name: point.value})
+        s: complex = equations.exponent(X, **{**fixed, **tracked, name: point.value})
         return s
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
@@ -473,19 +475,19 @@ class RealPairEvent(CodimensionTwoEvent):
         u = segment.a.u + s * (segment.b.u - segment.a.u)
 
         def test(point: Point) -> float:
-            X, own = codimension_one.split(point.X)
-            return self._on.function(codimension_one, X, {**point.parameters, **own})
+            X, tracked = codimension_one.split(point.X)
+            return self._on.function(codimension_one, X, {**point.parameters, **tracked})
 
         equations = ScalarConditionProblem(codimension_one, name, test)
         try:
             solution = equations.located(u, {**segment.parameters, name: float(u[-1])})
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        found = solution.X
-        if norm((found - u) / segment.scale) > MAX_END_SHIFT:
+        root = solution.X
+        if norm((root - u) / segment.scale) > MAX_END_SHIFT:
             return None
-        point = replace(segment.b, u=found, residual=solution.residual, iterations=solution.iterations, observed={})
-        return LocatedEvent(self, segment.fraction_of(found), point, True)
+        point = replace(segment.b, u=root, residual=solution.residual, iterations=solution.iterations, observed={})
+        return LocatedEvent(self, segment.fraction_of(root), point, True)
 
     def _angle(self, segment: Segment, point: CurvePoint) -> float:
         """Return the angle of the multipliers from the real axis at this resonance [rad]; zero if they are real."""
@@ -523,8 +525,8 @@ def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, 
     evaluator = balance.compiled({})
     if isinstance(curve, PairModulusProblem):
         return ThirdResonanceEvent(), FourthResonanceEvent()
-    known = balance.smooth and has_sampled_slopes(evaluator) and evaluator.structure.modes is not None
-    if not known or evaluator.structure.constrained:
+    has_slopes = balance.smooth and has_sampled_slopes(evaluator) and evaluator.structure.modes is not None
+    if not has_slopes or evaluator.structure.constrained:
         return ()
     if isinstance(curve, PeriodDoublingProblem):
         return SecondResonanceEvent(), FoldOnFlipEvent(), GeneralisedDoublingEvent()

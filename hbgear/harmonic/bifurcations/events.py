@@ -79,6 +79,6 @@ def named(point: SpecialPoint) -> SpecialPoint:
     """Return the point with its meaning and marker, which old files do not contain."""
     if point.meaning and point.marker:
         return point
-    known = KINDS.get(point.kind)
-    meaning, marker = (known.meaning, known.marker) if known else (point.kind, Event.marker)
+    event = KINDS.get(point.kind)
+    meaning, marker = (event.meaning, event.marker) if event else (point.kind, Event.marker)
     return replace(point, meaning=point.meaning or meaning, marker=point.marker or marker)

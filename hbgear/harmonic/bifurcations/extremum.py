@@ -81,53 +81,57 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
-            at = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
-            S[element, 2 * at - 1 : 2 * at + 1] = 1.0
+            position = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
+            S[element, 2 * position - 1 : 2 * position + 1] = 1.0
         return S
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         return self.measure, self.element
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", parameters).size / (1.0 + abs(float(self.S @ (X * X)))))
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        now = linearise(self.problem, X, self.parameter, here)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
         n = len(X)
         e = np.zeros(n + 1)
         e[-1] = 1.0  # normalises the direction by its component in the parameter
-        factors = Factors(bordered(now.dR_dX, now.dR_dp, e))
+        factors = Factors(bordered(evaluation.dR_dX, evaluation.dR_dp, e))
         t = factors.solve(e)
-        slope, curvature = self.slopes(X, t[:n], here)
+        slope, curvature = self.slopes(X, t[:n], parameters)
         g = float(slope @ t[:n])
         e[:n], e[n] = slope, 0.0
         z = factors.solve(e, transposed=True)[:n]
-        h = directional_step(X, t, self.problem.difference_step(X, here))
-        u = np.append(X, here[self.parameter])
+        h = directional_step(X, t, self.problem.difference_step(X, parameters))
+        u = np.append(X, parameters[self.parameter])
         plus, minus = (
-            linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})
+            linearise(self.problem, v[:-1], self.parameter, {**parameters, self.parameter: float(v[-1])})
             for v in (u + h * t, u - h * t)
         )
         weight = base.weight
         g_X = weight * (curvature - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
         g_p = -weight * float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
-        changes = (self._along(X, here, name, z, t) for name in names)
-        return AugmentedResidual(now, weight * g, g_X, g_p, tuple((dR, -weight * change) for dR, change in changes))
+        changes = (self._parameter_derivatives(X, parameters, name, z, t) for name in names)
+        return AugmentedResidual(
+            evaluation, weight * g, g_X, g_p, tuple((dR, -weight * change) for dR, change in changes)
+        )
 
-    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+    def slopes(self, X: Array, t: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return the gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""
         return self.S * X, self.S * t
 
-    def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
+    def _parameter_derivatives(
+        self, X: Array, parameters: dict[str, float], name: str, z: Array, t: Array
+    ) -> tuple[Array, float]:
         """Return dR/dname, and z^T d[J R_p]/dname t."""
 
-        def parts(at: dict[str, float]) -> tuple[Array, float]:
-            now = linearise(self.problem, X, self.parameter, at)
-            return now.R, float(z @ (now.dR_dX @ t[:-1] + now.dR_dp * t[-1]))
+        def residual_and_product(changed: dict[str, float]) -> tuple[Array, float]:
+            evaluation = linearise(self.problem, X, self.parameter, changed)
+            return evaluation.R, float(z @ (evaluation.dR_dX @ t[:-1] + evaluation.dR_dp * t[-1]))
 
-        dR, change = parameter_derivatives(self.problem, name, here, parts)
+        dR, change = parameter_derivatives(self.problem, name, parameters, residual_and_product)
         return dR, float(change)
 
 
@@ -150,7 +154,7 @@ class ExtremumPeak(AmplitudeExtremum):
             raise ValueError(f"measure = {measure!r} is not made of extrema; use one of {', '.join(EXTREMA)}")
         return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
-    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+    def slopes(self, X: Array, t: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return the gradient (n,) of A, and its derivative along t (n,).
 
         The position theta_i moves by -w'(theta_i).t / d''(theta_i).
@@ -161,10 +165,10 @@ class ExtremumPeak(AmplitudeExtremum):
             slope[self.element, 0] = 1.0
             return slope.ravel(), curvature.ravel()
         low, at_low, high, at_high = extrema(self.problem.rows(X)[self.element])
-        parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
+        signed = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
             (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
         ]  # fmt: skip
-        sign, positions = np.array(parts).T
+        sign, positions = np.array(signed).T
         row, direction = (x.reshape(m, -1)[self.element] for x in (X, t))
         c = np.exp(-1j * k * positions[:, None])
         w, w1, w2 = to_real(np.array([c, -1j * k * c, -(k**2) * c]))
@@ -187,7 +191,7 @@ class RegisteredMeasurePeak(AmplitudeExtremum):
         check_peaks("peaks", measure)
         return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
-    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+    def slopes(self, X: Array, t: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return the gradient (n,) of A, and its derivative along t (n,).
 
         The step of the second difference is larger, because its error from rounding grows with 1 / h^2. It affects only
@@ -200,13 +204,13 @@ class RegisteredMeasurePeak(AmplitudeExtremum):
     def _gradient(self, X: Array) -> Array:
         """Return the gradient (n,) of the measure by central differences in the unknowns of the element."""
         h, m = STEP * max(1e-3, norm(X)), self.problem.m
-        own = np.arange(len(X)).reshape(m, -1)[self.element]
-        moves = np.zeros((len(own), len(X)))
-        moves[np.arange(len(own)), own] = h
+        unknowns = np.arange(len(X)).reshape(m, -1)[self.element]
+        changes = np.zeros((len(unknowns), len(X)))
+        changes[np.arange(len(unknowns)), unknowns] = h
         layout = self.problem.layout
-        up, down = (layout.measure(self.measure, X + sign * moves, self.element) for sign in (1, -1))
+        above, below = (layout.measure(self.measure, X + sign * changes, self.element) for sign in (1, -1))
         gradient = np.zeros(len(X))
-        gradient[own] = (up - down) / (2 * h)
+        gradient[unknowns] = (above - below) / (2 * h)
         return gradient
 
 
@@ -224,8 +228,8 @@ def peak_of(problem: Any, parameter: str, measure: str, element: int) -> Amplitu
 def _harmonic(measure: str, problem: Any) -> int:
     """Return the basis harmonic of "H2" or, for nu = 2, "H1/2"."""
     nu, H = problem.nu, problem.H
-    found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
-    k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    match = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
+    k = int(match[1]) * nu / int(match[2] or 1) if match and match[2] != "0" else 0
     if k == int(k) and 1 <= k <= H and k not in problem.orders:
         raise ValueError(f"peak of {measure!r}: the balance leaves out this harmonic; add it to its harmonics")
     if k != int(k) or not 1 <= k <= H:

@@ -58,11 +58,11 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
         return out
 
-    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return the distance of an extremum from a breakpoint and its derivative; see `ThresholdProblem.threshold`."""
-        g, theta = self.problem.grazing_distance(X, which, **here)
+        g, theta = self.problem.grazing_distance(X, number, **parameters)
         rows = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
-        rows[self.problem.clearance_elements[which]] = basis_values(theta, self.problem.orders)
+        rows[self.problem.clearance_elements[number]] = basis_values(theta, self.problem.orders)
         return g, rows
 
     def following(self, rows: Array, slope: Array) -> Array:
@@ -71,14 +71,14 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         The constant follows a breakpoint at zero, and both follow two breakpoints that are reached at once.
         """
         out = np.zeros((2, *rows.shape))
-        own = slope.any(axis=1)
-        out[0, own, 0] = 1.0
-        out[1, own] = rows[own]
+        grazing = slope.any(axis=1)
+        out[0, grazing, 0] = 1.0
+        out[1, grazing] = rows[grazing]
         return out
 
-    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the distances of all extrema from the breakpoints."""
-        out: Array = self.problem.clearance(X, **here)
+        out: Array = self.problem.clearance(X, **parameters)
         return out
 
 
@@ -96,14 +96,14 @@ class EdgeProblem(ThresholdProblem):
         out: tuple[str, ...] = problem.edge_names
         return out
 
-    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return an extremum of an edge function and its derivative; see `ThresholdProblem.threshold`."""
-        out: tuple[float, Array] = self.problem.edge_threshold(X, which, **here)
+        out: tuple[float, Array] = self.problem.edge_threshold(X, number, **parameters)
         return out
 
-    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the extrema of all edge functions."""
-        out: Array = self.problem.edge_extremes(X, **here)
+        out: Array = self.problem.edge_extremes(X, **parameters)
         return out
 
 
@@ -122,8 +122,8 @@ class GrazingEvent(ThresholdEvent):
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         located: list[LocatedEvent] = []
-        for event in self.passed(segment):
-            simultaneous = next((j for j, other in enumerate(located) if abs(other.s - event.s) < 1e-6), None)
+        for event in self.zeros(segment):
+            simultaneous = next((j for j, earlier in enumerate(located) if abs(earlier.s - event.s) < 1e-6), None)
             if simultaneous is None:
                 located.append(event)
             else:
@@ -141,11 +141,11 @@ class GrazingEvent(ThresholdEvent):
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = np.where(before * after > 0, after / (before - after), np.inf)
         distances[~(distances > 0)] = np.inf
-        which = int(np.argmin(distances)) if distances.size else 0
-        if not distances.size or distances[which] > MAX_CONTACT_EXTRAPOLATION:
+        nearest = int(np.argmin(distances)) if distances.size else 0
+        if not distances.size or distances[nearest] > MAX_CONTACT_EXTRAPOLATION:
             return None
         problem: Any = segment.problem
-        extended = GrazingProblem(problem, segment.name, which)
+        extended = GrazingProblem(problem, segment.name, nearest)
         try:
             u = extended.located(segment.b.u, {**segment.parameters, segment.name: segment.b.value}).X
         except (NoConvergence, np.linalg.LinAlgError):
@@ -153,4 +153,4 @@ class GrazingEvent(ThresholdEvent):
         s = segment.fraction_of(u)
         is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_CONTACT_EXTRAPOLATION * segment.length
         point = replace(singular(segment, u, segment.b), parameter_direction=segment.b.parameter_direction)
-        return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[which])
+        return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[nearest])

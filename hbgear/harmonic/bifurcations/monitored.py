@@ -22,9 +22,9 @@ def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
 
 def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
     """Return the multipliers of a point, computed if they are unknown."""
-    known: ComplexArray | None = point.observed.get("multipliers")
-    if known is not None:
-        return known
+    stored: ComplexArray | None = point.observed.get("multipliers")
+    if stored is not None:
+        return stored
     values = {**segment.parameters, segment.name: point.value}
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
     computed: ComplexArray = problem.multipliers(point.X, points=8, width=1.0, **values)
@@ -51,20 +51,20 @@ def is_complex(mu: ComplexArray) -> np.ndarray:
 
 def negative_real(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers on the negative real axis, and zero in the place of others."""
-    rest: ComplexArray = np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
-    return rest
+    out: ComplexArray = np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
+    return out
 
 
 def without_negative_real(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers with zero in the place of those on the negative real axis."""
-    rest: ComplexArray = np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
-    return rest
+    out: ComplexArray = np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
+    return out
 
 
 def unstable_complex_counts(ends: ComplexArray) -> tuple[int, int]:
     """Return the smaller and the larger number of unstable complex multipliers at two ends."""
-    few, many = sorted(count_unstable(np.where(is_complex(ends), ends, 0.0)).tolist())
-    return few, many
+    smaller, larger = sorted(count_unstable(np.where(is_complex(ends), ends, 0.0)).tolist())
+    return smaller, larger
 
 
 def ranked_modulus(mu: ComplexArray, k: int) -> float:

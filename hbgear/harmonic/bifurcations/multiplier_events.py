@@ -78,7 +78,7 @@ MAX_TRUNCATION_SHIFT = 5e-3
 """Scaled arc length by which the multipliers of a truncated motion may pass -1 before or after the true doubling."""
 
 
-PARTS, MIN_COLLIDING_MODULUS = 8, 0.8
+SUBSEGMENTS, MIN_COLLIDING_MODULUS = 8, 0.8
 """Number of parts of a segment on which a pair is searched that is real for a while, and the least modulus of
 multipliers that collide there."""
 
@@ -157,7 +157,7 @@ def _without_clean_passages(
     if not candidates:
         return []
     clean = passes_minus_one_cleanly(mu, length, np.array([segment for segment, _ in candidates]))
-    return [candidate for candidate, passed in zip(candidates, clean, strict=True) if not passed]
+    return [candidate for candidate, is_clean in zip(candidates, clean, strict=True) if not is_clean]
 
 
 def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
@@ -217,11 +217,11 @@ class NeimarkSackerEvent(Event):
         if mu is None:
             return np.zeros((len(points), 0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            size = np.where(is_complex(mu), np.log(np.abs(mu)), np.nan)
-        inside = np.where(size < -STABILITY_TOLERANCE, size, -np.inf).max(axis=1, initial=-np.inf)
-        outside = np.where(size > STABILITY_TOLERANCE, size, np.inf).min(axis=1, initial=np.inf)
-        both = np.column_stack([inside, outside])
-        return np.where(np.isfinite(both), both, np.nan)
+            logarithm = np.where(is_complex(mu), np.log(np.abs(mu)), np.nan)
+        inside = np.where(logarithm < -STABILITY_TOLERANCE, logarithm, -np.inf).max(axis=1, initial=-np.inf)
+        outside = np.where(logarithm > STABILITY_TOLERANCE, logarithm, np.inf).min(axis=1, initial=np.inf)
+        nearest = np.column_stack([inside, outside])
+        return np.where(np.isfinite(nearest), nearest, np.nan)
 
     def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return where a pair comes close to the circle, alone, by a collision, or as another one returns.
@@ -264,42 +264,40 @@ class NeimarkSackerEvent(Event):
 
     def _locate_compensated(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate a pair on the same segment as a fold, branch point or doubling that compensates it in number."""
-        few, many = unstable_complex_counts(ends)
+        lower, upper = unstable_complex_counts(ends)
         located = []
-        for rank in range(few, many, 2):
-            found = self._locate_crossing(segment, rank)
+        for rank in range(lower, upper, 2):
+            crossing = self._locate_crossing(segment, rank)
             size = ranked_modulus(
-                complex_multipliers(multipliers_at(segment, found.point)), rank
+                complex_multipliers(multipliers_at(segment, crossing.point)), rank
             )  # else the pair became real outside the circle
-            if found.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
-                located.append(self._refine(segment, found))
-        return located or self._locate_pair_becoming_real(segment, ends) or self._locate_on_parts(segment, ends)
+            if crossing.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(self._refine(segment, crossing))
+        return located or self._locate_pair_becoming_real(segment, ends) or self._locate_on_subsegments(segment, ends)
 
     def _locate_pair_becoming_real(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate a pair that passes the circle and becomes a positive real pair, on the same segment as a doubling."""
-        few, many = sorted(count_unstable(without_negative_real(ends)).tolist())
-        if many - few < 2 or segment.a.parameter_direction * segment.b.parameter_direction < 0:
+        lower, upper = sorted(count_unstable(without_negative_real(ends)).tolist())
+        if upper - lower < 2 or segment.a.parameter_direction * segment.b.parameter_direction < 0:
             return []
-        found = locate_root(
+        root = locate_root(
             segment,
             self,
-            lambda point: ranked_modulus(without_negative_real(multipliers_at(segment, point)), few) - 1.0,
+            lambda point: ranked_modulus(without_negative_real(multipliers_at(segment, point)), lower) - 1.0,
             fine=PAIR_LOCATION_TOLERANCE,
         )
-        passing = ranked_modulus(complex_multipliers(multipliers_at(segment, found.point)), few)
-        return (
-            [self._refine(segment, found)] if found.located and abs(passing - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
-        )
+        modulus = ranked_modulus(complex_multipliers(multipliers_at(segment, root.point)), lower)
+        return [self._refine(segment, root)] if root.located and abs(modulus - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
 
-    def _locate_on_parts(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
+    def _locate_on_subsegments(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate pairs that pass the circle on parts of a segment on which they are real for a while.
 
         The product of mu_i mu_j - 1 over all pairs passes zero there, as at a neutral saddle, whose pair is real.
         """
-        near = np.count_nonzero(is_complex(ends) & (np.abs(ends) > MIN_COLLIDING_MODULUS), axis=1)
-        if near[0] == near[1] or ends.shape[1] < MIN_MULTIPLIERS:
+        colliding = np.count_nonzero(is_complex(ends) & (np.abs(ends) > MIN_COLLIDING_MODULUS), axis=1)
+        if colliding[0] == colliding[1] or ends.shape[1] < MIN_MULTIPLIERS:
             return []
-        fractions = np.linspace(0.0, 1.0, PARTS + 1).tolist()
+        fractions = np.linspace(0.0, 1.0, SUBSEGMENTS + 1).tolist()
         try:
             points = [segment.a, *(segment.at(s) for s in fractions[1:-1]), segment.b]
         except (NoConvergence, np.linalg.LinAlgError):
@@ -309,13 +307,16 @@ class NeimarkSackerEvent(Event):
         for low, (a, b), (first, second) in zip(fractions, pairwise(points), pairwise(values), strict=False):
             if first * second >= 0:
                 continue
-            part = segment.part(a, b)
-            found = locate_root(
-                part, self, lambda point: product_of_pairs(multipliers_at(segment, point)), fine=PAIR_LOCATION_TOLERANCE
+            subsegment = segment.part(a, b)
+            root = locate_root(
+                subsegment,
+                self,
+                lambda point: product_of_pairs(multipliers_at(segment, point)),
+                fine=PAIR_LOCATION_TOLERANCE,
             )
-            pairs = np.abs(complex_multipliers(multipliers_at(segment, found.point)))
-            if found.located and np.abs(pairs - 1).min(initial=math.inf) < DOUBLE_MULTIPLIER_DISTANCE:
-                located.append(self._refine(segment, replace(found, s=low + found.s / PARTS)))
+            pairs = np.abs(complex_multipliers(multipliers_at(segment, root.point)))
+            if root.located and np.abs(pairs - 1).min(initial=math.inf) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(self._refine(segment, replace(root, s=low + root.s / SUBSEGMENTS)))
         return located
 
     def _locate_crossing(self, segment: Segment, rank: int) -> LocatedEvent:
@@ -327,23 +328,23 @@ class NeimarkSackerEvent(Event):
             fine=PAIR_LOCATION_TOLERANCE,
         )
 
-    def _refine(self, segment: Segment, found: LocatedEvent) -> LocatedEvent:
+    def _refine(self, segment: Segment, located: LocatedEvent) -> LocatedEvent:
         """Refine the point by the equations of the pair that was located, not of another one near the unit circle."""
         problem: Any = segment.problem
         if not problem.smooth:
-            return found
-        Omega = {**segment.parameters, segment.name: found.point.value}["Omega"]
-        mu = multipliers_at(segment, found.point)
-        near = exponent_of_pair(mu, problem.nu, Omega)
-        if near is None:
-            return found
-        event = NeimarkSackerEvent(near)
-        equations = event.equations(problem, segment.name, found)
+            return located
+        Omega = {**segment.parameters, segment.name: located.point.value}["Omega"]
+        mu = multipliers_at(segment, located.point)
+        exponent = exponent_of_pair(mu, problem.nu, Omega)
+        if exponent is None:
+            return located
+        event = NeimarkSackerEvent(exponent)
+        equations = event.equations(problem, segment.name, located)
         if equations is None:
-            return found
-        rough = replace(found, event=event)
+            return located
+        rough = replace(located, event=event)
         refined = _refine_root(segment, rough, equations)
-        return rough if _left_segment(segment, mu, refined) else refined
+        return rough if _leaves_segment(segment, mu, refined) else refined
 
     def _locate_simultaneous(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate two multipliers that pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -352,17 +353,17 @@ class NeimarkSackerEvent(Event):
         Nothing is returned where two different real multipliers pass +1 one after the other: they belong to folds or
         branch points that truncation has displaced.
         """
-        outside, most = unstable_complex_counts(ends)
-        found = [self._locate_crossing(segment, rank) for rank in range(outside, max(most, outside + 1), 2)]
-        if any(one.located for one in found):
-            return [self._refine(segment, one) for one in found if one.located]
-        few = int(count_unstable(ends).min())
-        sizes = sorted(ranked_modulus(mu, few) for mu in ends)
+        lower, upper = unstable_complex_counts(ends)
+        crossings = [self._locate_crossing(segment, k) for k in range(lower, max(upper, lower + 1), 2)]
+        if any(crossing.located for crossing in crossings):
+            return [self._refine(segment, crossing) for crossing in crossings if crossing.located]
+        rank = int(count_unstable(ends).min())
+        sizes = sorted(ranked_modulus(mu, rank) for mu in ends)
         level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + STABILITY_TOLERANCE
         real = locate_root(
             segment,
             self,
-            lambda point: ranked_modulus(multipliers_at(segment, point), few) - level,
+            lambda point: ranked_modulus(multipliers_at(segment, point), rank) - level,
             "two multipliers at once",
         )
         mu = multipliers_at(segment, real.point)
@@ -385,27 +386,27 @@ class NeimarkSackerEvent(Event):
         An even number of them does not change the sign of det(Phi + 1). Each is the root of the modulus of its rank
         among the multipliers on the negative real axis.
         """
-        few, many = sorted(count_beyond(ends, STABILITY_TOLERANCE)[:, 1].tolist())
+        lower, upper = sorted(count_beyond(ends, STABILITY_TOLERANCE)[:, 1].tolist())
         located = []
 
         def size(point: CurvePoint, rank: int) -> float:
             return ranked_modulus(negative_real(multipliers_at(segment, point)), rank) - 1.0
 
-        for rank in range(few, many):
-            note = f"multiplier {rank - few + 1} of {many - few} that pass -1 here"
-            found = locate_root(segment, self, partial(size, rank=rank), note)
-            if found.located and abs(size(found.point, rank)) < DOUBLE_MULTIPLIER_DISTANCE:
-                located.append(replace(found, event=PeriodDoublingEvent(), finder=self))
+        for rank in range(lower, upper):
+            note = f"multiplier {rank - lower + 1} of {upper - lower} that pass -1 here"
+            root = locate_root(segment, self, partial(size, rank=rank), note)
+            if root.located and abs(size(root.point, rank)) < DOUBLE_MULTIPLIER_DISTANCE:
+                located.append(replace(root, event=PeriodDoublingEvent(), finder=self))
         return located
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         """Return the equations: with Hill's determinant where the slopes of all laws are known."""
         compiled = problem.compiled({})
-        known = problem.smooth and has_sampled_slopes(compiled) and not compiled.structure.large
-        return (NeimarkSackerProblem if known else PairModulusProblem)(problem, parameter, self.near)
+        has_slopes = problem.smooth and has_sampled_slopes(compiled) and not compiled.structure.large
+        return (NeimarkSackerProblem if has_slopes else PairModulusProblem)(problem, parameter, self.near)
 
 
-def _left_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -> bool:
+def _leaves_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -> bool:
     """Return whether Newton's method went beyond an end, where the pair is nearer to the circle than at that end.
 
     mu : multipliers at the initial point; the pair is the one nearest to the circle.

@@ -103,59 +103,68 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     def arguments(self) -> tuple[Any, ...]:
         return (self.near,)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
-        s = self._guess(X, here) if self.near is None else self.near
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        hill, size = self._hill(X, parameters), linearise(self.problem, X, "", parameters).size
+        s = self._guess(X, parameters) if self.near is None else self.near
         b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0], s), BORDER_ITERATIONS)
-        pair = _exponent(hill, s, b, c, X, here)
+        pair = _exponent(hill, s, b, c, X, parameters)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders and the exponent updated at X; the same ones where the pair becomes real."""
         assert isinstance(base, Rotation)
         try:
-            pair = self._pair(self._hill(X, here), base, X, here)
+            pair = self._pair(self._hill(X, parameters), base, X, parameters)
         except NoConvergence:
             return base
         return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
 
-    def exponent(self, X: Array, **here: float) -> complex:
+    def exponent(self, X: Array, **parameters: float) -> complex:
         """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
-        base = self.base or self.base_at(X, here)
-        return self._pair(self._hill(X, here), base, X, here).exponent
+        base = self.base or self.base_at(X, parameters)
+        return self._pair(self._hill(X, parameters), base, X, parameters).exponent
 
-    def _hill(self, X: Array, here: dict[str, float]) -> CondensedHillMatrix:
-        return CondensedHillMatrix.of(self.problem.compiled(here), X, here["Omega"])
+    def _hill(self, X: Array, parameters: dict[str, float]) -> CondensedHillMatrix:
+        return CondensedHillMatrix.of(self.problem.compiled(parameters), X, parameters["Omega"])
 
-    def _guess(self, X: Array, here: dict[str, float]) -> complex:
+    def _guess(self, X: Array, parameters: dict[str, float]) -> complex:
         """Return the exponent of the complex pair of multipliers nearest to the unit circle."""
-        return _require_pair(exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"]))
+        return _require_pair(
+            exponent_of_pair(self.problem.multipliers(X, **parameters), self.problem.nu, parameters["Omega"])
+        )
 
-    def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, here: dict[str, float]) -> _Pair:
+    def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, parameters: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
-        pair = _exponent(hill, base.exponent, base.b, base.c, X, here)
-        turns = 2 * pair.exponent.imag * self.problem.nu / here["Omega"]
+        pair = _exponent(hill, base.exponent, base.b, base.c, X, parameters)
+        turns = 2 * pair.exponent.imag * self.problem.nu / parameters["Omega"]
         if (
             abs(turns - round(turns)) < REAL_MULTIPLIER_TOLERANCE
         ):  # det D = 0 also at period doublings and branch points
-            raise NoConvergence("the pair of multipliers became real", X, here, [])
+            raise NoConvergence("the pair of multipliers became real", X, parameters, [])
         return pair
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        now = linearise(self.problem, X, self.parameter, here)
-        pair = self._pair(self._hill(X, here), base, X, here)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        pair = self._pair(self._hill(X, parameters), base, X, parameters)
         k = base.weight
-        g_X = k * self._slope(X, here, pair)
+        g_X = k * self._slope(X, parameters, pair)
         derivatives = tuple(
-            (linearise(self.problem, X, name, here).dR_dp, k * self._exponent_derivative(X, here, name, pair))
+            (
+                linearise(self.problem, X, name, parameters).dR_dp,
+                k * self._exponent_derivative(X, parameters, name, pair),
+            )
             for name in names
         )
         return AugmentedResidual(
-            now, k * pair.exponent.real, g_X, k * self._exponent_derivative(X, here, self.parameter, pair), derivatives
+            evaluation,
+            k * pair.exponent.real,
+            g_X,
+            k * self._exponent_derivative(X, parameters, self.parameter, pair),
+            derivatives,
         )
 
-    def _slope(self, X: Array, here: dict[str, float], pair: _Pair) -> Array:
+    def _slope(self, X: Array, parameters: dict[str, float], pair: _Pair) -> Array:
         """Return the gradient (n,) of Re s in X, on which the slopes K of the laws depend.
 
             w^H dD v = sum_n q_n dK_n,   q_n = sum_l conj(y_l+n) v_l
@@ -169,40 +178,42 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         phi = -q / pair.rate  # of e^{-in theta}, n = -2H..2H
         rows = to_real(phi[:, 2 * H :].conj() + phi[:, 2 * H :: -1])
         rows[:, 0] /= 2.0
-        compiled, at = self.problem.compiled(here), np.zeros((m, 4 * H + 1))
-        at[:, : 2 * H + 1] = self.problem.rows(X)
-        h = directional_step(at.ravel(), rows.ravel(), self.problem.difference_step(X, here))
-        up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
-        out = to_real((up - down) / (2 * h))
+        compiled, padded = self.problem.compiled(parameters), np.zeros((m, 4 * H + 1))
+        padded[:, : 2 * H + 1] = self.problem.rows(X)
+        h = directional_step(padded.ravel(), rows.ravel(), self.problem.difference_step(X, parameters))
+        above, below = (
+            slopes(compiled, (padded + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1)
+        )
+        out = to_real((above - below) / (2 * h))
         if compiled.aft_laws:
-            self._add_sampled(out, X, here, pair)
+            self._add_sampled(out, X, parameters, pair)
         return out.ravel()
 
-    def _add_sampled(self, out: Array, X: Array, here: dict[str, float], pair: _Pair) -> None:
+    def _add_sampled(self, out: Array, X: Array, parameters: dict[str, float], pair: _Pair) -> None:
         """Add the gradient of laws evaluated by AFT to rows (m, orders).
 
         phi = -Re[y* v / (w^H D_s v)],   chi = -Re[y* v' / (w^H D_s v)],   v' = sum (s + i k omega) v_k e^{ik theta}
         """
-        compiled, m, H = self.problem.compiled(here), self.problem.m, self.problem.H
-        sampled = SampledSlopes(compiled, X, here["Omega"])
+        compiled, m, H = self.problem.compiled(parameters), self.problem.m, self.problem.H
+        sampled = SampledSlopes(compiled, X, parameters["Omega"])
         k = np.arange(-H, H + 1)
         v, y = (z.reshape(2 * H + 1, m).T[sampled.elements] for z in (pair.v, pair.y))
-        rates = (pair.exponent + 1j * here["Omega"] / self.problem.nu * k) * v
-        left = sampled.samples(y).conj() / pair.rate
-        phi, chi = (-(left * sampled.samples(z)).real for z in (v, rates))
+        rates = (pair.exponent + 1j * parameters["Omega"] / self.problem.nu * k) * v
+        adjoint = sampled.samples(y).conj() / pair.rate
+        phi, chi = (-(adjoint * sampled.samples(z)).real for z in (v, rates))
         gradient = sampled.gradient(phi, chi)
         columns = np.concatenate([[0], *[(2 * n - 1, 2 * n) for n in self.problem.orders[1:]]]).astype(int)
         out[sampled.elements] += gradient[:, columns]
 
-    def _exponent_derivative(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
+    def _exponent_derivative(self, X: Array, parameters: dict[str, float], name: str, pair: _Pair) -> float:
         """Return the derivative of Re s in a parameter."""
 
-        def real_part_change(at: dict[str, float]) -> tuple[float]:
-            hill = self._hill(X, at)
+        def real_part_change(changed: dict[str, float]) -> tuple[float]:
+            hill = self._hill(X, changed)
             form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.exponent, pair.v))
             return ((-form / pair.rate).real,)
 
-        (derivative,) = parameter_derivatives(self.problem, name, here, real_part_change)
+        (derivative,) = parameter_derivatives(self.problem, name, parameters, real_part_change)
         return float(derivative)
 
 
@@ -265,57 +276,57 @@ class PairModulusProblem(MinimallyAugmentedProblem):
     def arguments(self) -> tuple[Any, ...]:
         return (self.near,)
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        mu = self._multipliers(X, here)
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        mu = self._multipliers(X, parameters)
         s = self.near
         if s is None:
-            s = _require_pair(exponent_of_pair(mu, self.problem.nu, here["Omega"]))
-        multiplier = complex(np.exp(2 * np.pi * self.problem.nu * s / here["Omega"]))
-        return PairMultiplier(linearise(self.problem, X, "", here).size, multiplier=_nearest(mu, multiplier))
+            s = _require_pair(exponent_of_pair(mu, self.problem.nu, parameters["Omega"]))
+        multiplier = complex(np.exp(2 * np.pi * self.problem.nu * s / parameters["Omega"]))
+        return PairMultiplier(linearise(self.problem, X, "", parameters).size, multiplier=_nearest(mu, multiplier))
 
-    def update_borders(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+    def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders with the multiplier at X."""
         assert isinstance(base, PairMultiplier)
-        return replace(base, multiplier=_nearest(self._multipliers(X, here), base.multiplier))
+        return replace(base, multiplier=_nearest(self._multipliers(X, parameters), base.multiplier))
 
-    def exponent(self, X: Array, **here: float) -> complex:
+    def exponent(self, X: Array, **parameters: float) -> complex:
         """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
-        base = self.base or self.base_at(X, here)
+        base = self.base or self.base_at(X, parameters)
         assert isinstance(base, PairMultiplier)
-        mu = _nearest(self._multipliers(X, here), base.multiplier)
-        return complex(np.log(mu) * here["Omega"] / (2 * np.pi * self.problem.nu))
+        mu = _nearest(self._multipliers(X, parameters), base.multiplier)
+        return complex(np.log(mu) * parameters["Omega"] / (2 * np.pi * self.problem.nu))
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         assert isinstance(base, PairMultiplier)
 
-        def value(X: Array, at: dict[str, float]) -> float:
-            return math.log(abs(_nearest(self._multipliers(X, at), base.multiplier)))
+        def value(X: Array, changed: dict[str, float]) -> float:
+            return math.log(abs(_nearest(self._multipliers(X, changed), base.multiplier)))
 
-        mu = _nearest(self._multipliers(X, here), base.multiplier)
+        mu = _nearest(self._multipliers(X, parameters), base.multiplier)
         if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
-            raise NoConvergence("the pair of multipliers became real", X, here, [])
-        now, k = linearise(self.problem, X, self.parameter, here), base.weight
-        J = Factors(now.dR_dX)
-        towards = J.solve(now.R)
+            raise NoConvergence("the pair of multipliers became real", X, parameters, [])
+        evaluation, k = linearise(self.problem, X, self.parameter, parameters), base.weight
+        J = Factors(evaluation.dR_dX)
+        correction = J.solve(evaluation.R)
         g_X = np.zeros(len(X))
-        if norm(towards) > MIN_CORRECTION * norm(X):
-            h = directional_step(X, towards, self.problem.difference_step(X, here))
-            change = (value(X + h * towards, here) - value(X - h * towards, here)) / (2 * h)
-            g_X = change / norm(towards) ** 2 * towards
+        if norm(correction) > MIN_CORRECTION * norm(X):
+            h = directional_step(X, correction, self.problem.difference_step(X, parameters))
+            change = (value(X + h * correction, parameters) - value(X - h * correction, parameters)) / (2 * h)
+            g_X = change / norm(correction) ** 2 * correction
 
         def derivative(dR: Array, name: str) -> float:
             dX = -J.solve(dR)
-            return k * (along(self.problem, X, here, value, dX, name) - float(g_X @ dX))
+            return k * (along(self.problem, X, parameters, value, dX, name) - float(g_X @ dX))
 
-        changes = [(self.problem.parameter_derivative(X, name, here), name) for name in names]
+        changes = [(self.problem.parameter_derivative(X, name, parameters), name) for name in names]
         return AugmentedResidual(
-            now, k * math.log(abs(mu)), k * g_X, derivative(now.dR_dp, self.parameter),
+            evaluation, k * math.log(abs(mu)), k * g_X, derivative(evaluation.dR_dp, self.parameter),
             tuple((dR, derivative(dR, name)) for dR, name in changes),
         )  # fmt: skip
 
-    def _multipliers(self, X: Array, here: dict[str, float]) -> ComplexArray:
-        mu: ComplexArray = self.problem.multipliers(X, points=8, width=1.0, **here)
+    def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
+        mu: ComplexArray = self.problem.multipliers(X, points=8, width=1.0, **parameters)
         return mu
 
 
@@ -360,7 +371,7 @@ MAX_STEP_RATIO = 0.1
 
 
 def _exponent(
-    hill: CondensedHillMatrix, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]
+    hill: CondensedHillMatrix, s: complex, b: ComplexArray, c: ComplexArray, X: Array, parameters: dict[str, float]
 ) -> _Pair:
     """Compute an exponent by Newton's method on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
 
@@ -391,14 +402,16 @@ def _exponent(
         rate = complex(w.conj() @ hill.rate_times(G, dG, s, v))
         if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance, so none is near
             break
-        step, last = g / rate, steps[-1] / hill.omega
+        step, last_size = g / rate, steps[-1] / hill.omega
         s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
-        if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > MAX_STEP_RATIO * last):
+        if size <= 1e-14 or last_size <= 1e-11 or (last_size <= 1e-7 and size > MAX_STEP_RATIO * last_size):
             return _Pair(s, v, w, hill.adjoint_driven(hill.receptances(s)[0], w), rate)
-        if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last:
+        if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last_size:
             factors = None
-    raise NoConvergence("Newton's method did not converge to an exponent of Hill's determinant", X, here, steps[1:])
+    raise NoConvergence(
+        "Newton's method did not converge to an exponent of Hill's determinant", X, parameters, steps[1:]
+    )
 
 
 def _unit(v: ComplexArray) -> ComplexArray:

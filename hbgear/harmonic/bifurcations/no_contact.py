@@ -64,8 +64,8 @@ class FirstContact(GrazingEvent):
         problem: Any = segment.problem
         for point in (segment.a, segment.b):
             if "clearance" not in point.observed:
-                here = {**segment.parameters, segment.name: point.value}
-                point.observed.setdefault("clearance", problem.clearance(point.X, **here))
+                parameters = {**segment.parameters, segment.name: point.value}
+                point.observed.setdefault("clearance", problem.clearance(point.X, **parameters))
         return super().find(segment)
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:

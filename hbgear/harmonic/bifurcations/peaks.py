@@ -71,10 +71,10 @@ def peaks(
     >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
     ('PK1', True)
     """
-    tops = locate_peaks(branch, measure, element, share)
+    located = locate_peaks(branch, measure, element, share)
     if accuracy is not None:
-        tops = [(i, segment, estimate_error(segment, found, accuracy)) for i, segment, found in tops]
-    return tuple(_point(branch, i, number, found) for number, (i, _, found) in enumerate(tops, 1))
+        located = [(i, segment, estimate_error(segment, event, accuracy)) for i, segment, event in located]
+    return tuple(_point(branch, i, number, event) for number, (i, _, event) in enumerate(located, 1))
 
 
 def locate_peaks(
@@ -86,25 +86,25 @@ def locate_peaks(
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
-    tops = np.flatnonzero((A[:-2] <= A[1:-1]) & (A[1:-1] > A[2:]) & (A[1:-1] >= share * A.max())) + 1
+    maxima = np.flatnonzero((A[:-2] <= A[1:-1]) & (A[1:-1] > A[2:]) & (A[1:-1] >= share * A.max())) + 1
     event = AmplitudePeakEvent(measure, layout.index(element))
-    segments = [(i, _segment_around(branch, i)) for i in tops.tolist()]
+    segments = [(i, _segment_around(branch, i)) for i in maxima.tolist()]
     return [(i, segment, _peak_on_segment(segment, i, branch, event)) for i, segment in segments]
 
 
-def _point(branch: Branch, i: int, number: int, found: LocatedEvent) -> SpecialPoint:
+def _point(branch: Branch, i: int, number: int, event: LocatedEvent) -> SpecialPoint:
     """Return peak number ``number``, located near point i, with its monitored quantities."""
     problem, point = (
-        (found.sharp.problem, found.sharp.point) if found.sharp else (as_problem(branch.problem), found.point)
+        (event.sharp.problem, event.sharp.point) if event.sharp else (as_problem(branch.problem), event.point)
     )
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
     point.observed.update(
         problem.observe(point.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: point.value})
     )
-    known = point_fields(problem, branch.parameter, fixed, point)
+    fields = point_fields(problem, branch.parameter, fixed, point)
     interval = (float(branch.values[i - 1]), float(branch.values[i + 1]))
-    known["problem"] = branch.problem
-    return build_special_point(found, known, f"PK{number}", i, interval)
+    fields["problem"] = branch.problem
+    return build_special_point(event, fields, f"PK{number}", i, interval)
 
 
 def _peak_on_segment(segment: Segment, i: int, branch: Branch, event: AmplitudePeakEvent) -> LocatedEvent:
@@ -128,12 +128,12 @@ def _segment_around(branch: Branch, i: int) -> Segment:
     return Segment(problem, branch.parameter, fixed, a, b, scale, NewtonSettings())
 
 
-def _point_with_tangent(branch: Branch, i: int, scale: Array, along: Array) -> CurvePoint:
+def _point_with_tangent(branch: Branch, i: int, scale: Array, direction: Array) -> CurvePoint:
     """Return point i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
-    now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
-    return point_from_solution(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),
-                  normal_of(along, scale), scale)  # fmt: skip
+    evaluation = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
+    return point_from_solution(Solution(X, value, evaluation, int(branch.iterations[i]), float(branch.residual[i])),
+                  normal_of(direction, scale), scale)  # fmt: skip
 
 
 # ---- events
@@ -179,9 +179,9 @@ class AmplitudePeakEvent(Event):
         s = np.linspace(0.0, 1.0, AMPLITUDE_SAMPLES)
         A = self._amplitude(segment, segment.guess(s[:, None])[:, :-1])
         i = min(max(int(np.argmax(A)), 1), AMPLITUDE_SAMPLES - 2)
-        before, here, after = A[i - 1 : i + 2].tolist()
-        bend = before - 2 * here + after
-        return float(s[i] + (0.5 * (before - after) / bend * s[1] if bend < 0 else 0.0))
+        before, value, after = A[i - 1 : i + 2].tolist()
+        curvature = before - 2 * value + after
+        return float(s[i] + (0.5 * (before - after) / curvature * s[1] if curvature < 0 else 0.0))
 
     def _refine(self, segment: Segment, s: float) -> CurvePoint | None:
         """Return the peak by Newton's method from a fraction of the segment, if it stays on the segment."""

@@ -70,30 +70,30 @@ class PeriodDoublingProblem(FoldProblem):
         out[self.even] = X
         return out
 
-    def null_vector(self, X: Array, **here: float) -> Array:
+    def null_vector(self, X: Array, **parameters: float) -> Array:
         """Return the doubling disturbance at or near a period doubling, a unit vector with twice the period."""
-        A, _ = self.matrix(X, here)
+        A, _ = self.matrix(X, parameters)
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
 
-    def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
+    def matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Array, float]:
         """Return the half-integer block, and the size of the terms of R."""
-        now = linearise(self.doubled, self.embed(X), "", here)
-        return now.dR_dX[np.ix_(self.odd, self.odd)], now.size
+        evaluation = linearise(self.doubled, self.embed(X), "", parameters)
+        return evaluation.dR_dX[np.ix_(self.odd, self.odd)], evaluation.size
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
-        now = linearise(self.problem, X, self.parameter, here)
-        wide, direction = self.embed(X), np.zeros(self.doubled.size)
-        v, w, g = null_vectors(self.matrix(X, here)[0], base.b, base.c)
+        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        embedded, direction = self.embed(X), np.zeros(self.doubled.size)
+        v, w, g = null_vectors(self.matrix(X, parameters)[0], base.b, base.c)
         k = base.weight
         direction[self.odd] = v
         odd, even = self.odd, self.even
-        along, across = self.doubled.curvature(wide, direction, self.parameter, **here)
-        changes = (parameter_derivative_and_jacobian(self.doubled, wide, here, name) for name in names)
+        dJ_v, dJ_p = self.doubled.curvature(embedded, direction, self.parameter, **parameters)
+        changes = (parameter_derivative_and_jacobian(self.doubled, embedded, parameters, name) for name in names)
         return AugmentedResidual(
-            now, k * g, -k * (w @ along[np.ix_(odd, even)]), -k * float(w @ across[np.ix_(odd, odd)] @ v),
+            evaluation, k * g, -k * (w @ dJ_v[np.ix_(odd, even)]), -k * float(w @ dJ_p[np.ix_(odd, odd)] @ v),
             tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
         )  # fmt: skip

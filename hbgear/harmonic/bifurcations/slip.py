@@ -40,14 +40,14 @@ class SlipProblem(ThresholdProblem):
         out: tuple[str, ...] = problem.slider_names
         return out
 
-    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return the margin of a slider and its derivative; see `ThresholdProblem.threshold`."""
-        out: tuple[float, Array] = self.problem.slip_threshold(X, which, **here)
+        out: tuple[float, Array] = self.problem.slip_threshold(X, number, **parameters)
         return out
 
-    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the margins of all sliders."""
-        out: Array = self.problem.slip_margins(X, **here)
+        out: Array = self.problem.slip_margins(X, **parameters)
         return out
 
 
@@ -64,7 +64,7 @@ class SlipEvent(ThresholdEvent):
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate the zeros of the margins."""
         located: list[LocatedEvent] = []
-        for event in self.passed(segment):
-            if not any(abs(event.s - other.s) < SAME_SLIP_FRACTION for other in located):
+        for event in self.zeros(segment):
+            if not any(abs(event.s - earlier.s) < SAME_SLIP_FRACTION for earlier in located):
                 located.append(event)
         return located

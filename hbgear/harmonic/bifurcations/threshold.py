@@ -78,11 +78,11 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         """Return the meaning of each threshold of a problem in words."""
 
     @abstractmethod
-    def threshold(self, X: Array, which: int, here: Mapping[str, float]) -> tuple[float, Array]:
+    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return the distance g of a motion from a threshold, and its derivative in the elements, rows (m, 2K - 1)."""
 
     @abstractmethod
-    def distances(self, X: Array, here: Mapping[str, float]) -> Array:
+    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the distances of a motion from all thresholds."""
 
     def following(self, rows: Array, slope: Array) -> Array:
@@ -104,49 +104,51 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         """
         return np.where(np.any(slope, axis=1, keepdims=True), rows, 0.0)[None]
 
-    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
+    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", parameters).size / (1.0 + norm(X)))
 
-    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        now, k = linearise(self.problem, X, self.parameter, here), base.weight
-        g, rows = self.threshold(X, self.which, here)
-        changes = (self._parameter_derivatives(X, here, name, now.dR_dX) for name in names)
+        evaluation, k = linearise(self.problem, X, self.parameter, parameters), base.weight
+        g, rows = self.threshold(X, self.which, parameters)
+        changes = (self._parameter_derivatives(X, parameters, name, evaluation.dR_dX) for name in names)
         derivatives = tuple((dR, k * dg) for dR, dg in changes)
         slope = _padded(rows, len(X))
-        moved = self._threshold_derivative(X, here, self.parameter, self.which)
-        return AugmentedResidual(now, k * g, k * slope, k * moved, derivatives)
+        derivative = self._threshold_derivative(X, parameters, self.parameter, self.which)
+        return AugmentedResidual(evaluation, k * g, k * slope, k * derivative, derivatives)
 
-    def _parameter_derivatives(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
+    def _parameter_derivatives(
+        self, X: Array, parameters: dict[str, float], name: str, J: Array
+    ) -> tuple[Array, float]:
         """Return the derivatives of R and of the distance in a parameter.
 
         Where the threshold moves away from a motion that has reached it, contact of the duration sqrt(h) begins or
         ends, or slip of the size h, and finite differences are wrong. The motion is therefore moved by X_a so that it
         stays at all thresholds that it has reached: R_a = dR/da - J X_a.
         """
-        dg = self._threshold_derivative(X, here, name, self.which)
+        dg = self._threshold_derivative(X, parameters, name, self.which)
         if not dg:
-            return linearise(self.problem, X, name, here).dR_dp, dg
-        X_a = self._change_along_thresholds(X, here, name, dg)
-        value = here[name]
+            return linearise(self.problem, X, name, parameters).dR_dp, dg
+        X_a = self._change_along_thresholds(X, parameters, name, dg)
+        value = parameters[name]
         (dR,) = parameter_derivatives(
-            self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
+            self.problem, name, parameters, lambda p: (self.problem.evaluate(X + (p[name] - value) * X_a, **p)[0],)
         )
         return dR - J @ X_a, dg
 
-    def _change_along_thresholds(self, X: Array, here: dict[str, float], name: str, dg: float) -> Array:
+    def _change_along_thresholds(self, X: Array, parameters: dict[str, float], name: str, dg: float) -> Array:
         """Return the change of a motion over a parameter by which it stays at all thresholds that it has reached.
 
         ``dg`` is the derivative of the own distance in the parameter.
         """
-        reached = np.flatnonzero(np.abs(self.distances(X, here)) < SIMULTANEOUS_THRESHOLD * (1.0 + norm(X)))
-        others = [i for i in reached.tolist() if i != self.which]
-        slopes = np.array([self.threshold(X, i, here)[1] for i in (self.which, *others)])
+        reached = np.flatnonzero(np.abs(self.distances(X, parameters)) < SIMULTANEOUS_THRESHOLD * (1.0 + norm(X)))
+        simultaneous = [i for i in reached.tolist() if i != self.which]
+        slopes = np.array([self.threshold(X, i, parameters)[1] for i in (self.which, *simultaneous)])
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
         directions = np.concatenate([self.following(rows, slope) for slope in slopes])
-        moves = np.array([dg, *(self._threshold_derivative(X, here, name, i) for i in others)])
-        shares = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -moves)[0]
-        return _padded(np.tensordot(shares, directions, 1), len(X))
+        derivatives = np.array([dg, *(self._threshold_derivative(X, parameters, name, i) for i in simultaneous)])
+        factors = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -derivatives)[0]
+        return _padded(np.tensordot(factors, directions, 1), len(X))
 
     def direction(self, U: Array, **parameters: float) -> int:
         """Return the direction of a sweep that reaches a corner at which the curve turns back.
@@ -165,18 +167,20 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         int
             +1 if solutions exist below the corner only, -1 if above; see `FoldProblem.direction`.
         """
-        X, own = self.solution_of(U)
-        here = {**parameters, **own}
-        rows = self.threshold(X, self.which, here)[1]
+        X, tracked = self.solution_of(U)
+        values = {**parameters, **tracked}
+        rows = self.threshold(X, self.which, values)[1]
         slope = _padded(rows, len(X))
-        now = linearise(self.problem, X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, here)
-        return 1 if float(slope @ solve_linear(now.dR_dX, now.dR_dp)) > 0 else -1
+        evaluation = linearise(self.problem, X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, values)
+        return 1 if float(slope @ solve_linear(evaluation.dR_dX, evaluation.dR_dp)) > 0 else -1
 
-    def _threshold_derivative(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
+    def _threshold_derivative(self, X: Array, parameters: dict[str, float], name: str, number: int) -> float:
         """Return the derivative of a distance in a parameter that moves the threshold."""
         if name == self.problem.usual_parameter:  # of the motion, not of the model
             return 0.0
-        (derivative,) = parameter_derivatives(self.problem, name, here, lambda at: (self.threshold(X, which, at)[0],))
+        (derivative,) = parameter_derivatives(
+            self.problem, name, parameters, lambda p: (self.threshold(X, number, p)[0],)
+        )
         return float(derivative)
 
 
@@ -201,11 +205,11 @@ class ThresholdEvent(Event):
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
     ) -> Array:
         """Return the distances from the thresholds at points, nan where they are unknown."""
-        found = [monitored_values(points, kind.quantity) for kind in self.problems]
-        known = [values for values in found if values is not None]
-        return np.concatenate(known, axis=1) if known else np.zeros((len(points), 0))
+        monitored = [monitored_values(points, kind.quantity) for kind in self.problems]
+        distances = [values for values in monitored if values is not None]
+        return np.concatenate(distances, axis=1) if distances else np.zeros((len(points), 0))
 
-    def passed(self, segment: Segment) -> Iterator[LocatedEvent]:
+    def zeros(self, segment: Segment) -> Iterator[LocatedEvent]:
         """Locate the zeros of all distances on a segment."""
         for kind in self.problems:
             distances = monitored_values((segment.a, segment.b), kind.quantity)
@@ -220,10 +224,10 @@ class ThresholdEvent(Event):
         note = equations.names(segment.problem)[equations.which]
 
         def test(point: CurvePoint) -> float:
-            known = point.observed.get(equations.quantity)
-            if known is None:
-                known = equations.distances(point.X, {**segment.parameters, segment.name: point.value})
-            return float(known[equations.which])
+            distances = point.observed.get(equations.quantity)
+            if distances is None:
+                distances = equations.distances(point.X, {**segment.parameters, segment.name: point.value})
+            return float(distances[equations.which])
 
         with suppress(NoConvergence, np.linalg.LinAlgError):
             return locate_by_newton(segment, self, equations, s, note)
