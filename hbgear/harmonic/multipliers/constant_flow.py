@@ -68,10 +68,10 @@ def flow_workspace(g: int, q: int, columns: int) -> Any:
 
 
 @kernel
-def fill_flow(modes: Any, D: Any, pull: Any, h: float, flow: Any) -> None:
-    """Compute the flow over a time h with modulations D (g,) and constant forces pull (g, r) of the ports."""
+def fill_flow(modes: Any, D: Any, forces: Any, h: float, flow: Any) -> None:
+    """Compute the flow over a time h with modulations D (g,) and constant ``forces`` (g, r) of the ports."""
     g, q, ports, F, b = D.shape[0], modes.poles.shape[0], flow.ports, flow.F, flow.b
-    _solve_ports(modes, D, pull, ports)
+    _solve_ports(modes, D, forces, ports)
     _set_diagonal(0.0, F)
     _set_diagonal(0.0, b)
     for k in range(q):
@@ -91,16 +91,16 @@ def fill_flow(modes: Any, D: Any, pull: Any, h: float, flow: Any) -> None:
 
 
 @kernel
-def _solve_ports(modes: Any, D: Any, pull: Any, ports: Any) -> None:
-    """Fill [1 + D rest, D output, -pull] of the equations of the ports and solve them; modes are real numbers."""
+def _solve_ports(modes: Any, D: Any, forces: Any, ports: Any) -> None:
+    """Fill [1 + D rest, D output, -forces] of the equations of the ports and solve them; modes are real numbers."""
     g, q = D.shape[0], modes.poles.shape[0]
     for p in range(g):
         for e in range(g):
             ports[p, e] = D[p] * modes.rest[p, e] + (1.0 if p == e else 0.0)
         for k in range(q):
             ports[p, g + k], ports[p, g + q + k] = D[p] * modes.output[p, k].real, -D[p] * modes.output[p, k].imag
-        for n in range(pull.shape[1]):
-            ports[p, g + 2 * q + n] = -pull[p, n]
+        for n in range(forces.shape[1]):
+            ports[p, g + 2 * q + n] = -forces[p, n]
     solve_in_place(ports)
 
 
@@ -161,10 +161,10 @@ def apply_flow(flow: Any, state: Any) -> None:
 
 
 @kernel
-def fill_displacements(modes: Any, D: Any, state: Any, pull: Any, flow: Any) -> None:
+def fill_displacements(modes: Any, D: Any, state: Any, forces: Any, flow: Any) -> None:
     """Compute the displacements output z - rest u of the ports in a state (2q, r) with modulations D (g,)."""
     g, q, ports, d = D.shape[0], modes.poles.shape[0], flow.ports, flow.displacements
-    _solve_ports(modes, D, pull, ports)
+    _solve_ports(modes, D, forces, ports)
     for p in range(g):
         for k in range(2 * q):
             for n in range(d.shape[1]):

@@ -187,11 +187,11 @@ def floquet_multipliers(
     """
     structure = compiled.structure
     if structure.spins:
-        each = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, width=width)[0]
+        sets = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, width=width)[0]
                 for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())]  # fmt: skip
-        mu = np.zeros((len(each), max(map(len, each), default=0)), dtype=complex)  # a mode may come to rest at a speed
-        for target, single in zip(mu, each, strict=True):
-            target[: len(single)] = single
+        mu = np.zeros((len(sets), max(map(len, sets), default=0)), dtype=complex)  # a mode may come to rest at a speed
+        for target, values in zip(mu, sets, strict=True):
+            target[: len(values)] = values
         return mu
     check_modes(structure)
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
@@ -219,19 +219,19 @@ def is_reduced(compiled: Evaluator) -> bool:
 
 
 def _reduced_multipliers(
-    compiled: Evaluator, X: Array, Omega: Array, times: float, points: int | None = None, width: float | None = None
+    compiled: Evaluator, X: Array, Omega: Array, factor: float, points: int | None = None, width: float | None = None
 ) -> ComplexArray:
-    """Return `floquet_multipliers` with modes retained up to ``times`` the usual frequency."""
+    """Return `floquet_multipliers` with modes retained up to ``factor`` the usual frequency."""
     reach, largest = _retained_frequency(compiled, X, Omega)
-    levels = np.ceil(RETAINED_LEVELS_PER_OCTAVE * np.log2(times * reach)).astype(int)
-    soft = (largest * compiled.flexibility_above(2.0 ** (levels / RETAINED_LEVELS_PER_OCTAVE))).sum(
+    levels = np.ceil(RETAINED_LEVELS_PER_OCTAVE * np.log2(factor * reach)).astype(int)
+    flexible = (largest * compiled.flexibility_above(2.0 ** (levels / RETAINED_LEVELS_PER_OCTAVE))).sum(
         axis=1
     ) > LUMPING_FLEXIBILITY
     mu = np.empty((len(X), LISTED_MULTIPLIERS), dtype=complex)
-    for level, lumped in {*zip(levels.tolist(), soft.tolist(), strict=True)}:
-        rows = np.flatnonzero((levels == level) & (soft == lumped))
-        parts = compiled.parts(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
-        mu[rows] = _multipliers_of_blocks(compiled, parts, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
+    for level, lumped in {*zip(levels.tolist(), flexible.tolist(), strict=True)}:
+        rows = np.flatnonzero((levels == level) & (flexible == lumped))
+        blocks = compiled.parts(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
+        mu[rows] = _multipliers_of_blocks(compiled, blocks, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
     return mu
 
 
@@ -242,35 +242,35 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     harmonics of all orders. A single mode in the place of the truncated ones would then respond at its own frequency,
     so the stiffness is returned as zero and no such mode is used.
     """
-    most: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
+    limit: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
     if compiled.aft_laws or compiled.damped or compiled.sliders:
-        return most, np.zeros((len(X), compiled.m))
+        return limit, np.zeros((len(X), compiled.m))
     from hbgear.harmonic.multipliers import monodromy_kernels
 
     stiffness = np.zeros((len(X), compiled.m, STIFFNESS_SAMPLES * compiled.nu))
     monodromy_kernels.slopes(compiled.packed_of(X), X, stiffness)
     largest = np.abs(stiffness).max(axis=2)
     size = np.abs(np.fft.rfft(stiffness)).max(axis=1)
-    matters = size > SIGNIFICANT_STIFFNESS_RATIO * size.max(axis=1, keepdims=True)
-    last = (size.shape[1] - 1 - np.argmax(matters[:, ::-1], axis=1)) / compiled.nu
+    significant = size > SIGNIFICANT_STIFFNESS_RATIO * size.max(axis=1, keepdims=True)
+    last = (size.shape[1] - 1 - np.argmax(significant[:, ::-1], axis=1)) / compiled.nu
     ends = last < STIFFNESS_SAMPLES // 2 - 1
     needed = np.where(ends, np.maximum(MIN_RETAINED_FREQUENCY_RATIO, last + RETAINED_ORDER_MARGIN) * Omega, np.inf)
-    return np.minimum(needed, most), np.where(ends[:, None], largest, 0.0)
+    return np.minimum(needed, limit), np.where(ends[:, None], largest, 0.0)
 
 
 def reduction(compiled: Evaluator, X: Array, Omega: Array) -> dict[str, float]:
     """Return the largest number of retained modes, and the change of leading multipliers with twice their frequency."""
     modes = compiled.structure.modes
     assert modes is not None
-    mu, more = (_reduced_multipliers(compiled, X, Omega, times) for times in (1.0, 2.0))
-    moved = np.abs(more - mu[:, :1]).min(axis=1).max()
+    mu, finer = (_reduced_multipliers(compiled, X, Omega, factor) for factor in (1.0, 2.0))
+    change = np.abs(finer - mu[:, :1]).min(axis=1).max()
     count = int(np.count_nonzero(np.abs(modes.poles) <= _retained_frequency(compiled, X, Omega)[0].max())) // 2
-    return {"modes": count, "of": len(modes.poles) // 2, "error": float(moved)}
+    return {"modes": count, "of": len(modes.poles) // 2, "error": float(change)}
 
 
 def _multipliers_of_blocks(
     compiled: Evaluator,
-    parts: ModalBlocks,
+    blocks: ModalBlocks,
     X: Array,
     Omega: Array,
     points: int | None,
@@ -279,18 +279,18 @@ def _multipliers_of_blocks(
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
     coupled = compiled.sliders or compiled.vectors  # their elements may belong to different blocks
-    divisible = len(parts.split) > 1 and not coupled
-    alike = _move_identically(compiled, parts, X) if divisible else np.zeros(len(X), dtype=bool)
-    idle = parts.idle[:listed]
-    mu = np.empty((len(X), len(idle) + parts.whole.size + compiled.sliders), dtype=complex)
+    divisible = len(blocks.split) > 1 and not coupled
+    identical = _move_identically(compiled, blocks, X) if divisible else np.zeros(len(X), dtype=bool)
+    idle = blocks.idle[:listed]
+    mu = np.empty((len(X), len(idle) + blocks.whole.size + compiled.sliders), dtype=complex)
     mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
-    for some, each in ((alike, parts.split), (~alike, (parts.whole,))):
-        if some.any():
-            at = len(idle)
-            for part in each:
-                matrices = monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
-                mu[some, at : at + matrices.shape[1]] = _eigenvalues(matrices)
-                at += part.size
+    for motions, chosen in ((identical, blocks.split), (~identical, (blocks.whole,))):
+        if motions.any():
+            column = len(idle)
+            for block in chosen:
+                matrices = monodromies(compiled, block, blocks.mobility, X[motions], Omega[motions], points, width)
+                mu[motions, column : column + matrices.shape[1]] = _eigenvalues(matrices)
+                column += block.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
 
 
@@ -310,30 +310,30 @@ def _eigenvalues(A: Array) -> ComplexArray:
     scale = np.where(size > SCALING_THRESHOLD, size, 1.0)
     scaled = A / scale[:, None, None] if (scale > 1.0).any() else A
     mu = _eigenvalues_2x2(scaled) if A.shape[1] == 2 else np.linalg.eigvals(scaled)
-    least = EIGENVALUE_ROUNDING * A.shape[1] * size / scale
-    found: ComplexArray = np.where(np.abs(mu) > least[:, None], mu, 0.0) * scale[:, None]
-    return found
+    smallest = EIGENVALUE_ROUNDING * A.shape[1] * size / scale
+    out: ComplexArray = np.where(np.abs(mu) > smallest[:, None], mu, 0.0) * scale[:, None]
+    return out
 
 
 def _eigenvalues_2x2(A: Array) -> ComplexArray:
     """Return the eigenvalues (P, 2) of real matrices (P, 2, 2) by the quadratic formula."""
-    mean, half = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
-    root = np.sqrt(half * half + A[:, 0, 1] * A[:, 1, 0] + 0j)
-    both: ComplexArray = mean[:, None] + root[:, None] * [1.0, -1.0]
-    return both
+    mean, half_difference = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
+    root = np.sqrt(half_difference * half_difference + A[:, 0, 1] * A[:, 1, 0] + 0j)
+    out: ComplexArray = mean[:, None] + root[:, None] * [1.0, -1.0]
+    return out
 
 
-def _move_identically(compiled: Evaluator, parts: ModalBlocks, X: Array) -> np.ndarray:
+def _move_identically(compiled: Evaluator, blocks: ModalBlocks, X: Array) -> np.ndarray:
     """Return whether identical elements move identically in each motion (P,)."""
     rows = X.reshape(len(X), compiled.m, -1)
-    difference = np.abs(rows - rows[:, parts.groups]).max(axis=(1, 2))
+    difference = np.abs(rows - rows[:, blocks.groups]).max(axis=(1, 2))
     identical: np.ndarray = difference <= IDENTICAL_MOTION_TOLERANCE * np.abs(rows).max(axis=(1, 2))
     return identical
 
 
 def monodromies(
     compiled: Evaluator,
-    part: ModalBlock,
+    block: ModalBlock,
     mobility: Array,
     X: Array,
     Omega: Array,
@@ -346,23 +346,23 @@ def monodromies(
     """
     from hbgear.harmonic.multipliers import monodromy_kernels
 
-    out = np.empty((len(X), part.size + compiled.sliders, part.size + compiled.sliders))
+    out = np.empty((len(X), block.size + compiled.sliders, block.size + compiled.sliders))
     short = points or 6
     long = LONG_PERIOD_RADIANS if points is None else np.inf
-    usual = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
-    schemes = (_scheme(short, width or short / 5.0), _scheme(10, width or usual), long, _MIDPOINT)
+    ten_point_step = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
+    schemes = (_scheme(short, width or short / 5.0), _scheme(10, width or ten_point_step), long, _MIDPOINT)
     resolve = points is None and width is None
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         packed = compiled.packed_of(X)
         constant = np.bool_(resolve and _has_constant_segments(packed))
         count = monodromy_kernels.monodromies(
-            packed, part.modes, X, Omega, mobility, schemes, np.bool_(resolve), constant, MAX_STEP_OVER_PERIOD,
+            packed, block.modes, X, Omega, mobility, schemes, np.bool_(resolve), constant, MAX_STEP_OVER_PERIOD,
             float(MAX_STEPS_PER_PERIOD), out,
         )  # fmt: skip
         _check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
-        _monodromy_with_python_laws(compiled, part, mobility, motion, frequency, schemes, resolve, matrix)
+        _monodromy_with_python_laws(compiled, block, mobility, motion, frequency, schemes, resolve, matrix)
     return out
 
 
@@ -392,15 +392,15 @@ def _check_steps(count: float) -> None:
 
 
 def _monodromy_with_python_laws(
-    compiled: Evaluator, part: ModalBlock, mobility: Array, X: Array, Omega: float, schemes: Any, resolve: bool,
+    compiled: Evaluator, block: ModalBlock, mobility: Array, X: Array, Omega: float, schemes: Any, resolve: bool,
     out: Array,
 ) -> None:  # fmt: skip
     """Compute the monodromy matrix of one motion of a model with Python laws, whose slopes are evaluated here."""
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
     from hbgear.harmonic.multipliers import monodromy_kernels
 
-    part = _with_coupled_ports(part, compiled)
-    packed, nu, ports = compiled.packed_of(X), compiled.nu, part.modes.ports
+    block = _with_coupled_ports(block, compiled)
+    packed, nu, ports = compiled.packed_of(X), compiled.nu, block.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     space, coarse = (
         projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0),
@@ -410,25 +410,25 @@ def _monodromy_with_python_laws(
     for elements, slopes in vector_slopes_at(compiled, rows, omega, coarse[0]):
         largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
-    known = monodromy_kernels.steps_per_segment(packed, rows, mobility, coarse, space.waves, *buffers)
-    which, longest = monodromy_kernels.step_of(
-        max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, part.modes,
+    rate = monodromy_kernels.modulation_rate(packed, rows, mobility, coarse, space.waves, *buffers)
+    scheme, longest = monodromy_kernels.step_of(
+        max(rate, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, block.modes,
         mobility, float(MAX_STEPS_PER_PERIOD),
     )  # fmt: skip
-    x, L, _, turn = schemes[which]
+    x, L, _, turn = schemes[scheme]
     if resolve:
         order = monodromy_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
         longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
-    longest = monodromy_kernels.limit_step_by_growth(longest, omega, part.modes.poles)
+    longest = monodromy_kernels.limit_step_by_growth(longest, omega, block.modes.poles)
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
     count, steps = monodromy_kernels.partition_period(packed, rows, longest, space, theta, segments)
     segments, jumps = _with_contact_ends(compiled, rows, omega, longest, segments[:count])
     if resolve:
-        segments, begins = resolved_steps(compiled, rows, omega, mobility, segments, len(x))
-        jumps = {begins[i]: impulses for i, impulses in jumps.items()}
+        segments, first_segments = resolved_steps(compiled, rows, omega, mobility, segments, len(x))
+        jumps = {first_segments[i]: impulses for i, impulses in jumps.items()}
     count, steps = len(segments), int(segments[:, 2].sum())
-    work = monodromy_kernels.monodromy_workspace(part.modes, len(out), len(x), steps, 2, compiled.sliders)
+    work = monodromy_kernels.monodromy_workspace(block.modes, len(out), len(x), steps, 2, compiled.sliders)
     monodromy_kernels.fill_stiffness_modulation(packed, rows, ports, segments, count, x, space, work)
     points = work.phases[0, : steps * len(x)]
     dd, dv = slopes_at(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
@@ -439,36 +439,36 @@ def _monodromy_with_python_laws(
     constant = np.bool_(False)
     if not jumps:
         monodromy_kernels.monodromy(
-            packed.sliders, space.slides, part.modes, segments, count, omega, x, L, constant, work, out
+            packed.sliders, space.slides, block.modes, segments, count, omega, x, L, constant, work, out
         )
         return
     D, first = work.D, np.concatenate([[0], np.cumsum(segments[:, 2])]).astype(int)
     product, flow = np.eye(len(out)), np.empty_like(out)
     for i in range(count):
         for j, impulse in jumps.get(i, ()):
-            product = _saltation(part, j, impulse, len(out)) @ product
-        piece = work._replace(D=np.ascontiguousarray(D[:, first[i] : first[i + 1]]))
-        one = segments[i : i + 1]
+            product = _saltation(block, j, impulse, len(out)) @ product
+        segment_work = work._replace(D=np.ascontiguousarray(D[:, first[i] : first[i + 1]]))
+        segment = segments[i : i + 1]
         monodromy_kernels.monodromy(
-            packed.sliders, space.slides, part.modes, one, 1, omega, x, L, constant, piece, flow
+            packed.sliders, space.slides, block.modes, segment, 1, omega, x, L, constant, segment_work, flow
         )
         product = flow @ product
     out[:] = product
 
 
-def _with_coupled_ports(part: ModalBlock, compiled: Evaluator) -> ModalBlock:
+def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
     """Return a block with one more port for each pair of coupled elements: displacement of one, force of the other."""
     pairs = _coupled_pairs(compiled)
     if not len(pairs):
-        return part
-    modes, g = part.modes, len(part.modes.ports)
-    force, seen = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
-    wider = SymmetricPair(
-        modes.poles, np.ascontiguousarray(modes.output[seen]), np.ascontiguousarray(modes.input[:, force]),
+        return block
+    modes, g = block.modes, len(block.modes.ports)
+    force, displacement = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
+    extended = SymmetricPair(
+        modes.poles, np.ascontiguousarray(modes.output[displacement]), np.ascontiguousarray(modes.input[:, force]),
         np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
-        np.ascontiguousarray(modes.rest[np.ix_(seen, force)]),
+        np.ascontiguousarray(modes.rest[np.ix_(displacement, force)]),
     )  # fmt: skip
-    return ModalBlock(wider, part.size)
+    return ModalBlock(extended, block.size)
 
 
 def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
@@ -485,11 +485,11 @@ def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, the
     """Add the slopes of vector laws to the modulations D (2, steps, s, g) of `_with_coupled_ports`."""
     g = compiled.m
     D[..., g:] = 0.0
-    at = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
+    ports = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
     for elements, slopes in vector_slopes_at(compiled, rows, omega, theta):
         for a, i in enumerate(elements.tolist()):
             for b, j in enumerate(elements.tolist()):
-                D[..., i if i == j else at[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
+                D[..., i if i == j else ports[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
 
 
 def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Array) -> None:
@@ -499,18 +499,18 @@ def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Arra
         return
     for i in np.flatnonzero(sliders.normal >= 0).tolist():
         begin = slides.begin[i, : slides.number[i]]
-        now = np.searchsorted(begin, begin[0] + np.mod(theta - begin[0], 2 * np.pi), side="right") - 1
-        kind = slides.kind[i, now]
-        slope = np.where(np.abs(kind) == 1, kind * sliders.gain[i, slides.zone[i, now]], 0.0)
-        at = compiled.m + pairs.index([int(sliders.element[i]), int(sliders.normal[i])])
-        D[0, ..., at] += slope.reshape(D.shape[1:3])
+        interval = np.searchsorted(begin, begin[0] + np.mod(theta - begin[0], 2 * np.pi), side="right") - 1
+        kind = slides.kind[i, interval]
+        slope = np.where(np.abs(kind) == 1, kind * sliders.gain[i, slides.zone[i, interval]], 0.0)
+        port = compiled.m + pairs.index([int(sliders.element[i]), int(sliders.normal[i])])
+        D[0, ..., port] += slope.reshape(D.shape[1:3])
 
 
 def _edge_phases(compiled: Evaluator, rows: Array) -> Array:
     """Return the phases at which derivatives of vector laws jump."""
     grid = np.linspace(0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1), endpoint=False)
-    found = [edge_crossings(law, rows[elements], evaluate(rows[elements], grid)) for elements, law in compiled.vectors]
-    return np.concatenate([np.zeros(0), *found])
+    phases = [edge_crossings(law, rows[elements], evaluate(rows[elements], grid)) for elements, law in compiled.vectors]
+    return np.concatenate([np.zeros(0), *phases])
 
 
 def _with_contact_ends(
@@ -527,8 +527,8 @@ def _with_contact_ends(
     """
     from hbgear.harmonic.forces.damped_contacts import intervals
 
-    found = [(j, contact.c, intervals(contact, rows[j], omega)) for j, law in compiled.damped for contact in law.damped]
-    phases = np.concatenate([_edge_phases(compiled, rows), *(one.ends.ravel() for _, _, one in found)])
+    contacts = [(j, damper.c, intervals(damper, rows[j], omega)) for j, law in compiled.damped for damper in law.damped]
+    phases = np.concatenate([_edge_phases(compiled, rows), *(closed.ends.ravel() for _, _, closed in contacts)])
     start = segments[0, 0]
     begins = start + np.mod(np.concatenate([segments[:, 0], phases]) - start, 2 * np.pi)
     begins = np.unique(np.append(begins, start))
@@ -538,19 +538,19 @@ def _with_contact_ends(
     width = np.diff(np.append(begins, start + 2 * np.pi))
     steps = np.maximum(1.0, np.ceil(width / longest - 1e-9))
     jumps: dict[int, list[tuple[int, float]]] = {}
-    for j, c, one in found:
-        for at, sign in zip(one.jumps, one.signs, strict=True):
-            distance = np.abs(np.mod(begins - at + np.pi, 2 * np.pi) - np.pi)
+    for j, c, closed in contacts:
+        for phase, sign in zip(closed.jumps, closed.signs, strict=True):
+            distance = np.abs(np.mod(begins - phase + np.pi, 2 * np.pi) - np.pi)
             jumps.setdefault(int(np.argmin(distance)), []).append((j, float(sign * c)))
     return np.column_stack([begins, width / steps, steps]), jumps
 
 
-def _saltation(part: ModalBlock, j: int, impulse: float, size: int) -> Array:
+def _saltation(block: ModalBlock, j: int, impulse: float, size: int) -> Array:
     """Return the matrix (size, size) of an impulse at element j, proportional to its displacement."""
-    modes, out = part.modes, np.eye(size)
-    r = part.size
+    modes, out = block.modes, np.eye(size)
+    r = block.size
     for p in np.flatnonzero(modes.ports == j):
-        push = np.concatenate([modes.input[:, p].real, modes.input[:, p].imag])[:r]
-        shown = np.concatenate([modes.output[p].real, -modes.output[p].imag])[:r]
-        out[:r, :r] -= impulse * np.outer(push, shown)
+        excitation = np.concatenate([modes.input[:, p].real, modes.input[:, p].imag])[:r]
+        observation = np.concatenate([modes.output[p].real, -modes.output[p].imag])[:r]
+        out[:r, :r] -= impulse * np.outer(excitation, observation)
     return out

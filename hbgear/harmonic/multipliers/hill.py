@@ -54,8 +54,8 @@ def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArra
         )
     k, K = np.arange(-H, H + 1), _two_sided(slopes(compiled, X))
     matrix = -np.einsum("rj,jkl,js->krls", modes.input, K, modes.output)
-    at = np.arange(r)
-    matrix[np.arange(2 * H + 1)[:, None], at, np.arange(2 * H + 1)[:, None], at] += (
+    diagonal = np.arange(r)
+    matrix[np.arange(2 * H + 1)[:, None], diagonal, np.arange(2 * H + 1)[:, None], diagonal] += (
         modes.poles - 1j * (Omega / compiled.nu) * k[:, None]
     )
     s, V = np.linalg.eig(matrix.reshape(r * (2 * H + 1), -1))
@@ -81,9 +81,9 @@ def _central_copies(s: ComplexArray, V: ComplexArray, omega: float) -> list[int]
     chosen = list[int]()
     for i in np.argsort(k**2 @ weight / weight.sum(axis=0), kind="stable").tolist():
         turns = ((s[i] - s[chosen]) / (1j * omega)).round().real.astype(int)
-        near = np.abs(s[i] - s[chosen] - 1j * omega * turns) < COPY_TOLERANCE * omega
+        shifted = np.abs(s[i] - s[chosen] - 1j * omega * turns) < COPY_TOLERANCE * omega
         if not any(
-            _are_copies(V[..., i], V[..., chosen[j]], int(turns[j])) for j in np.flatnonzero(near & (turns != 0))
+            _are_copies(V[..., i], V[..., chosen[j]], int(turns[j])) for j in np.flatnonzero(shifted & (turns != 0))
         ):
             chosen.append(i)
         if len(chosen) == V.shape[1]:
@@ -108,8 +108,8 @@ def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
     from hbgear.harmonic.forces.projection_kernels import projected
 
     X = compiled.spread(X)
-    kappa, _, more = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
-    out: ComplexArray = kappa + more
+    kappa, _, sampled = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
+    out: ComplexArray = kappa + sampled
     out[:, 0] -= compiled.packed.linear.springs[0]
     return out
 
@@ -226,9 +226,9 @@ class CondensedHillMatrix:
 
     def adjoint_times(self, G: ComplexArray, s: complex, w: ComplexArray) -> ComplexArray:
         """Return D^H w."""
-        moved = self.adjoint_driven(G, w).reshape(-1, self.m).T
-        back = [S.conj().T @ column for S, column in zip(self.slopes(s), moved, strict=True)]
-        out: ComplexArray = w + np.stack(back, axis=1).ravel()
+        driven = self.adjoint_driven(G, w).reshape(-1, self.m).T
+        columns = [S.conj().T @ column for S, column in zip(self.slopes(s), driven, strict=True)]
+        out: ComplexArray = w + np.stack(columns, axis=1).ravel()
         return out
 
     def adjoint_driven(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:

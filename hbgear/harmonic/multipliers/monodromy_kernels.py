@@ -68,9 +68,9 @@ class MonodromyWorkspace(NamedTuple):
         Output of the modes at one port.
     A, R, B : ndarray, shapes (orders, s g, s g), (orders, s g, 2q) and (2q, s g)
         Matrices of a step, see `_fill_step_matrices`.
-    M, shown, u : ndarray, shapes (s g, s g + r), (s g, 2q) and (s g, r)
+    M, DR, u : ndarray, shapes (s g, s g + r), (s g, 2q) and (s g, r)
         System of equations of a step, D R, and the solution u, see `_solve_collocation`.
-    memory, pull : ndarray, shapes (Q, r) and (g, r)
+    memory, forces : ndarray, shapes (Q, r) and (g, r)
         Disturbances of the sliders, and their constant forces k y in a step.
     stuck : ndarray, shape (Q,)
         Whether each slider sticks.
@@ -91,10 +91,10 @@ class MonodromyWorkspace(NamedTuple):
     R: Array
     B: Array
     M: Array
-    shown: Array
+    DR: Array
     u: Array
     memory: Array
-    pull: Array
+    forces: Array
     stuck: np.ndarray
     flow: Any
 
@@ -159,11 +159,11 @@ def _fill_breakpoints(packed: Any, coefficients: Any, space: Any, out: Any) -> i
     n = fill_phases(packed.piecewise, out)
     for i in range(count.shape[0]):
         for j in range(count[i]):
-            at, k = theta[i, j] % (2 * math.pi), n
-            while k > 0 and out[k - 1] > at:
+            phase, k = theta[i, j] % (2 * math.pi), n
+            while k > 0 and out[k - 1] > phase:
                 out[k] = out[k - 1]
                 k -= 1
-            out[k] = at
+            out[k] = phase
             n += 1
     return insert_events(packed.sliders, packed.basis, coefficients, space.slides, out, n)
 
@@ -279,24 +279,24 @@ def _horner_step(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
 
 
 @inlined
-def steps_per_segment(packed: Any, coefficients: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
+def modulation_rate(packed: Any, coefficients: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """Return an estimate of the largest natural frequency due to the modulations [rad per unit of time]; 0 if none.
 
     Its square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
     at the phases ``coarse``, with all sliders. c (H + 1,), work (6, T) and k (T,) are overwritten.
     """
-    most, T = 0.0, coarse.shape[1]
+    largest_square, T = 0.0, coarse.shape[1]
     for j in range(coefficients.shape[0]):
         for i in range(T):
             k[i] = 0.0
         fill_gap(packed.piecewise, coefficients[j], j, c)
         add_stiffness(packed, c, j, coarse, T, work, k)
-        largest = packed.linear.springs[0, j]
+        stiffness = packed.linear.springs[0, j]
         for i in range(T):
-            largest = max(largest, abs(k[i]))
-        largest += _slider_stiffness(packed.sliders, j)
-        most = max(most, mobility[j] * largest)
-    return math.sqrt(most)
+            stiffness = max(stiffness, abs(k[i]))
+        stiffness += _slider_stiffness(packed.sliders, j)
+        largest_square = max(largest_square, mobility[j] * stiffness)
+    return math.sqrt(largest_square)
 
 
 @kernel
@@ -328,25 +328,25 @@ def fill_stiffness_modulation(
 ) -> None:
     """Fill D = dp/dd - kr of the ports at the Gauss points x of all steps; ``space`` as of `partition_period`."""
     s, phases, k, c = x.shape[0], workspace.phases, workspace.stiffness, space.waves
-    at: Any = np.int64(0)  # a literal would compile each called kernel a second time
+    total: Any = np.int64(0)  # a literal would compile each called kernel a second time
     for i in range(count):
         a, b = math.cos(segments[i, 1]), math.sin(segments[i, 1])
         for n in range(int(segments[i, 2])):
             for j in range(s):
-                theta = phases[0, at] = segments[i, 0] + segments[i, 1] * (n + x[j])
+                theta = phases[0, total] = segments[i, 0] + segments[i, 1] * (n + x[j])
                 if n:  # rotate the values of the previous step
-                    u, v = phases[1, at - s], phases[2, at - s]
-                    phases[1, at], phases[2, at] = a * u - b * v, a * v + b * u
+                    u, v = phases[1, total - s], phases[2, total - s]
+                    phases[1, total], phases[2, total] = a * u - b * v, a * v + b * u
                 else:
-                    phases[1, at], phases[2, at] = math.cos(theta), math.sin(theta)
-                at += 1
+                    phases[1, total], phases[2, total] = math.cos(theta), math.sin(theta)
+                total += 1
     for p in range(ports.shape[0]):
-        for i in range(at):
+        for i in range(total):
             k[i] = -packed.linear.springs[0, ports[p]]
         fill_gap(packed.piecewise, coefficients[ports[p]], ports[p], c)
-        add_stiffness(packed, c, ports[p], phases, at, workspace.work, k)
+        add_stiffness(packed, c, ports[p], phases, total, workspace.work, k)
         _add_stuck(packed.sliders, space.slides, ports[p], segments, count, s, k)
-        for i in range(at):
+        for i in range(total):
             workspace.D[0, i // s, i % s, p] = k[i]
 
 
@@ -356,13 +356,13 @@ def _add_stuck(sliders: Any, slides: Any, j: int, segments: Any, count: int, s: 
     if sliders is None:
         return
     for q in range(sliders.element.shape[0]):
-        at: Any = np.int64(0)
+        first: Any = np.int64(0)
         for i in range(count if sliders.element[q] == j else 0):
             points = int(segments[i, 2]) * s
             if sticks_at(slides.number[q], slides.begin[q], slides.kind[q], _middle(segments, i)):
-                for n in range(at, at + points):
+                for n in range(first, first + points):
                     k[n] += sliders.k[q]
-            at += points
+            first += points
 
 
 @kernel
@@ -388,8 +388,8 @@ def _begin_memory(
     for i in range(sliders.element.shape[0]):
         workspace.stuck[i] = sticks_at(slides.number[i], slides.begin[i], slides.kind[i], phase)
         workspace.memory[i, r + i] = 1.0 if slides.slips[i] else 0.0
-    _fill_pull(sliders, modes, workspace)
-    fill_displacements(modes, workspace.D[0, last, -1], workspace.state, workspace.pull, workspace.flow)
+    _fill_slider_forces(sliders, modes, workspace)
+    fill_displacements(modes, workspace.D[0, last, -1], workspace.state, workspace.forces, workspace.flow)
 
 
 @kernel
@@ -398,23 +398,23 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
     if sliders is None:
         return
     for i in range(sliders.element.shape[0]):
-        now = interval_at(slides.number[i], slides.begin[i], phase)
-        sticks = slides.kind[i, now] == STICK
+        interval = interval_at(slides.number[i], slides.begin[i], phase)
+        sticks = slides.kind[i, interval] == STICK
         if sticks and not workspace.stuck[i]:
             normal = _port_of(modes.ports, sliders.normal[i])
-            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.lean[i, now])
+            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.lean[i, interval])
         workspace.stuck[i] = sticks
-    _fill_pull(sliders, modes, workspace)
+    _fill_slider_forces(sliders, modes, workspace)
 
 
 @kernel
-def _fill_pull(sliders: Any, modes: Any, workspace: Any) -> None:
+def _fill_slider_forces(sliders: Any, modes: Any, workspace: Any) -> None:
     """Compute the forces k y of the sliders that stick on the ports."""
-    workspace.pull[:, :] = 0.0
+    workspace.forces[:, :] = 0.0
     for i in range(sliders.element.shape[0]):
         p = _port_of(modes.ports, sliders.element[i])
-        for n in range(workspace.pull.shape[1] if workspace.stuck[i] and p >= 0 else 0):
-            workspace.pull[p, n] += sliders.k[i] * workspace.memory[i, n]
+        for n in range(workspace.forces.shape[1] if workspace.stuck[i] and p >= 0 else 0):
+            workspace.forces[p, n] += sliders.k[i] * workspace.memory[i, n]
 
 
 @kernel
@@ -443,10 +443,10 @@ def _end_memory(
         return
     for i in range(sliders.element.shape[0]):
         if not workspace.stuck[i]:
-            now = interval_at(slides.number[i], slides.begin[i], phase)
-            gain = 0.0 if slides.kind[i, now] == OPEN else sliders.gain[i, slides.zone[i, now]]
+            interval = interval_at(slides.number[i], slides.begin[i], phase)
+            gain = 0.0 if slides.kind[i, interval] == OPEN else sliders.gain[i, slides.zone[i, interval]]
             normal = _port_of(modes.ports, sliders.normal[i])
-            lean = -slides.kind[i, now] * gain / sliders.k[i]
+            lean = -slides.kind[i, interval] * gain / sliders.k[i]
             _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, lean)
         for n in range(out.shape[1]):
             out[r + i, n] = factor * workspace.memory[i, n]
@@ -478,7 +478,7 @@ def monodromy(
     for i in range(count):
         _enter_segment(sliders, slides, _middle(segments, i), modes, workspace)
         if exact:
-            fill_flow(modes, workspace.D[0, step, 0], workspace.pull, segments[i, 1] / omega, workspace.flow)
+            fill_flow(modes, workspace.D[0, step, 0], workspace.forces, segments[i, 1] / omega, workspace.flow)
         else:
             moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
             _fill_step_matrices(modes, L, workspace)
@@ -493,7 +493,7 @@ def monodromy(
             if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0 and size == r:
                 log += _rescale(state, STATE_SCALING_THRESHOLD)
         if size > r:
-            fill_displacements(modes, workspace.D[0, step - 1, -1], state, workspace.pull, workspace.flow)
+            fill_displacements(modes, workspace.D[0, step - 1, -1], state, workspace.forces, workspace.flow)
     if size == r:
         log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
     factor = math.exp(min(log, math.log(MAX_MONODROMY_ENTRY))) if log > 0.0 else 1.0
@@ -548,35 +548,35 @@ def _add_observed_output(output: Any, excited: Any, work: Any, L: Any, out: Any)
     s, q = L.shape[0], output.shape[0]
     for n in range(s):
         for i in range(s):
-            total = rest = 0.0
+            real = imaginary = 0.0
             for k in range(q):
-                both, z = output[k] * excited[k], work[n + 1, i * q + k]
-                total += both.real * z.real
-                rest += both.imag * z.imag
+                product, z = output[k] * excited[k], work[n + 1, i * q + k]
+                real += product.real * z.real
+                imaginary += product.imag * z.imag
             for j in range(s):
-                out[i, j] += (total - rest) * L[j, n]
+                out[i, j] += (real - imaginary) * L[j, n]
 
 
 @inlined
 def _solve_collocation(workspace: Any, step: int) -> None:
-    """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``shown`` D R."""
-    D, A, R, M, shown, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.shown, workspace.u
-    pull = workspace.pull
+    """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``DR`` the product D R."""
+    D, A, R, M, DR, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.DR, workspace.u
+    forces = workspace.forces
     n, g = u.shape[0], D.shape[3]
     for i in range(n):
         for o in range(D.shape[0]):
             d = D[o, step, i // g, i % g]
             for j in range(n):
                 M[i, j] = d * A[o, i, j] + (M[i, j] if o else 0.0)
-            for j in range(shown.shape[1]):
-                shown[i, j] = d * R[o, i, j] + (shown[i, j] if o else 0.0)
+            for j in range(DR.shape[1]):
+                DR[i, j] = d * R[o, i, j] + (DR[i, j] if o else 0.0)
         M[i, i] += 1.0
         for j in range(u.shape[1]):
             u[i, j] = 0.0
-    add_product(shown, workspace.state, 1.0, u)
+    add_product(DR, workspace.state, 1.0, u)
     for i in range(n):
         for j in range(u.shape[1]):
-            M[i, n + j] = u[i, j] - pull[i % g, j]
+            M[i, n + j] = u[i, j] - forces[i % g, j]
     solve_in_place(M)
     for i in range(n):
         for j in range(u.shape[1]):
@@ -596,18 +596,18 @@ def _propagate(factors: Any, state: Any) -> None:
 
 @kernel
 def step_of(
-    fast: float, omega: float, nu: int, schemes: Any, share: float, modes: Any, mobility: Any, most: float
+    fast: float, omega: float, nu: int, schemes: Any, fraction: float, modes: Any, mobility: Any, max_steps: float
 ) -> tuple[int, float]:
     """Return the scheme (0 short period, 1 long period) and its longest step [rad]; see `monodromies`.
 
-    ``fast`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / most.
+    ``fast`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / max_steps.
     """
     period = 2 * math.pi / omega
-    which = 0 if fast * period <= schemes[2] else 1
-    width, turn = (schemes[0][2], schemes[0][3]) if which == 0 else (schemes[1][2], schemes[1][3])
+    scheme = 0 if fast * period <= schemes[2] else 1
+    width, turn = (schemes[0][2], schemes[0][3]) if scheme == 0 else (schemes[1][2], schemes[1][3])
     highest = _highest_coupled_mode(modes, mobility, fast, period)
-    resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / most)
-    return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu, resolved)
+    resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / max_steps)
+    return scheme, min(width * omega / max(fast, 1e-300), fraction * 2 * math.pi / nu, resolved)
 
 
 MODE_ERROR = 1e-9
@@ -624,12 +624,12 @@ def _highest_coupled_mode(modes: Any, mobility: Any, fast: float, period: float)
     """
     highest = 0.0
     for k in range(modes.poles.shape[0]):
-        size, share = abs(modes.poles[k]), 0.0
+        size, participation = abs(modes.poles[k]), 0.0
         for p in range(modes.ports.shape[0]):
             j = modes.ports[p]
             if j >= 0 and mobility[j] > 0.0:
-                share = max(share, size * abs(modes.output[p, k] * modes.input[k, p]) / mobility[j])
-        c = fast * fast * share * period / max(size, 1e-300)
+                participation = max(participation, size * abs(modes.output[p, k] * modes.input[k, p]) / mobility[j])
+        c = fast * fast * participation * period / max(size, 1e-300)
         if size > highest and c * max(c, math.exp(min(0.0, modes.poles[k].real * period))) > MODE_ERROR:
             highest = size
     return highest
@@ -647,13 +647,13 @@ def modulation_order(packed: Any, coefficients: Any, c: Any, exponent: float) ->
     s Gauss points integrate a harmonic over the angle phi = n h of a step with an error of a phi^(2 s + 1), times the
     constant of `MODE_TURN_PER_SQUARED_POINTS`, so that the exponent is 1 / (2 s + 1). c (H + 1,) is overwritten.
     """
-    laws, most, size = packed.laws, 0.0, np.empty(c.shape[0])
+    laws, order, size = packed.laws, 0.0, np.empty(c.shape[0])
     for s in range(laws.series.shape[0]):
         mean = abs(laws.series[s, 0])
         for i in range(1, laws.shifts.shape[0]):
             a = 2 * abs(laws.series[s, i]) / max(mean, 1e-300)
             if a > SMALLEST_RESOLVED_HARMONIC:
-                most = max(most, laws.shifts[i] * min(a, 1.0) ** exponent)
+                order = max(order, laws.shifts[i] * min(a, 1.0) ** exponent)
     for j in range(coefficients.shape[0]):
         if laws.cubic[j, 1] == 0.0:
             continue
@@ -665,14 +665,14 @@ def modulation_order(packed: Any, coefficients: Any, c: Any, exponent: float) ->
             a = abs(c[k]) / max(largest, 1e-300)
             size[k] = a**exponent if a > SMALLEST_RESOLVED_HARMONIC else 0.0
             for i in range(k + 1):
-                most = max(most, (i + k) * size[i] * size[k])
-    return most
+                order = max(order, (i + k) * size[i] * size[k])
+    return order
 
 
 @kernel
-def limit_step_by_order(longest: float, order: float, turn: float, most: float) -> float:
+def limit_step_by_order(longest: float, order: float, turn: float, max_steps: float) -> float:
     """Return the longest step [rad] in which harmonics of `modulation_order` turn by at most ``turn``."""
-    return min(longest, max(turn / max(order, 1e-300), 2 * math.pi / most))
+    return min(longest, max(turn / max(order, 1e-300), 2 * math.pi / max_steps))
 
 
 MAX_GROWTH_EXPONENT = 10.0
@@ -703,16 +703,16 @@ def limit_step_by_growth(longest: float, omega: float, poles: Any) -> float:
 @kernel
 def _rescale(state: Any, limit: float) -> float:
     """Divide a state with entries above a limit by its largest entry, and return the logarithm of the divisor, or 0."""
-    most = 0.0
+    largest = 0.0
     for k in range(state.shape[0]):
         for j in range(state.shape[1]):
-            most = max(most, abs(state[k, j]))
-    if most <= limit:
+            largest = max(largest, abs(state[k, j]))
+    if largest <= limit:
         return 0.0
     for k in range(state.shape[0]):
         for j in range(state.shape[1]):
-            state[k, j] /= most
-    return math.log(most)
+            state[k, j] /= largest
+    return math.log(largest)
 
 
 PRODUCTS_PER_EXPONENTIAL = 35
@@ -730,15 +730,15 @@ def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, column
 
 @kernel
 def monodromies(
-    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, resolve: Any, constant: Any, share: float,
-    most: float, out: Any,
+    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, resolve: Any, constant: Any,
+    fraction: float, max_steps: float, out: Any,
 ) -> float:  # fmt: skip
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width, turn) of a motion with a short period, the same of one with a long period, the angle
     [rad] that separates them, and (x, L) of exact flows; in a step, springs turn the state by ``width`` and modes by
     ``turn`` [rad] at most, and with ``resolve`` harmonics of the stiffness as well. With ``constant``, the stiffness of
-    all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds ``most``.
+    all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds ``max_steps``.
     """
     nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
     space, samples = (
@@ -752,13 +752,13 @@ def monodromies(
     workspace = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1, number)
     for p in range(X.shape[0]):
         coefficients, omega = X[p].reshape(m, -1), Omega[p] / nu
-        rate = steps_per_segment(packed, coefficients, mobility, samples, space.waves, work, stiffness)
-        which, longest = step_of(rate, omega, nu, schemes, share, modes, mobility, most)
-        x, L = (schemes[0][0], schemes[0][1]) if which == 0 else (schemes[1][0], schemes[1][1])
+        rate = modulation_rate(packed, coefficients, mobility, samples, space.waves, work, stiffness)
+        scheme, longest = step_of(rate, omega, nu, schemes, fraction, modes, mobility, max_steps)
+        x, L = (schemes[0][0], schemes[0][1]) if scheme == 0 else (schemes[1][0], schemes[1][1])
         if resolve:
-            turn = schemes[0][3] if which == 0 else schemes[1][3]
+            turn = schemes[0][3] if scheme == 0 else schemes[1][3]
             order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
-            longest = limit_step_by_order(longest, order, turn, most)
+            longest = limit_step_by_order(longest, order, turn, max_steps)
         exact = constant and _exact_is_faster(
             typical, 2 * math.pi / longest, x.shape[0], modes.ports.shape[0], modes.poles.shape[0], size
         )
@@ -766,7 +766,7 @@ def monodromies(
             x, L, longest = schemes[3][0], schemes[3][1], 2 * math.pi
         longest = limit_step_by_growth(longest, omega, modes.poles)
         count: float = 2 * math.pi / longest
-        if count > most:
+        if count > max_steps:
             return count
         segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)
         if steps > workspace.D.shape[1] or x.shape[0] != workspace.D.shape[2]:

@@ -71,19 +71,19 @@ def collisions(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     sizes[(np.abs(largest[points, 0]) > MAX_MODULUS_RANGE).any(axis=1)] = 0
     position = np.append(0.0, np.cumsum(length))
     sizes[(np.diff(position[points], axis=1) <= 0.0).any(axis=1)] = 0  # points that coincide up to rounding
-    found = []
+    located = []
     for k in np.unique(sizes[sizes > 0]):
-        some = sizes == k
-        between = _interpolated_multipliers(largest[:, :k], position, segments[some], points[some])
+        selected = sizes == k
+        between = _interpolated_multipliers(largest[:, :k], position, segments[selected], points[selected])
         changed = np.abs(
-            np.count_nonzero(np.abs(between) > 1 + STABILITY_TOLERANCE, axis=2) - outside[segments[some], None]
+            np.count_nonzero(np.abs(between) > 1 + STABILITY_TOLERANCE, axis=2) - outside[segments[selected], None]
         )
-        found += [
+        located += [
             (int(i), float(INTERPOLATION_FRACTIONS[x.argmax()]))
-            for i, x in zip(segments[some], changed, strict=True)
+            for i, x in zip(segments[selected], changed, strict=True)
             if x.any()
         ]
-    return sorted(found)
+    return sorted(located)
 
 
 def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
@@ -102,13 +102,13 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     if not segments.size:
         return []
     x = np.log(np.where(pairs, mu, 1.0))
-    apart = np.where(pairs[segments, :, None] & pairs[segments + 1, None, :],
+    distances = np.where(pairs[segments, :, None] & pairs[segments + 1, None, :],
                      np.abs(x[segments, :, None] - x[segments + 1, None, :]), np.inf)  # fmt: skip
-    leaving, returned = _crossing_ratio(apart, x.real, outside, segments, segments + 1)
-    entering, left = _crossing_ratio(apart.transpose(0, 2, 1), x.real, outside, segments + 1, segments)
-    same = number[segments] == number[segments + 1]
-    certain = np.where(same, np.minimum(leaving, entering), np.maximum(leaving, entering)) < MAX_MATCH_RATIO
-    return [(int(i), float(s)) for i, s in zip(segments[certain], 0.5 * (returned + 1 - left)[certain], strict=True)]
+    leaving, exit_at = _crossing_ratio(distances, x.real, outside, segments, segments + 1)
+    entering, entry_at = _crossing_ratio(distances.transpose(0, 2, 1), x.real, outside, segments + 1, segments)
+    balanced = number[segments] == number[segments + 1]
+    certain = np.where(balanced, np.minimum(leaving, entering), np.maximum(leaving, entering)) < MAX_MATCH_RATIO
+    return [(int(i), float(s)) for i, s in zip(segments[certain], 0.5 * (exit_at + 1 - entry_at)[certain], strict=True)]
 
 
 def extrapolated_crossings(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
@@ -127,19 +127,19 @@ def extrapolated_crossings(mu: ComplexArray, length: Array) -> list[tuple[int, f
         return []
     x = np.log(np.where(pairs, mu, UNPAIRED_VALUE))
     x = np.take_along_axis(x, np.argsort(np.abs(x.real), axis=1)[:, :MAX_EXTRAPOLATED_PAIRS], axis=1)
-    found: dict[int, float] = {}
+    crossings: dict[int, float] = {}
     for side in (0, 1):
-        beyond = candidates + 3 * side - 1
-        segments, beyond = (each[(beyond >= 0) & (beyond < len(mu))] for each in (candidates, beyond))
-        near_end, beyond_end = x[segments + side], x[beyond]
-        nearest = np.abs(near_end[:, :, None] - beyond_end[:, None, :]).argmin(axis=2)
-        grows = near_end.real - np.take_along_axis(beyond_end.real, nearest, axis=1)
-        grows *= (length[segments] / length[beyond - side])[:, None]
+        neighbours = candidates + 3 * side - 1
+        segments, neighbours = (n[(neighbours >= 0) & (neighbours < len(mu))] for n in (candidates, neighbours))
+        end_values, neighbour_values = x[segments + side], x[neighbours]
+        nearest = np.abs(end_values[:, :, None] - neighbour_values[:, None, :]).argmin(axis=2)
+        grows = end_values.real - np.take_along_axis(neighbour_values.real, nearest, axis=1)
+        grows *= (length[segments] / length[neighbours - side])[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            first = np.where(np.abs(near_end.real) > STABILITY_TOLERANCE, -near_end.real / grows, np.inf)
+            first = np.where(np.abs(end_values.real) > STABILITY_TOLERANCE, -end_values.real / grows, np.inf)
         first = np.where(first > 0, first, np.inf).min(axis=1)
-        found |= {int(i): abs(side - float(s)) for i, s in zip(segments, first, strict=True) if s < SECANT_REACH}
-    return sorted(found.items())
+        crossings |= {int(i): abs(side - float(s)) for i, s in zip(segments, first, strict=True) if s < SECANT_REACH}
+    return sorted(crossings.items())
 
 
 def leaps(mu: ComplexArray) -> list[tuple[int, float]]:
@@ -150,13 +150,13 @@ def leaps(mu: ComplexArray) -> list[tuple[int, float]]:
     """
     size = np.abs(mu)
     largest = np.maximum(np.minimum(*(size[i : len(size) - 1 + i].max(axis=1, initial=0.0) for i in (0, 1))), 1.0)
-    apart = np.abs(mu[:-1, :, None] - mu[1:, None, :])
-    forward = np.where(size[:-1] > MIN_MODULUS, apart.min(axis=2, initial=np.inf), 0.0).max(axis=1, initial=0.0)
-    backward = np.where(size[1:] > MIN_MODULUS, apart.min(axis=1, initial=np.inf), 0.0).max(axis=1, initial=0.0)
-    far = np.flatnonzero(
+    distances = np.abs(mu[:-1, :, None] - mu[1:, None, :])
+    forward = np.where(size[:-1] > MIN_MODULUS, distances.min(axis=2, initial=np.inf), 0.0).max(axis=1, initial=0.0)
+    backward = np.where(size[1:] > MIN_MODULUS, distances.min(axis=1, initial=np.inf), 0.0).max(axis=1, initial=0.0)
+    segments = np.flatnonzero(
         np.isfinite(forward + backward) & (np.maximum(forward, backward) > MAX_MULTIPLIER_CHANGE * largest)
     )
-    return [(segment, 0.5) for segment in far.tolist()]
+    return [(segment, 0.5) for segment in segments.tolist()]
 
 
 MAX_MULTIPLIER_CHANGE = 0.8
@@ -186,15 +186,19 @@ def passes_minus_one_cleanly(mu: ComplexArray, length: Array, segments: np.ndarr
     interior = np.flatnonzero((segments > 0) & (segments + 1 < len(length)))
     points = segments[interior, None] + np.arange(-1, 3)
     negative = ~_in_upper_half_plane(mu) & ~_in_upper_half_plane(mu.conj()) & (mu.real < -MIN_MODULUS)
-    known = np.isfinite(mu[points]).all(axis=(1, 2)) & ~negative[points].any(axis=(1, 2))
-    interior, points = interior[known], points[known]
+    usable = np.isfinite(mu[points]).all(axis=(1, 2)) & ~negative[points].any(axis=(1, 2))
+    interior, points = interior[usable], points[usable]
     if interior.size:
         x = np.append(0.0, np.cumsum(length))
         sigma, theta = _from_minus_one(mu[points])
-        same = _followed(sigma, theta, x[points], _weights(x, segments[interior], points, MINIMUM_FRACTIONS))
-        near = (sigma > np.log(MIN_MODULUS)) & (theta < MAX_APPROACH_ANGLE)
-        followed = (same.any(axis=2) | ~near[:, 1]).all(axis=1) & (same.any(axis=1) | ~near[:, 2]).all(axis=1)
-        clean[interior] = (followed & near[:, 1:3].any(axis=(1, 2))) | ~(np.abs(mu[points]) > MIN_MODULUS).any(
+        same_pair = _continued_pairs(
+            sigma, theta, x[points], _weights(x, segments[interior], points, MINIMUM_FRACTIONS)
+        )
+        close = (sigma > np.log(MIN_MODULUS)) & (theta < MAX_APPROACH_ANGLE)
+        followed = (same_pair.any(axis=2) | ~close[:, 1]).all(axis=1) & (same_pair.any(axis=1) | ~close[:, 2]).all(
+            axis=1
+        )
+        clean[interior] = (followed & close[:, 1:3].any(axis=(1, 2))) | ~(np.abs(mu[points]) > MIN_MODULUS).any(
             axis=(1, 2)
         )
     return clean
@@ -239,38 +243,38 @@ def _from_minus_one(mu: ComplexArray) -> tuple[Array, Array]:
     return np.take_along_axis(log.real, order, axis=2), np.pi - np.take_along_axis(log.imag, order, axis=2)
 
 
-def _followed(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarray:
+def _continued_pairs(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarray:
     """Return which pairs at point 1 of four continue which pairs at point 2, (segments, r, r), if one is near -1.
 
     x : (segments, 4) positions of the points. weights : (segments, `MINIMUM_FRACTIONS`, 4), of the points in the cubic
     between points 1 and 2.
     """
     steady = np.abs(sigma[:, 2, None, :] - sigma[:, 1, :, None]) <= MAX_SIGMA_CHANGE * np.abs(sigma[:, 1, :, None])
-    near = np.minimum(theta[:, 1, :, None], theta[:, 2, None, :]) < MAX_APPROACH_ANGLE
-    segment, first, second = both = np.nonzero(steady & near)
+    close = np.minimum(theta[:, 1, :, None], theta[:, 2, None, :]) < MAX_APPROACH_ANGLE
+    segment, first, second = indices = np.nonzero(steady & close)
     s, t, end = sigma[segment, 1, first], theta[segment, 1, first], theta[segment, 2, second]
     offset, slope = x[segment] - x[segment, 1:2], (np.array([[1.0], [-1.0]]) * end - t) / (x[:, 2] - x[:, 1])[segment]
     line = t[:, None] + slope[:, :, None] * offset  # (signs, found, 4)
     sigma_line = s[:, None] + ((sigma[segment, 2, second] - s) / (x[:, 2] - x[:, 1])[segment])[:, None] * offset
-    misfit = np.where(np.abs(sigma[segment] - sigma_line[..., None]) <= MAX_SIGMA_CHANGE * np.abs(s)[:, None, None],
+    deviation = np.where(np.abs(sigma[segment] - sigma_line[..., None]) <= MAX_SIGMA_CHANGE * np.abs(s)[:, None, None],
                    np.abs(theta[segment] - np.abs(line)[..., None]), np.inf)  # fmt: skip
-    nearest = segment[:, None], np.arange(4), misfit.argmin(axis=-1)
+    nearest = segment[:, None], np.arange(4), deviation.argmin(axis=-1)
     changes = np.abs(slope[:, :, None]) * np.minimum(np.abs(offset), np.abs(x[segment] - x[segment, 2:3]))
     bends = (np.copysign(theta[nearest], line) - line)[..., [0, 3]] / (offset * (x[segment] - x[segment, 2:3]))[
         :, [0, 3]
     ]
-    uneven = np.abs(bends[..., 0] - bends[..., 1]) * (x[:, 3] - x[:, 2])[segment] * (x[:, 3] - x[:, 1])[segment]
-    followed = (misfit.min(axis=-1) <= MAX_THETA_CURVATURE * changes + 1e-9).all(axis=-1) & (
-        uneven <= MAX_CURVATURE_DIFFERENCE * changes[..., 3] + 1e-9
+    difference = np.abs(bends[..., 0] - bends[..., 1]) * (x[:, 3] - x[:, 2])[segment] * (x[:, 3] - x[:, 1])[segment]
+    followed = (deviation.min(axis=-1) <= MAX_THETA_CURVATURE * changes + 1e-9).all(axis=-1) & (
+        difference <= MAX_CURVATURE_DIFFERENCE * changes[..., 3] + 1e-9
     )
     square = (sigma**2 + theta**2)[nearest]
     lowest = _parabola_minimum(np.einsum("sfr,fpr->sfp", square, weights[segment]))
     lowest -= CUBIC_ERROR_SHARE * _cubic_remainder(square, x[segment])
-    least = np.minimum(s**2, sigma[segment, 2, second] ** 2)
-    most = np.array([[np.inf], [MAX_PASSING_MINIMUM]]) * least  # of pairs that pass
-    same = np.zeros(steady.shape, dtype=bool)
-    same[both] = (followed & (lowest > MIN_PASSING_MINIMUM * least) & (lowest < most)).any(axis=0)
-    return same
+    smallest = np.minimum(s**2, sigma[segment, 2, second] ** 2)
+    largest = np.array([[np.inf], [MAX_PASSING_MINIMUM]]) * smallest  # of pairs that pass
+    same_pair = np.zeros(steady.shape, dtype=bool)
+    same_pair[indices] = (followed & (lowest > MIN_PASSING_MINIMUM * smallest) & (lowest < largest)).any(axis=0)
+    return same_pair
 
 
 CUBIC_ERROR_SHARE = 0.25
@@ -285,25 +289,25 @@ def _cubic_remainder(f: Array, x: Array) -> Array:
     """Return the largest difference, between points 1 and 2, of the cubic through values f (..., 4) from parabolas."""
     for k in range(1, 4):
         f = np.diff(f, axis=-1) / (x[:, k:] - x[:, :-k])
-    way = 0.25 * (x[:, 2] - x[:, 1]) ** 2 * np.maximum(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
-    rest: Array = np.abs(f[..., 0]) * way
-    return rest
+    weight = 0.25 * (x[:, 2] - x[:, 1]) ** 2 * np.maximum(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    remainder: Array = np.abs(f[..., 0]) * weight
+    return remainder
 
 
 def _parabola_minimum(f: Array) -> Array:
     """Return the minimum along the last axis of the parabola through the three values around the smallest one."""
     i = np.clip(f.argmin(axis=-1), 1, f.shape[-1] - 2)[..., None]
-    before, here, after = (np.take_along_axis(f, i + k, axis=-1)[..., 0] for k in (-1, 0, 1))
-    bend = before - 2 * here + after
-    at = np.clip(0.5 * (before - after) / np.where(bend > 0, bend, np.inf), -1.0, 1.0)
-    lowest: Array = here + 0.5 * at * (after - before) + 0.5 * at**2 * bend
+    before, middle, after = (np.take_along_axis(f, i + k, axis=-1)[..., 0] for k in (-1, 0, 1))
+    curvature = before - 2 * middle + after
+    offset = np.clip(0.5 * (before - after) / np.where(curvature > 0, curvature, np.inf), -1.0, 1.0)
+    lowest: Array = middle + 0.5 * offset * (after - before) + 0.5 * offset**2 * curvature
     return lowest
 
 
 def _in_upper_half_plane(mu: ComplexArray) -> np.ndarray:
     """Return which multipliers belong to a complex pair and have a positive imaginary part."""
-    found: np.ndarray = mu.imag > 1e-8 * np.abs(mu)
-    return found
+    out: np.ndarray = mu.imag > 1e-8 * np.abs(mu)
+    return out
 
 
 MAX_MATCH_RATIO = 0.5
@@ -311,18 +315,18 @@ MAX_MATCH_RATIO = 0.5
 
 
 def _crossing_ratio(
-    apart: Array, size: Array, outside: np.ndarray, here: np.ndarray, there: np.ndarray
+    distances: Array, size: Array, outside: np.ndarray, first: np.ndarray, second: np.ndarray
 ) -> tuple[Array, Array]:
-    """Return the smallest distance ratio of multipliers outside ``here`` and inside ``there``, and where one crosses.
+    """Return the least distance ratio of multipliers outside at ``first`` and inside at ``second``, and its fraction.
 
     A small ratio means a certain crossing. size : logarithms of the moduli. The fraction is measured on each segment.
     """
-    inner = np.where(outside[there, None, :], np.inf, apart)
-    inside_distance, outside_distance = inner.min(axis=2), np.where(outside[there, None, :], apart, np.inf).min(axis=2)
+    inner = np.where(outside[second, None, :], np.inf, distances)
+    nearest_inner, nearest_outer = inner.min(axis=2), np.where(outside[second, None, :], distances, np.inf).min(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(outside[here] & np.isfinite(inside_distance), inside_distance / outside_distance, np.inf)
-        there_size = np.take_along_axis(size[there], inner.argmin(axis=2), axis=1)
-        fraction = size[here] / (size[here] - there_size)
+        ratio = np.where(outside[first] & np.isfinite(nearest_inner), nearest_inner / nearest_outer, np.inf)
+        second_size = np.take_along_axis(size[second], inner.argmin(axis=2), axis=1)
+        fraction = size[first] / (size[first] - second_size)
     best = np.arange(len(ratio)), ratio.argmin(axis=1)
     return ratio[best], fraction[best]
 
@@ -330,16 +334,16 @@ def _crossing_ratio(
 def _may_collide(mu: ComplexArray) -> np.ndarray:
     """Return on which segments two multipliers are so near each other, and near the circle, that they may collide."""
     size = np.abs(mu)
-    large = size > MIN_MODULUS
-    distance = np.where(large[:, :, None] & large[:, None, :], np.abs(mu[:, :, None] - mu[:, None, :]), np.inf)
+    leading = size > MIN_MODULUS
+    distance = np.where(leading[:, :, None] & leading[:, None, :], np.abs(mu[:, :, None] - mu[:, None, :]), np.inf)
     distance[:, np.arange(mu.shape[1]), np.arange(mu.shape[1])] = np.inf
     nearest = distance.min(axis=(1, 2))
     nearest = np.minimum(nearest[1:], nearest[:-1])
-    change = np.where(large[1:, None, :], np.abs(mu[:-1, :, None] - mu[1:, None, :]), np.inf).min(axis=2)
-    change = np.where(large[:-1], change, 0.0).max(axis=1)
+    change = np.where(leading[1:, None, :], np.abs(mu[:-1, :, None] - mu[1:, None, :]), np.inf).min(axis=2)
+    change = np.where(leading[:-1], change, 0.0).max(axis=1)
     change = np.pad(change, 1, mode="edge")
     change = np.maximum(np.maximum(change[:-2], change[2:]), change[1:-1])  # also on the neighbouring segments
-    gap = np.abs(1 - np.where(large, size, np.inf)).min(axis=1)
+    gap = np.abs(1 - np.where(leading, size, np.inf)).min(axis=1)
     out: np.ndarray = (
         (nearest < COLLISION_DISTANCE_RATIO * change) & (np.minimum(gap[1:], gap[:-1]) < nearest) & np.isfinite(nearest)
     )
@@ -353,8 +357,8 @@ def _groups(size: Array) -> np.ndarray:
     """
     out = np.zeros(len(size), dtype=int)
     for k in range(min(size.shape[2], MAX_GROUP_SIZE), 1, -1):
-        rest = size[:, :, k] if k < size.shape[2] else np.zeros(size.shape[:2])
-        out[np.all((rest < MIN_MODULUS) & (size[:, :, k - 1] > GROUP_SEPARATION * rest), axis=1)] = k
+        next_size = size[:, :, k] if k < size.shape[2] else np.zeros(size.shape[:2])
+        out[np.all((next_size < MIN_MODULUS) & (size[:, :, k - 1] > GROUP_SEPARATION * next_size), axis=1)] = k
     return out
 
 

@@ -46,12 +46,12 @@ class Difference(NamedTuple):
     """Differences of two sets of multipliers of k motions.
 
     residual (k,) : the largest epsilon of the multipliers that may decide stability. modulus (k,) : the largest
-    difference of the moduli of complex pairs. apart (k,) : the largest difference of these pairs themselves.
+    difference of the moduli of complex pairs. distance (k,) : the largest distance of these pairs in the complex plane.
     """
 
     residual: Array
     modulus: Array
-    apart: Array
+    distance: Array
 
 
 def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.int_]:
@@ -76,30 +76,30 @@ def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.i
     [1, 1, 0]
     """
     outside, real = np.abs(multipliers) > 1.0 + margin, ~is_complex(multipliers)
-    each = (outside & real & (multipliers.real > 0), outside & real & (multipliers.real < 0), outside & ~real)
-    counts: NDArray[np.int_] = np.stack([np.count_nonzero(one, axis=-1) for one in each], axis=-1)
+    kinds = (outside & real & (multipliers.real > 0), outside & real & (multipliers.real < 0), outside & ~real)
+    counts: NDArray[np.int_] = np.stack([np.count_nonzero(kind, axis=-1) for kind in kinds], axis=-1)
     return counts
 
 
 def is_complex(multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Return whether multipliers are not real, up to rounding."""
-    found: NDArray[np.bool_] = np.abs(multipliers.imag) > REAL_TOLERANCE * np.abs(multipliers)
-    return found
+    out: NDArray[np.bool_] = np.abs(multipliers.imag) > REAL_TOLERANCE * np.abs(multipliers)
+    return out
 
 
-def difference_of(mu: ComplexArray, other: ComplexArray) -> Difference:
+def difference_of(mu: ComplexArray, less_accurate: ComplexArray) -> Difference:
     """Return the `Difference` of multipliers mu (k, r) from less accurate ones (k, r)."""
-    mu, other = _limited(mu), _limited(other)
+    mu, less_accurate = _limited(mu), _limited(less_accurate)
     decisive = _decisive(mu)
-    apart = np.abs(mu[:, :, None] - other[:, None, :])
-    two = np.sort(apart, axis=2)[:, :, :2]
-    residual = np.where(decisive, two.prod(axis=2), 0.0)
+    distances = np.abs(mu[:, :, None] - less_accurate[:, None, :])
+    two_nearest = np.sort(distances, axis=2)[:, :, :2]
+    residual = np.where(decisive, two_nearest.prod(axis=2), 0.0)
     pairs = decisive & is_complex(mu)
-    nearest = np.take_along_axis(np.abs(other), apart.argmin(axis=2), axis=1)
+    nearest = np.take_along_axis(np.abs(less_accurate), distances.argmin(axis=2), axis=1)
     modulus = np.where(pairs, np.abs(np.abs(mu) - nearest), 0.0)
     return Difference(
         residual.max(axis=1, initial=0.0), modulus.max(axis=1, initial=0.0),
-        np.where(pairs, two[:, :, 0], 0.0).max(axis=1, initial=0.0),
+        np.where(pairs, two_nearest[:, :, 0], 0.0).max(axis=1, initial=0.0),
     )  # fmt: skip
 
 
@@ -122,9 +122,9 @@ def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array
     mu = _limited(mu)
     size, distance = np.abs(mu), distance_of_neighbours(mu)
     x = largest_shift(SAFETY * difference.residual[:, None], distance)
-    kept = SAFETY * difference.modulus + (difference.apart if mu.shape[1] > 2 else 0.0)
+    modulus_error = SAFETY * difference.modulus + (difference.distance if mu.shape[1] > 2 else 0.0)
     stays = is_complex(mu) & (x < np.abs(mu.imag))
-    x = np.where(stays, np.minimum(kept[:, None], x), x)
+    x = np.where(stays, np.minimum(modulus_error[:, None], x), x)
     decisive = _decisive(mu)
     largest = size.max(axis=1, initial=0.0)
     high = np.where(decisive, size + x, 0.0).max(axis=1, initial=0.0)
@@ -144,26 +144,26 @@ def min_deciding_residual(mu: ComplexArray) -> Array:
     outside = np.abs(mu) > 1.0
     inner = np.where(_decisive(mu), needed, np.inf).min(axis=1, initial=np.inf)
     outer = np.where(outside, needed, 0.0).max(axis=1, initial=0.0)
-    least: Array = np.where(outside.any(axis=1), outer, inner)
-    return least
+    smallest: Array = np.where(outside.any(axis=1), outer, inner)
+    return smallest
 
 
 def may_reach(mu: ComplexArray, residual: Array) -> NDArray[np.bool_]:
     """Return whether residuals (k,) may change the stability of multipliers mu (k, r); see `min_deciding_residual`."""
     gap = np.where(_decisive(mu), np.abs(np.abs(mu) - 1.0), np.inf).min(axis=1, initial=np.inf)
-    found: NDArray[np.bool_] = residual >= np.minimum(gap * gap, gap)  # needs no distances of neighbours
-    some = np.flatnonzero(found)
-    if some.size:
-        found[some] = residual[some] >= min_deciding_residual(mu[some])
-    return found
+    out: NDArray[np.bool_] = residual >= np.minimum(gap * gap, gap)  # needs no distances of neighbours
+    selected = np.flatnonzero(out)
+    if selected.size:
+        out[selected] = residual[selected] >= min_deciding_residual(mu[selected])
+    return out
 
 
 def largest_shift(residual: Any, distance: Any) -> Array:
     """Return the largest x with x max(x, d - x) <= epsilon; see the head of this file."""
     square = np.square(distance) - 4.0 * residual
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        apart = 2.0 * residual / (distance + np.sqrt(np.maximum(square, 0.0)))
-    x: Array = np.where(square > 0.0, apart, np.sqrt(residual))
+        small_root = 2.0 * residual / (distance + np.sqrt(np.maximum(square, 0.0)))
+    x: Array = np.where(square > 0.0, small_root, np.sqrt(residual))
     return x
 
 
@@ -172,9 +172,9 @@ def distance_of_neighbours(mu: ComplexArray) -> Array:
     r = mu.shape[1]
     if r < 2:
         return np.ones(mu.shape)
-    apart = np.abs(mu[:, :, None] - mu[:, None, :])
-    apart[:, np.arange(r), np.arange(r)] = np.inf
-    distance: Array = apart.min(axis=2)
+    distances = np.abs(mu[:, :, None] - mu[:, None, :])
+    distances[:, np.arange(r), np.arange(r)] = np.inf
+    distance: Array = distances.min(axis=2)
     return distance
 
 
@@ -187,7 +187,7 @@ def _limited(mu: ComplexArray) -> ComplexArray:
 def _decisive(mu: ComplexArray) -> NDArray[np.bool_]:
     """Return which multipliers of sets (k, r) may decide stability: all that are not far within the unit circle."""
     size = np.abs(mu)
-    found: NDArray[np.bool_] = size >= MIN_DECISIVE_MODULUS * np.minimum(
+    out: NDArray[np.bool_] = size >= MIN_DECISIVE_MODULUS * np.minimum(
         size.max(axis=1, keepdims=True, initial=0.0), 1.0
     )
-    return found
+    return out

@@ -28,17 +28,17 @@ SERIES_RADIUS = 4.0
 @kernel
 def phi(z: ComplexArray, out: ComplexArray) -> None:
     """Compute phi_0..phi_s of numbers z (n,) into out (s + 1, n)."""
-    order, n, reach, work = len(out) - 1, len(z), 0.0, np.empty((4, len(z)))
+    order, n, largest, work = len(out) - 1, len(z), 0.0, np.empty((4, len(z)))
     a, b, x, y = work[0], work[1], work[2], work[3]  # real and imaginary parts: the fastest form for many numbers
     for i in range(n):
         a[i], b[i] = z[i].real, z[i].imag
         size = a[i] * a[i] + b[i] * b[i]
-        if reach < size < SERIES_RADIUS * SERIES_RADIUS:
-            reach = size
-    last, term, reach = order, 1.0, math.sqrt(reach)
+        if largest < size < SERIES_RADIUS * SERIES_RADIUS:
+            largest = size
+    last, term, largest = order, 1.0, math.sqrt(largest)
     while term > 1e-17:
         last += 1
-        term *= reach / last
+        term *= largest / last
     for i in range(n):
         x[i], y[i] = INVERSE_FACTORIALS[last], 0.0
     for p in range(last - 1, -1, -1):  # sum_k z^k / (k + p)! by Horner's rule, which is phi_p

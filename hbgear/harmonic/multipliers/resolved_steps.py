@@ -73,27 +73,29 @@ def resolved_steps(
     density = min(compiled.N, DETECTION_POINTS * compiled.nu) / (2 * np.pi * points)
     level = math.ceil(math.log2(max(width.max() * density, 2.0)))
     for _ in range(MAX_DIVISIONS):
-        own, decay = _integrals(compiled, rows, omega, mobility, *steps[:2], points)
+        coarse_sums, decay = _integrals(compiled, rows, omega, mobility, *steps[:2], points)
         parts = _divided(*steps, 2**level)
-        finer = _integrals(compiled, rows, omega, mobility, *parts[:2], points)[0].reshape(len(own), -1, *own.shape[1:])
-        stiffness, damping = np.abs(own - finer.sum(axis=1)).max(axis=2, initial=0.0).T
+        fine_sums = _integrals(compiled, rows, omega, mobility, *parts[:2], points)[0].reshape(
+            len(coarse_sums), -1, *coarse_sums.shape[1:]
+        )
+        stiffness, damping = np.abs(coarse_sums - fine_sums.sum(axis=1)).max(axis=2, initial=0.0).T
         change = np.maximum(stiffness * steps[1] / omega, damping)
         coarse = (change > MAX_INTEGRAL_CHANGE) | (decay > MAX_DECAY_PER_POINT * points)
-        done.append(tuple(each[~coarse] for each in steps))
-        begin, width, source = (each[coarse] for each in steps)
+        done.append(tuple(values[~coarse] for values in steps))
+        begin, width, source = (values[coarse] for values in steps)
         steps = _divided(begin, width, source, 2)
         level = max(level - 1, 1)
-        if not coarse.any() or sum(len(each[0]) for each in done) + len(steps[0]) > MAX_DIVIDED_STEPS:
+        if not coarse.any() or sum(len(values[0]) for values in done) + len(steps[0]) > MAX_DIVIDED_STEPS:
             break
-    begin, width, source = (np.concatenate(each) for each in zip(*done, steps, strict=True))
+    begin, width, source = (np.concatenate(values) for values in zip(*done, steps, strict=True))
     return _joined(begin, width, source, len(segments))
 
 
-def _divided(begin: Array, width: Array, source: np.ndarray, parts: int) -> tuple[Array, Array, np.ndarray]:
+def _divided(begin: Array, width: Array, source: np.ndarray, divisor: int) -> tuple[Array, Array, np.ndarray]:
     """Return the equal parts (T parts,) of steps."""
-    width = width / parts
-    start = begin[:, None] + width[:, None] * np.arange(parts)
-    return start.ravel(), np.repeat(width, parts), np.repeat(source, parts)
+    width = width / divisor
+    start = begin[:, None] + width[:, None] * np.arange(divisor)
+    return start.ravel(), np.repeat(width, divisor), np.repeat(source, divisor)
 
 
 def _integrals(
@@ -111,10 +113,10 @@ def _integrals(
     """
     x, weights = gauss_rule(points)
     theta = (begin[:, None] + width[:, None] * x).ravel()
-    found = [slopes_at(compiled, rows, omega, theta) * mobility[:, None]]
+    blocks = [slopes_at(compiled, rows, omega, theta) * mobility[:, None]]
     for elements, slopes in vector_slopes_at(compiled, rows, omega, theta):
-        found.append(slopes.reshape(2, -1, len(theta)) * mobility[elements].max())
-    slopes = np.concatenate(found, axis=1).reshape(2, -1, len(begin), len(x))
+        blocks.append(slopes.reshape(2, -1, len(theta)) * mobility[elements].max())
+    slopes = np.concatenate(blocks, axis=1).reshape(2, -1, len(begin), len(x))
     time = width / omega
     return np.moveaxis(slopes @ weights * time, 2, 0), np.abs(slopes[1]).max(axis=(0, 2), initial=0.0) * time
 
@@ -123,7 +125,7 @@ def _joined(begin: Array, width: Array, source: np.ndarray, count: int) -> tuple
     """Return segments (T, 3) of successive steps of one length, and the first one of each of ``count`` old segments."""
     order = np.argsort(begin, kind="stable")
     begin, width, source = begin[order], width[order], source[order]
-    new = np.flatnonzero(np.append(True, (np.abs(np.diff(width)) > 1e-9 * width[1:]) | (np.diff(source) != 0)))
-    number = np.diff(np.append(new, len(begin)))
-    segments = np.column_stack([begin[new], width[new], number.astype(float)])
-    return segments, [int(np.argmax(source[new] == i)) for i in range(count)]
+    first = np.flatnonzero(np.append(True, (np.abs(np.diff(width)) > 1e-9 * width[1:]) | (np.diff(source) != 0)))
+    number = np.diff(np.append(first, len(begin)))
+    segments = np.column_stack([begin[first], width[first], number.astype(float)])
+    return segments, [int(np.argmax(source[first] == i)) for i in range(count)]

@@ -55,18 +55,18 @@ class SampledSlopes:
         N = self._d.shape[1]
         self._tau = 2 * np.pi * compiled.nu * np.arange(N) / N
 
-    def at(self, d: Array, v: Array) -> tuple[Array, Array]:
+    def slopes(self, d: Array, v: Array) -> tuple[Array, Array]:
         """Return the slopes in d and v, (L, N) each, at displacements and velocities (L, N) of the samples."""
-        found = [law.force(*one, self._tau)[1:] for law, *one in zip(self._laws, d, v, strict=True)]
-        stiffness, damping = (np.array([np.broadcast_to(one[i], len(self._tau)) for one in found]) for i in (0, 1))
+        slopes = [law.force(*motion, self._tau)[1:] for law, *motion in zip(self._laws, d, v, strict=True)]
+        stiffness, damping = (np.array([np.broadcast_to(pair[i], len(self._tau)) for pair in slopes]) for i in (0, 1))
         return stiffness, damping
 
     def coefficients(self, count: int) -> tuple[ComplexArray, ComplexArray]:
         """Return the coefficients 0..count - 1 of the slopes in d and v, (L, count) each."""
-        kept = min(count, len(self._tau) // 2 + 1)
+        size = min(count, len(self._tau) // 2 + 1)
         out = np.zeros((2, len(self.elements), count), dtype=complex)
-        for slopes, c in zip(self.at(self._d, self._v), out, strict=True):
-            c[:, :kept] = np.fft.rfft(slopes)[:, :kept] / len(self._tau)
+        for slopes, c in zip(self.slopes(self._d, self._v), out, strict=True):
+            c[:, :size] = np.fft.rfft(slopes)[:, :size] / len(self._tau)
         for i in self._sampled.indices if self._sampled else ():
             exact = self._between_breakpoints(i, self._d[i], self._v[i], len(self._basis) // 2, count - 1)
             if exact is not None:
@@ -96,13 +96,13 @@ class SampledSlopes:
         """
         size = max(float(np.abs(phi).max(initial=0.0)), float(np.abs(chi).max(initial=0.0))) or 1.0
         h = _STEP * max(float(np.abs(self._d).max(initial=0.0)), 1e-3) / size
-        up, down = (self.at(self._d + side * h * phi, self._v + side * h * chi) for side in (1, -1))
-        dp, dq = ((a - b) / (2 * h) for a, b in zip(up, down, strict=True))
+        above, below = (self.slopes(self._d + side * h * phi, self._v + side * h * chi) for side in (1, -1))
+        dp, dq = ((a - b) / (2 * h) for a, b in zip(above, below, strict=True))
         out: Array = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
         H = len(self._basis) // 2
         for i in self._sampled.indices if self._sampled else ():
             shifted = ((self._d[i] + side * h * phi[i], self._v[i] + side * h * chi[i]) for side in (1, -1))
-            ends = [self._between_breakpoints(i, *one, 2 * H, H) for one in shifted]
+            ends = [self._between_breakpoints(i, *motion, 2 * H, H) for motion in shifted]
             if ends[0] is not None and ends[1] is not None:
                 dK, dC = (ends[0] - ends[1]) / (2 * h)
                 out[i] = _means(dK) + self._omega * _means(-1j * np.arange(H + 1) * dC)
@@ -139,8 +139,8 @@ def slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> A
 
 def vector_slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> list[tuple[np.ndarray, Array]]:
     """Return the elements (p,) and the slopes dp/dd, dp/dv (2, p, p, T) of each vector law at phases theta."""
-    found = []
+    slopes = []
     for elements, law in compiled.vectors:
         d, v = evaluate(rows[elements], theta), omega * evaluate(rows[elements], theta, 1)
-        found.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
-    return found
+        slopes.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
+    return slopes
