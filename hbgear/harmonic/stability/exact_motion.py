@@ -75,8 +75,8 @@ def exact_iterate(
     With ``free``, Omega may change. Exceptions are those of `refine_motion`, and InconsistentPatternError.
     """
     equations, approximation = _approximation(problem, X, parameters)
-    at = equations.at(float(parameters["Omega"]))
-    return solve(at, initial(at, approximation), free)[:2]
+    ode = equations.at(float(parameters["Omega"]))
+    return solve(ode, initial(ode, approximation), free)[:2]
 
 
 def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: int, Omega: float) -> Iterate:
@@ -107,20 +107,22 @@ def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: i
     NoConvergence
         If no motion of softer contacts is found, or the stiffness cannot be increased to that of the system.
     """
-    factor, found = _softened_motion(balance, system, nu, Omega)
+    factor, iterate = _softened_motion(balance, system, nu, Omega)
     ratio = STIFFNESS_RATIO
     while factor < 1.0:
         harder = min(1.0, factor * ratio)
         try:
-            found = solve(Equations(system, nu, harder).at(Omega), found, False)[1]
+            iterate = solve(Equations(system, nu, harder).at(Omega), iterate, False)[1]
         except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
             ratio **= 0.5
             if ratio < MIN_STIFFNESS_RATIO:
-                text = f"no exact motion found with more than {factor:.3g} times the stiffness of the elements: {error}"
-                raise NoConvergence(text, np.zeros(0), {"Omega": Omega}, []) from error
+                message = (
+                    f"no exact motion found with more than {factor:.3g} times the stiffness of the elements: {error}"
+                )
+                raise NoConvergence(message, np.zeros(0), {"Omega": Omega}, []) from error
         else:
             factor, ratio = harder, min(ratio**1.5, MAX_STIFFNESS_RATIO)
-    return found
+    return iterate
 
 
 def _softened_motion(balance: Callable[[System], Any], system: System, nu: int, Omega: float) -> tuple[float, Iterate]:
@@ -131,10 +133,10 @@ def _softened_motion(balance: Callable[[System], Any], system: System, nu: int, 
         softer = balance(replace(system, elements=elements))
         with suppress(NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
             approximation = _approximation(softer, softer.start(Omega=Omega), {"Omega": Omega})[1]
-            at = Equations(system, nu, factor).at(Omega)
-            return factor, solve(at, initial(at, approximation), False)[1]
-    text = f"no exact motion found, even with 1e-{MAX_SOFTENINGS} times the stiffness of the elements"
-    raise NoConvergence(text, np.zeros(0), {"Omega": Omega}, [])
+            ode = Equations(system, nu, factor).at(Omega)
+            return factor, solve(ode, initial(ode, approximation), False)[1]
+    message = f"no exact motion found, even with 1e-{MAX_SOFTENINGS} times the stiffness of the elements"
+    raise NoConvergence(message, np.zeros(0), {"Omega": Omega}, [])
 
 
 def _scaled(law: Law, factor: float) -> Law:
@@ -166,8 +168,8 @@ def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> t
     values = {name: float(value) for name, value in parameters.items()}
     crossings = compiled.crossings(X)
     number = np.concatenate([np.arange(len(b)) for b in compiled.contact_equations.breakpoints]).astype(int)
-    found = [
+    instants = [
         (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
         for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
     ]
-    return compiled.contact_equations, Approximation(problem.motion(X, **values), found)
+    return compiled.contact_equations, Approximation(problem.motion(X, **values), instants)

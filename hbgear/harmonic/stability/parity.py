@@ -83,14 +83,14 @@ class Parity:
         expected : required parity of the multipliers, unless it is 0; see `expected`. A multiplier within
         `STABILITY_TOLERANCE` of +1 may be on either side.
         """
-        beyond = count_beyond(multipliers)
+        outside = count_beyond(multipliers)
         margins = (-STABILITY_TOLERANCE, STABILITY_TOLERANCE)
-        if expected and all(expected != 1 - 2 * (count_beyond(multipliers, each)[0] % 2) for each in margins):
+        if expected and all(expected != 1 - 2 * (count_beyond(multipliers, margin)[0] % 2) for margin in margins):
             return False
         sign = int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", parameters).dR_dX))[0])
         if self.mismatch(multipliers[None], np.array([sign]))[0]:
             return False
-        return not self.constant or half_integer_sign(problem, X, parameters) in (0, 1 - 2 * (beyond[1] % 2))
+        return not self.constant or half_integer_sign(problem, X, parameters) in (0, 1 - 2 * (outside[1] % 2))
 
 
 def half_integer_sign(problem: Any, X: Array, parameters: Mapping[str, float]) -> int:

@@ -95,43 +95,43 @@ def verify_multipliers(
     for record in observed:
         record["modulus_error"] = math.nan
     multipliers = np.array([record["multipliers"] for record in observed])
-    known = np.flatnonzero(~np.isnan(multipliers).any(axis=1))
-    if not known.size:
+    computed = np.flatnonzero(~np.isnan(multipliers).any(axis=1))
+    if not computed.size:
         return
-    multipliers, relative_errors = multipliers[known], np.array([observed[i]["error"] for i in known.tolist()])
-    relative_errors /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
-    parity = Parity.of(problem, name, values[known], parameters)
-    signs = np.array([observed[i].get("determinant", 0) for i in known.tolist()])
+    multipliers, relative_errors = multipliers[computed], np.array([observed[i]["error"] for i in computed.tolist()])
+    relative_errors /= np.maximum(norms(X[computed].reshape(len(computed), problem.m, -1)[:, :, 1:]), 1e-300)
+    parity = Parity.of(problem, name, values[computed], parameters)
+    signs = np.array([observed[i].get("determinant", 0) for i in computed.tolist()])
     flagged = parity.mismatch(multipliers, signs) | np.array(
-        [observed[i].get("contradicts", False) for i in known.tolist()]
+        [observed[i].get("contradicts", False) for i in computed.tolist()]
     )
-    regime = np.array([observed[i]["regime"] for i in known.tolist()])
-    intervals = _shortest_intervals(problem, X[known], regime, {**parameters, name: float(values[known[0]])})
-    flagged |= _is_hard(problem, intervals, name, values[known], parameters, multipliers)
+    regime = np.array([observed[i]["regime"] for i in computed.tolist()])
+    intervals = _shortest_intervals(problem, X[computed], regime, {**parameters, name: float(values[computed[0]])})
+    flagged |= _is_hard(problem, intervals, name, values[computed], parameters, multipliers)
     reachable = may_reach(multipliers, MAX_SENSITIVITY * relative_errors) | flagged
     if not reachable.any():
         return
-    selected, multipliers, flagged = known[reachable], multipliers[reachable], flagged[reachable]
+    selected, multipliers, flagged = computed[reachable], multipliers[reachable], flagged[reachable]
 
     def differences(rows: np.ndarray) -> Difference:
         """Return the difference of the multipliers of some points from a second set."""
-        other = _other_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
-        return difference_of(multipliers[rows], other)
+        second_set = _second_set(problem, X[selected[rows]], name, values[selected[rows]], parameters)
+        return difference_of(multipliers[rows], second_set)
 
-    errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime[reachable], differences)
+    errors, wide_errors = _estimate_errors(multipliers, relative_errors[reachable], regime[reachable], differences)
     distance = np.abs(_modulus(multipliers) - 1.0)
     uncertain = flagged | (distance <= errors)
-    short = (distance <= wide) & (intervals[reachable] < SHORT_INTERVAL)
+    short = (distance <= wide_errors) & (intervals[reachable] < SHORT_INTERVAL)
     for i, record, error in zip(selected.tolist(), multipliers, errors.tolist(), strict=True):
         observed[i]["multipliers"], observed[i]["modulus_error"] = record, error
     for k in np.flatnonzero(uncertain | short).tolist():
         i = int(selected[k])
-        at = {**parameters, name: float(values[i])}
+        point_parameters = {**parameters, name: float(values[i])}
         stability = _Stability(multipliers[k], float(errors[k]), not flagged[k])
         expected = parity.expected(int(observed[i].get("determinant", 0)))
         resolved = not is_under_resolved(problem, X[i], observed[i]["error"])
         stability = _refine_stability(
-            problem, X[i], name, at, stability, expected, bool(uncertain[k]) and resolved, work
+            problem, X[i], name, point_parameters, stability, expected, bool(uncertain[k]) and resolved, work
         )
         observed[i]["multipliers"], observed[i]["modulus_error"] = stability.multipliers, stability.stated_error
 
@@ -189,9 +189,9 @@ def _estimate_errors(
     remaining = np.flatnonzero(uncertain)
     if remaining.size:
         estimated[:, remaining] = np.array(differences(remaining))
-    both = Difference(*np.hstack([estimated, SENSITIVITY_MARGIN * estimated]))
-    errors, wide = np.split(estimate_multiplier_error(np.vstack([mu, mu]), both), 2)
-    return errors, wide
+    stacked = Difference(*np.hstack([estimated, SENSITIVITY_MARGIN * estimated]))
+    errors, wide_errors = np.split(estimate_multiplier_error(np.vstack([mu, mu]), stacked), 2)
+    return errors, wide_errors
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
@@ -212,48 +212,48 @@ def _refine_stability(
     problem: Any,
     X: Array,
     name: str,
-    here: Mapping[str, float],
+    parameters: Mapping[str, float],
     stability: _Stability,
     expected: int,
-    more: bool,
+    more_harmonics: bool,
     work: Work,
 ) -> _Stability:
-    """Return the stability of a refined motion; more : whether more harmonics may be used.
+    """Return the stability of a refined motion; more_harmonics : whether more of them may be used.
 
     Exact motions are computed first if all laws are piecewise linear with constant stiffness. Where a stiffness varies
     over the period they take a hundred times as long: they are computed last, and only for small structures. With other
     laws there are none.
     """
-    constant = _has_constant_stiffness(problem, here)
+    constant = _has_constant_stiffness(problem, parameters)
     if constant:
-        exact = _exact_stability(problem, X, name, here, stability, expected, work)
+        exact = _exact_stability(problem, X, name, parameters, stability, expected, work)
         if exact is not None:
             if exact.consistent:
                 return exact
-            return _exact_from_finer(problem, X, name, here, stability, expected, work) or exact
-    if more:  # many harmonics gain little where Newton's method in the contact instants fails
+            return _exact_from_finer(problem, X, name, parameters, stability, expected, work) or exact
+    if more_harmonics:  # many harmonics gain little where Newton's method in the contact instants fails
         stability = _with_more_harmonics(
-            problem, X, name, here, stability, expected, 1 if constant else MAX_REFINEMENTS, work
+            problem, X, name, parameters, stability, expected, 1 if constant else MAX_REFINEMENTS, work
         )
-    if constant or stability.determined or problem.compiled(dict(here)).structure.n > MAX_EXACT_COORDINATES:
+    if constant or stability.determined or problem.compiled(dict(parameters)).structure.n > MAX_EXACT_COORDINATES:
         return stability
-    return _exact_stability(problem, X, name, here, stability, expected, work) or stability
+    return _exact_stability(problem, X, name, parameters, stability, expected, work) or stability
 
 
 MAX_EXACT_COORDINATES = 2
 """Coordinates of a structure up to which exact motions with varying stiffness are computed."""
 
 
-def _has_constant_stiffness(problem: Any, here: Mapping[str, float]) -> bool:
+def _has_constant_stiffness(problem: Any, parameters: Mapping[str, float]) -> bool:
     """Return whether all laws are piecewise linear without memory, with a stiffness that does not vary."""
-    compiled = problem.compiled(dict(here))
+    compiled = problem.compiled(dict(parameters))
     springs = [law.piecewise for law in compiled.laws]
     return not compiled.sliders and not any(
-        each is None or any(one.stiffness.varies for one in each) for each in springs
+        law_springs is None or any(spring.stiffness.varies for spring in law_springs) for law_springs in springs
     )
 
 
-def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, here: dict[str, float]) -> Array:
+def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, parameters: dict[str, float]) -> Array:
     """Return the shortest contacts or flights (k,) of motions X (k, n), in periods of the highest harmonic.
 
     regime (k, m) : number of breakpoints that each element passes. The result is inf if no element passes one, and
@@ -261,17 +261,17 @@ def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, here: dict[s
     little cost.
     """
     periods = np.full(len(X), np.inf)
-    compiled = problem.compiled(here)
+    compiled = problem.compiled(parameters)
     if (
         compiled.aft_laws
         or compiled.damped
         or not len(compiled.breakpoints)
-        or not _has_constant_stiffness(problem, here)
+        or not _has_constant_stiffness(problem, parameters)
     ):
         return periods
-    passes = np.any(regime > 0, axis=1)
-    if passes.any():
-        periods[passes] = shortest_intervals(compiled, X[passes]) * problem.H / (2 * np.pi)
+    in_contact = np.any(regime > 0, axis=1)
+    if in_contact.any():
+        periods[in_contact] = shortest_intervals(compiled, X[in_contact]) * problem.H / (2 * np.pi)
     return periods
 
 
@@ -297,7 +297,7 @@ def _is_hard(
 
 
 def _exact_stability(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], stability: _Stability, expected: int, work: Work
+    problem: Any, X: Array, name: str, parameters: Mapping[str, float], stability: _Stability, expected: int, work: Work
 ) -> _Stability | None:
     """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
 
@@ -307,19 +307,19 @@ def _exact_stability(
     motion whose parity differs from ``expected`` is not consistent. Next to the grazing of a hard stop the multipliers
     may be far from +1 on both sides of a fold.
     """
-    compiled = problem.compiled(dict(here))
+    compiled = problem.compiled(dict(parameters))
     try:
         compiled.contact_equations  # noqa: B018  raises NotPiecewiseLinear
         states = 2 * compiled.structure.n + 1
         if not work.verifies(states, max(EXACT_MOTION_COST, len(compiled.crossings(X).theta))):
             return None
         try:
-            exact = refine_motion(problem, X, here)
+            exact = refine_motion(problem, X, parameters)
         except NoConvergence:
             work.verifies(states, FAILED_MOTION_COST)
             if name != "Omega":
                 return None
-            exact = refine_near_fold(problem, X, here)
+            exact = refine_near_fold(problem, X, parameters)
     except (NotPiecewiseLinear, NoConvergence, np.linalg.LinAlgError):
         return None
     if exact.distance > MAX_EXACT_DISTANCE:
@@ -327,13 +327,13 @@ def _exact_stability(
     mu = np.zeros(len(stability.multipliers), dtype=complex)
     count = min(len(mu), len(exact.multipliers))
     mu[:count] = exact.multipliers[:count]
-    other_side = bool(expected) and expected != _parity_beyond_one(mu)
+    other_fold_side = bool(expected) and expected != _parity_beyond_one(mu)
     error = EXACT_MULTIPLIER_ERROR
-    if exact.Omega != here["Omega"]:
+    if exact.Omega != parameters["Omega"]:
         error = max(error, abs(float(_modulus(mu) - _modulus(stability.multipliers))))
         if _parity_beyond_one(mu) < 0:  # unstable, however large the multiplier is
             error = min(error, 0.99 * float(_modulus(mu) - 1.0))
-    return _Stability(mu, error, not other_side)
+    return _Stability(mu, error, not other_fold_side)
 
 
 def _parity_beyond_one(mu: ComplexArray) -> int:
@@ -345,7 +345,7 @@ def _exact_from_finer(
     problem: Any,
     X: Array,
     name: str,
-    here: Mapping[str, float],
+    parameters: Mapping[str, float],
     stability: _Stability,
     expected: int,
     work: Work,
@@ -360,10 +360,10 @@ def _exact_from_finer(
         if finer is None or not work.allows(finer.equivalent_size):
             return None
         try:
-            X, problem = solve(finer, finer.resized(X), dict(here)).X, finer
+            X, problem = solve(finer, finer.resized(X), dict(parameters)).X, finer
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
-        exact = _exact_stability(problem, X, name, here, stability, expected, work)
+        exact = _exact_stability(problem, X, name, parameters, stability, expected, work)
         if exact is not None and exact.consistent:
             return exact
     return None
@@ -390,19 +390,19 @@ def _with_more_harmonics(
     problem: Any,
     X: Array,
     name: str,
-    here: Mapping[str, float],
+    parameters: Mapping[str, float],
     stability: _Stability,
     expected: int,
-    times: int,
+    doublings: int,
     work: Work,
 ) -> _Stability:
     """Return the stability of the motion, or of the nearest one, with enough harmonics to determine it.
 
-    times : largest number of doublings of the harmonics. expected : parity of the real multipliers beyond +1 at the
+    doublings : largest number of doublings of the harmonics. expected : parity of the real multipliers beyond +1 at the
     point, +1 even, -1 odd and 0 unknown.
     """
-    values = dict(here)
-    for _ in range(times):
+    values = dict(parameters)
+    for _ in range(doublings):
         finer = problem.refined_problem
         if finer is None or not work.allows(finer.equivalent_size):
             break
@@ -410,7 +410,7 @@ def _with_more_harmonics(
             X, values[name] = nearest_solution(finer, finer.resized(X), name, values)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
-        X, values[name] = _at_fixed_parameter(finer, X, values[name], name, here)
+        X, values[name] = _at_fixed_parameter(finer, X, values[name], name, parameters)
         problem, coarse = finer, _modulus(stability.multipliers)
         stability = _stability_at(problem, X, name, values, expected)
         change = REFINED_ERROR_RATIO * abs(float(_modulus(stability.multipliers) - coarse))
@@ -420,20 +420,20 @@ def _with_more_harmonics(
     return stability
 
 
-def _stability_at(problem: Any, X: Array, name: str, at: Mapping[str, float], expected: int) -> _Stability:
+def _stability_at(problem: Any, X: Array, name: str, parameters: Mapping[str, float], expected: int) -> _Stability:
     """Return the multipliers of one motion with their error, and whether both determinants agree with them.
 
     expected : parity of the real multipliers beyond +1 that the motion must have to lie on the right side of a fold.
     """
-    mu, value = problem.multipliers(X, **at), np.array([at[name]])
-    other = _other_multipliers(problem, X[None], name, value, at)
-    error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], other))[0])
-    parity = Parity.of(problem, name, value, at)
-    return _Stability(mu, error, parity.agrees(problem, X, at, mu, expected))
+    mu, value = problem.multipliers(X, **parameters), np.array([parameters[name]])
+    second_set = _second_set(problem, X[None], name, value, parameters)
+    error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], second_set))[0])
+    parity = Parity.of(problem, name, value, parameters)
+    return _Stability(mu, error, parity.agrees(problem, X, parameters, mu, expected))
 
 
 def _at_fixed_parameter(
-    problem: Any, X: Array, value: float, name: str, here: Mapping[str, float]
+    problem: Any, X: Array, value: float, name: str, parameters: Mapping[str, float]
 ) -> tuple[Array, float]:
     """Return the motion at the parameter value of the point, if there is one next to a motion X at another value.
 
@@ -441,19 +441,19 @@ def _at_fixed_parameter(
     matters. The curve is followed from X by tangent and Newton's method. It may be so steep that the motion changes by
     a quarter of its size while the parameter changes by 2e-5, where Newton's method from X does not converge.
     """
-    fixed, at, change = X, dict(here), here[name] - value
+    motion, values, change = X, dict(parameters), parameters[name] - value
     try:
         for i in range(STEPS_ALONG_CURVE):
-            at[name] = value + change * i / STEPS_ALONG_CURVE
-            now = linearise(problem, fixed, name, at)
-            predicted = fixed - solve_linear(now.dR_dX, now.dR_dp) * (change / STEPS_ALONG_CURVE)
-            at[name] = value + change * (i + 1) / STEPS_ALONG_CURVE
-            fixed = solve(problem, predicted, at).X
-            if not norm(fixed - predicted) <= MAX_CORRECTION * problem.solution_norm(X):
+            values[name] = value + change * i / STEPS_ALONG_CURVE
+            evaluation = linearise(problem, motion, name, values)
+            predicted = motion - solve_linear(evaluation.dR_dX, evaluation.dR_dp) * (change / STEPS_ALONG_CURVE)
+            values[name] = value + change * (i + 1) / STEPS_ALONG_CURVE
+            motion = solve(problem, predicted, values).X
+            if not norm(motion - predicted) <= MAX_CORRECTION * problem.solution_norm(X):
                 return X, value
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return X, value
-    return fixed, here[name]
+    return motion, parameters[name]
 
 
 REFINED_ERROR_RATIO = 1 / 3
@@ -471,26 +471,26 @@ MAX_CORRECTION = 0.05
 """Distance of a motion from its prediction by the tangent, relative to its size, up to which it lies on the curve."""
 
 
-def _other_multipliers(
-    problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]
-) -> ComplexArray:
+def _second_set(problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]) -> ComplexArray:
     """Return a second set of multipliers (k, r) of motions X (k, n) at values (k,) of a parameter.
 
     They lack the driven harmonics above H, and their motions have one more Newton step, in which these harmonics act
     back on the others.
     """
-    here = [{**parameters, name: value} for value in values.tolist()]
-    Omega = np.array([at["Omega"] for at in here])
+    point_parameters = [{**parameters, name: value} for value in values.tolist()]
+    Omega = np.array([p["Omega"] for p in point_parameters])
     if problem.selection is None and problem.refined_problem is not None:
-        X, Omega = corrected_motions(problem, X, here)
+        X, Omega = corrected_motions(problem, X, point_parameters)
     if name == "Omega":
         compiled = problem.compiled(dict(parameters))
         return floquet_multipliers(compiled, with_excited_harmonics(compiled, X, Omega), Omega)
-    each = zip([problem.compiled(at) for at in here], X[:, None], Omega[:, None], strict=True)
-    return np.array([floquet_multipliers(one, with_excited_harmonics(one, x, w), w)[0] for one, x, w in each])
+    cases = zip([problem.compiled(p) for p in point_parameters], X[:, None], Omega[:, None], strict=True)
+    return np.array(
+        [floquet_multipliers(evaluator, with_excited_harmonics(evaluator, x, w), w)[0] for evaluator, x, w in cases]
+    )
 
 
-def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]]) -> tuple[Array, Array]:
+def corrected_motions(problem: Any, X: Array, parameters: Sequence[Mapping[str, float]]) -> tuple[Array, Array]:
     """Return motions X (k, n) and Omega (k,) after a Newton step with the harmonics up to 2H that they drive.
 
     The step is the shortest one of [dR/dX, dR/dOmega] delta = -R, with the residual R of the kept harmonics at the
@@ -498,15 +498,15 @@ def corrected_motions(problem: Any, X: Array, here: Sequence[Mapping[str, float]
     Omega weighs as much as that of the motion over its size. A step past a first contact or slip, where multipliers
     jump, is left out.
     """
-    motions, Omega = X.copy(), np.array([at["Omega"] for at in here])
-    kept = 2 * problem.H + 1
-    for i, (x, at) in enumerate(zip(X, here, strict=True)):
-        w, own, finer = at["Omega"], problem.compiled(at), problem.refined_problem.compiled(at)
-        wide = with_driven_harmonics(own, x[None], np.array([w]))[0]
-        R = finer.linearise(wide, w)[0].reshape(problem.m, -1)[:, :kept].ravel()
+    motions, Omega = X.copy(), np.array([p["Omega"] for p in parameters])
+    row_length = 2 * problem.H + 1
+    for i, (x, p) in enumerate(zip(X, parameters, strict=True)):
+        w, compiled, finer = p["Omega"], problem.compiled(p), problem.refined_problem.compiled(p)
+        driven = with_driven_harmonics(compiled, x[None], np.array([w]))[0]
+        R = finer.linearise(driven, w)[0].reshape(problem.m, -1)[:, :row_length].ravel()
         scale = np.append(np.full(len(x), problem.solution_norm(x) or 1.0), w)
-        step = shortest_step(linearise(problem, x, "Omega", at), R, scale)
-        if np.array_equal(regime_of(own, x + step[:-1]), regime_of(own, x)):
+        step = shortest_step(linearise(problem, x, "Omega", p), R, scale)
+        if np.array_equal(regime_of(compiled, x + step[:-1]), regime_of(compiled, x)):
             motions[i], Omega[i] = x + step[:-1], w + step[-1]
     return motions, Omega
 
