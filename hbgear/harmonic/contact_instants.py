@@ -111,7 +111,7 @@ class ExactPeriodDoubling(PeriodDoublingEvent):
         doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
         single = problem.exact_state(point.X, branch.parameter, point.parameters)
         fixed = {name: value for name, value in point.parameters.items() if name != branch.parameter}
-        state, direction = _doubled(single, math.tau * problem.nu, doubled.family(branch.parameter, fixed))
+        state, direction = _doubled_state(single, math.tau * problem.nu, doubled.family(branch.parameter, fixed))
         return doubled, _branch_start(doubled, point, ExactStart(state, side * direction))
 
 
@@ -129,15 +129,15 @@ class ExactBranchPoint(BranchPointEvent):
         before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
         along_curve = np.linalg.lstsq(changes.T, branch.X[after] - branch.X[before])[0]
         along_curve = along_curve / np.linalg.norm(along_curve)
-        across = np.array([-along_curve[1], along_curve[0]]) @ null
-        return problem, _branch_start(problem, point, ExactStart(state, side * across * scale))
+        transverse = np.array([-along_curve[1], along_curve[0]]) @ null
+        return problem, _branch_start(problem, point, ExactStart(state, side * transverse * scale))
 
 
 def _state_near(problem: Any, branch: Branch, i: int) -> CurveState:
     """Return the state of a branch point, where Newton's method does not converge, or of a point next to it."""
-    known = problem.nearest_states(branch.X[i], branch.parameters_at(i))
-    if known:
-        return cast(CurveState, known[0])
+    states = problem.nearest_states(branch.X[i], branch.parameters_at(i))
+    if states:
+        return cast(CurveState, states[0])
     for k in (i, max(i - 1, 0), min(i + 1, len(branch) - 1)):
         with suppress(NoConvergence):
             return cast(CurveState, problem.exact_state(branch.X[k], branch.parameter, branch.parameters_at(k)))
@@ -164,7 +164,7 @@ def _branch_start(problem: Any, point: SpecialPoint, start: ExactStart) -> Branc
     return BranchStart(X, dict(point.parameters), np.append(X, 0.0), event=start)
 
 
-def _doubled(single: CurveState, period: float, family: Family) -> ExactStart:
+def _doubled_state(single: CurveState, period: float, family: Family) -> ExactStart:
     """Return a motion over two periods, and the null vector that a shift by one period reverses."""
     iterate = single.iterate
     pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
@@ -435,13 +435,13 @@ class ContactInstants(HarmonicBalance):
         for softer in (False,) if start is not None else (False, True):
             for ends in (span, span[::-1]) if either_end else (span,):
                 try:
-                    return self._followed(ends, start, settings, softer), ends
+                    return self._traced_curve(ends, start, settings, softer), ends
                 except NoConvergence as error:
                     failure = failure or error
         assert failure is not None
         raise failure
 
-    def _followed(self, span: tuple[float, float], start: Any, settings: Any, softer: bool = False) -> Branch:
+    def _traced_curve(self, span: tuple[float, float], start: Any, settings: Any, softer: bool = False) -> Branch:
         """Return one curve of exact motions, with its jumps; ``softer``: its first motion by softer contacts."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
         state, direction = self._first_state(setup, start, softer)
@@ -509,9 +509,9 @@ def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
     NoConvergence
         If the motion is not found at the place of the point, as with contacts that its harmonics do not show.
     """
-    known = problem.nearest_states(point.X, point.parameters)
-    if known:
-        return known[0]
+    states = problem.nearest_states(point.X, point.parameters)
+    if states:
+        return states[0]
     name = list(point.parameters)[-1]
     value = float(point.parameters[name])
     try:
@@ -539,13 +539,13 @@ def exact_special_point(problem: ContactInstants, parameter: str, point: Point) 
     if problem.compiled({}).system.n > MAX_HARD_COORDINATES or (point.kind == "GR" and len(contacts) != 1):
         return None
     try:
-        known = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
+        states = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
     except NoConvergence:
         return None
     period = math.tau * problem.nu
-    if np.abs(known[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
+    if np.abs(states[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
         return None
-    known_point = KnownPoint(known[0], dict(point.parameters), contacts[0] if contacts else None)
+    known_point = KnownPoint(states[0], dict(point.parameters), contacts[0] if contacts else None)
     resonances = FirstResonanceEvent(), SecondResonanceEvent()
     return ExactSpecialPointProblem(problem, parameter, point.kind, known_point, resonances)
 
@@ -559,8 +559,8 @@ def exact_or_traced_again(
     """
     exact = exact_special_point(problem, parameter, point)
     span = branch.meta.get("trace", {}).get("span") if branch is not None else None
-    large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
-    if exact is not None or branch is None or span is None or problem.known is not None or large:
+    is_large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
+    if exact is not None or branch is None or span is None or problem.known is not None or is_large:
         return exact
     value = point.parameters[parameter]
     with suppress(NoConvergence, ValueError):
@@ -584,9 +584,9 @@ def _state_of(problem: ContactInstants, point: Point) -> CurveState | None:
     """Return the exact motion of a point as the state of a curve; None if it is not found and not required."""
     if isinstance(point, SpecialPoint) and point.kind in RELOCATED_KINDS:
         return special_state(problem, point)
-    known = problem.nearest_states(point.X, point.parameters)
+    states = problem.nearest_states(point.X, point.parameters)
     with suppress(NoConvergence):
-        return known[0] if known else problem.exact_state(point.X, "Omega", point.parameters)
+        return states[0] if states else problem.exact_state(point.X, "Omega", point.parameters)
     return None
 
 

@@ -303,7 +303,7 @@ def chord_passes(first: Array, before: Array, last: Array) -> bool:
 # ---- order of switches
 
 
-def departed(state: CurveState, distance: float, unit: Array, period: float) -> tuple[CurveState, CurveState]:
+def departure_states(state: CurveState, distance: float, unit: Array, period: float) -> tuple[CurveState, CurveState]:
     """Return the state at a distance in a direction, and the one ahead of it, with switches ordered by phase.
 
     Contacts of different elements, simultaneous on a symmetric motion, separate in an order of their own.

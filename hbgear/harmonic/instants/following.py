@@ -30,7 +30,7 @@ from hbgear.harmonic.instants.corrector import (
     Family,
     asymptote_ahead,
     chord_passes,
-    departed,
+    departure_states,
     exchanges_of,
     with_exchange,
 )  # fmt: skip
@@ -159,7 +159,7 @@ class Follower:
         orientation = normal * math.copysign(1.0, self.span[1] - self.span[0])
         if direction is not None:
             self.origin, unit = state, direction / np.linalg.norm(direction / scale)
-            state, ahead = departed(
+            state, ahead = departure_states(
                 state, DEPARTURE, unit, self.family(state.value).period
             )  # equations are singular where curves cross
             orientation = normal = (ahead.z - state.z) / scale

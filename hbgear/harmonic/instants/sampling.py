@@ -80,10 +80,10 @@ def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Misse
         missed.append(MissedCrossing(begin, end, Switch(int(j), level if side > 0 else level - 1, int(side))))
     inner = np.ones(len(tau), dtype=bool)
     inner[np.cumsum(steps + 1) - 1] = False  # the end of a segment is the begin of the next one
-    return Samples(tau[inner], gaps[inner]), _joined(missed, ode.period)
+    return Samples(tau[inner], gaps[inner]), _merged_crossings(missed, ode.period)
 
 
-def _joined(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]:
+def _merged_crossings(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]:
     """Return crossings, of which the parts before and after a switch of another element are one."""
     out: list[MissedCrossing] = []
     for crossing in missed:  # in the order of the segments
@@ -96,7 +96,9 @@ def _joined(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]
         after = [other for other in out if other is not crossing and _follows(crossing, other, period)]
         if after:
             others = [other for other in out if other is not crossing and other is not after[0]]
-            return _joined([*others, crossing._replace(end=crossing.end + after[0].end - after[0].begin)], period)
+            return _merged_crossings(
+                [*others, crossing._replace(end=crossing.end + after[0].end - after[0].begin)], period
+            )
     return out
 
 

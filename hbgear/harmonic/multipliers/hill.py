@@ -108,8 +108,8 @@ def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
     from hbgear.harmonic.forces.projection_kernels import projected
 
     X = compiled.spread(X)
-    kappa, _, sampled = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
-    out: ComplexArray = kappa + sampled
+    kappa, _, cubic = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
+    out: ComplexArray = kappa + cubic
     out[:, 0] -= compiled.packed.linear.springs[0]
     return out
 

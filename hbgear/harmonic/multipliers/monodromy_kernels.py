@@ -596,18 +596,18 @@ def _propagate(factors: Any, state: Any) -> None:
 
 @kernel
 def step_of(
-    fast: float, omega: float, nu: int, schemes: Any, fraction: float, modes: Any, mobility: Any, max_steps: float
+    rate: float, omega: float, nu: int, schemes: Any, fraction: float, modes: Any, mobility: Any, max_steps: float
 ) -> tuple[int, float]:
     """Return the scheme (0 short period, 1 long period) and its longest step [rad]; see `monodromies`.
 
-    ``fast`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / max_steps.
+    ``rate`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / max_steps.
     """
     period = 2 * math.pi / omega
-    scheme = 0 if fast * period <= schemes[2] else 1
+    scheme = 0 if rate * period <= schemes[2] else 1
     width, turn = (schemes[0][2], schemes[0][3]) if scheme == 0 else (schemes[1][2], schemes[1][3])
-    highest = _highest_coupled_mode(modes, mobility, fast, period)
+    highest = _highest_coupled_mode(modes, mobility, rate, period)
     resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / max_steps)
-    return scheme, min(width * omega / max(fast, 1e-300), fraction * 2 * math.pi / nu, resolved)
+    return scheme, min(width * omega / max(rate, 1e-300), fraction * 2 * math.pi / nu, resolved)
 
 
 MODE_ERROR = 1e-9
@@ -615,7 +615,7 @@ MODE_ERROR = 1e-9
 
 
 @kernel
-def _highest_coupled_mode(modes: Any, mobility: Any, fast: float, period: float) -> float:
+def _highest_coupled_mode(modes: Any, mobility: Any, rate: float, period: float) -> float:
     """Return the largest modulus of the poles whose modes the steps must resolve, 0 without such modes.
 
     The free vibration of a mode is no polynomial in a step that it turns by several radians. Let c be the stiffness of
@@ -629,7 +629,7 @@ def _highest_coupled_mode(modes: Any, mobility: Any, fast: float, period: float)
             j = modes.ports[p]
             if j >= 0 and mobility[j] > 0.0:
                 participation = max(participation, size * abs(modes.output[p, k] * modes.input[k, p]) / mobility[j])
-        c = fast * fast * participation * period / max(size, 1e-300)
+        c = rate * rate * participation * period / max(size, 1e-300)
         if size > highest and c * max(c, math.exp(min(0.0, modes.poles[k].real * period))) > MODE_ERROR:
             highest = size
     return highest

@@ -74,7 +74,7 @@ def resolved_steps(
     level = math.ceil(math.log2(max(width.max() * density, 2.0)))
     for _ in range(MAX_DIVISIONS):
         coarse_sums, decay = _integrals(compiled, rows, omega, mobility, *steps[:2], points)
-        parts = _divided(*steps, 2**level)
+        parts = _divided_steps(*steps, 2**level)
         fine_sums = _integrals(compiled, rows, omega, mobility, *parts[:2], points)[0].reshape(
             len(coarse_sums), -1, *coarse_sums.shape[1:]
         )
@@ -83,15 +83,15 @@ def resolved_steps(
         coarse = (change > MAX_INTEGRAL_CHANGE) | (decay > MAX_DECAY_PER_POINT * points)
         done.append(tuple(values[~coarse] for values in steps))
         begin, width, source = (values[coarse] for values in steps)
-        steps = _divided(begin, width, source, 2)
+        steps = _divided_steps(begin, width, source, 2)
         level = max(level - 1, 1)
         if not coarse.any() or sum(len(values[0]) for values in done) + len(steps[0]) > MAX_DIVIDED_STEPS:
             break
     begin, width, source = (np.concatenate(values) for values in zip(*done, steps, strict=True))
-    return _joined(begin, width, source, len(segments))
+    return _merged_segments(begin, width, source, len(segments))
 
 
-def _divided(begin: Array, width: Array, source: np.ndarray, divisor: int) -> tuple[Array, Array, np.ndarray]:
+def _divided_steps(begin: Array, width: Array, source: np.ndarray, divisor: int) -> tuple[Array, Array, np.ndarray]:
     """Return the equal parts (T parts,) of steps."""
     width = width / divisor
     start = begin[:, None] + width[:, None] * np.arange(divisor)
@@ -121,7 +121,7 @@ def _integrals(
     return np.moveaxis(slopes @ weights * time, 2, 0), np.abs(slopes[1]).max(axis=(0, 2), initial=0.0) * time
 
 
-def _joined(begin: Array, width: Array, source: np.ndarray, count: int) -> tuple[Array, list[int]]:
+def _merged_segments(begin: Array, width: Array, source: np.ndarray, count: int) -> tuple[Array, list[int]]:
     """Return segments (T, 3) of successive steps of one length, and the first one of each of ``count`` old segments."""
     order = np.argsort(begin, kind="stable")
     begin, width, source = begin[order], width[order], source[order]
