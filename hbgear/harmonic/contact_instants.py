@@ -77,14 +77,14 @@ SAME_PLACE = 1e-9
 """Relative distance of a special point from its place in a file, up to which it is the same one."""
 
 SHORTEST_RESOLVED_CONTACT = 3.0
-"""Duration of a contact [rad] times the number of harmonics from which derivatives by all parameters are those of the
+"""Duration of a contact [rad] times the number of harmonics from which derivatives in all parameters agree with the
 exact motion to 1e-3; with 1.2 one of them was 13 percent off, although the fold itself agreed to 1e-6."""
 
 
 class KnownStates(NamedTuple):
     """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states.
 
-    contacts : those that graze at a point, by its number.
+    contacts : contacts that graze, by the number of the point.
     """
 
     name: str
@@ -119,7 +119,7 @@ class ExactBranchPoint(BranchPointEvent):
     """Branch point of exact motions: the other branch is traced in contact instants as well."""
 
     def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
-        """Return the problem and the start across the traced curve."""
+        """Return the problem, and the start of the branch that crosses the traced curve."""
         problem, i, name = point.problem or branch.require_problem(), point.index, branch.parameter
         state = _state_near(problem, branch, i)
         fixed = {key: value for key, value in point.parameters.items() if key != name}

@@ -188,9 +188,9 @@ class ResonanceEvent(CodimensionTwoEvent):
     def _complex_pair_near(self, branch: Branch, i: int) -> tuple[NeimarkSackerProblem, Solution] | None:
         """Return a Neimark-Sacker point near point i of a branch, with its equations; None if the pair is real.
 
-        Both parameters of the branch are those of point i, except the tracked one. On the curve of motions through
-        point i, with tangent t, the sum of the two exponents is zero at the distance -f / (df/dt) from it, f the
-        function of this event.
+        The parameters have their values at point i, except the tracked one. On the curve of motions through point i,
+        with tangent t, the sum of the two exponents is zero at the distance -f / (df/dt) from it, f the function of
+        this event.
         """
         equations: Any = as_problem(branch.problem)
         balance, name, parameters = equations.problem, equations.parameter, branch.parameters_at(i)

@@ -29,7 +29,7 @@ class SlipProblem(ThresholdProblem):
 
         g = max (d - limit / k) - min (d + limit / k)
 
-    Parameters are those of `ThresholdProblem`; ``which`` is an index into ``problem.slider_names``.
+    Parameters are the same as for `ThresholdProblem`; ``which`` is an index into ``problem.slider_names``.
     """
 
     quantity = "slip"

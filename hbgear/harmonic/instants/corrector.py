@@ -31,7 +31,7 @@ MAX_CORRECTOR_ITERATIONS = 13
 
 CORRECTOR_TOLERANCE = 1e-7
 """Scaled size of a Newton step after which the next one is the last: its size is 1e-13 or less on the curves of hard
-stops, so that multipliers, which belong to the state before it, are those of the point."""
+stops, so that the multipliers, which are computed at the state before this step, agree with the point."""
 
 MAX_FINAL_STEP = 1e-10
 """Scaled size of the last step: the linearised equations of a point differ from its state by this distance."""
@@ -304,7 +304,7 @@ def chord_passes(first: Array, before: Array, last: Array) -> bool:
 
 
 def departure_states(state: CurveState, distance: float, unit: Array, period: float) -> tuple[CurveState, CurveState]:
-    """Return the state at a distance in a direction, and the one ahead of it, with switches ordered by phase.
+    """Return the states at one distance and at one more unit in a direction, with switches ordered by phase.
 
     Contacts of different elements, simultaneous on a symmetric motion, separate in an order of their own.
     """

@@ -226,7 +226,7 @@ class StateSpace:
     """State-space form of a structure with the dampers of its elements: x' = A x + B p + force f,   d + e = D x.
 
     A (r, r); input (r, n) of forces on coordinates; D (m, r); reduce (r, 2n) of (q, q'); W, damping of the elements.
-    C and K are those of the coordinates at one Omega.
+    C and K are the matrices of the coordinates at one Omega.
     """
 
     def __init__(self, system: System, C: Any, K: Any) -> None:

@@ -84,7 +84,7 @@ def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Misse
 
 
 def _merged_crossings(missed: list[MissedCrossing], period: float) -> list[MissedCrossing]:
-    """Return crossings, of which the parts before and after a switch of another element are one."""
+    """Return the crossings after a merge of the two parts that a switch of another element separates."""
     out: list[MissedCrossing] = []
     for crossing in missed:  # in the order of the segments
         before = [k for k, other in enumerate(out) if _follows(other, crossing, period)]

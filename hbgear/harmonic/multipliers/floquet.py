@@ -152,7 +152,7 @@ def floquet_multipliers(
     All motions share the parameters of the model. Structures with more than 60 poles are reduced unless the model is
     compiled with ``reduce=False``: only modes up to the frequency that the harmonics of the element stiffness reach are
     retained, at most up to three times the highest harmonic of the motion. The others keep little of their dynamics
-    (see `modes`), and their multipliers are those of the free structure. The 32 largest multipliers are returned.
+    (see `modes`), and have the multipliers of the free structure. The 32 largest multipliers are returned.
 
     Parameters
     ----------
@@ -474,7 +474,7 @@ def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
 def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
     """Return the pairs (Q, 2) of different elements that are coupled: of the force, and of the displacement.
 
-    These are the elements of vector laws, and those of friction and of its normal force.
+    These are the elements of vector laws, and pairs of an element with friction and the element of its normal force.
     """
     pairs = [(i, j) for elements, _ in compiled.vectors for i in elements for j in elements if i != j]
     pairs += [pair for pair in compiled.normal_pairs if pair not in pairs]

@@ -103,7 +103,7 @@ def _are_copies(a: ComplexArray, b: ComplexArray, n: int) -> bool:
 def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
     """Return the coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion without the reference springs.
 
-    X are the unknowns, or those of a motion with all harmonics up to 2H, (m (4H + 1),).
+    X are the unknowns, or the coefficients of a motion with all harmonics up to 2H, (m (4H + 1),).
     """
     from hbgear.harmonic.forces.projection_kernels import projected
 

@@ -11,8 +11,8 @@ If D is constant in each segment, the exact flow of `constant_flow` replaces the
 A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
 constant. While it slips, its force does not change, or is proportional to the displacement d_n of a normal force. Where
 it begins to stick, y = d + lean d_n (`SliderWorkspace.lean`); no other saltation is needed, because the force is
-continuous. The last columns and rows of the matrix are those of the sliders. A
-slider that never slips has a prescribed position: its column is zero instead of a multiplier +1.
+continuous. The last columns and rows of the matrix belong to the sliders. A slider that never slips has a prescribed
+position: its column is zero instead of a multiplier +1.
 """
 
 from __future__ import annotations
@@ -377,7 +377,7 @@ def _begin_memory(
 ) -> None:  # fmt: skip
     """Set the disturbances of the sliders to the last unit vectors, and the displacements of the ports.
 
-    The sliders and the modulations, which determine these displacements, are those of the end of the period.
+    Sliders and modulations, which determine these displacements, have their values at the end of the period.
     """
     if sliders is None:
         return
@@ -620,7 +620,7 @@ def _highest_coupled_mode(modes: Any, mobility: Any, rate: float, period: float)
 
     The free vibration of a mode is no polynomial in a step that it turns by several radians. Let c be the stiffness of
     the elements times the flexibility of the mode, times the angle that the mode turns in a period. The error is then c
-    for the multiplier of the mode itself, and c^2 for those of slow modes, which excite it and which it excites.
+    for the multiplier of the mode itself, and c^2 for multipliers of slow modes, which excite it and which it excites.
     """
     highest = 0.0
     for k in range(modes.poles.shape[0]):
@@ -643,7 +643,7 @@ SMALLEST_RESOLVED_HARMONIC = 1e-9
 def modulation_order(packed: Any, coefficients: Any, c: Any, exponent: float) -> float:
     """Return the largest n a^exponent of the harmonics n of the stiffness with relative amplitudes a.
 
-    These are the harmonics of periodic stiffness, and products of those of the displacement of cubic springs.
+    These are the harmonics of periodic stiffness, and products of harmonics of the displacement of cubic springs.
     s Gauss points integrate a harmonic over the angle phi = n h of a step with an error of a phi^(2 s + 1), times the
     constant of `MODE_TURN_PER_SQUARED_POINTS`, so that the exponent is 1 / (2 s + 1). c (H + 1,) is overwritten.
     """

@@ -15,9 +15,9 @@ from hbgear.mechanics.series.real_basis import derivative, one_sided
 
 
 def has_sampled_slopes(compiled: Evaluator) -> bool:
-    """Return whether slopes of all laws are known: those of hbgear in closed form, others of one displacement by AFT.
+    """Return whether slopes of all laws are known: of laws of hbgear in closed form, of other scalar laws by AFT.
 
-    Not so with contacts with dampers, friction, laws of several displacements and compiled laws of the user.
+    They are unknown for contacts with dampers, friction, laws of several displacements and compiled laws of the user.
     """
     return not (compiled.damped or compiled.sliders or compiled.vectors or compiled.user_laws)
 

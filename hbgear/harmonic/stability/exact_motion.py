@@ -72,7 +72,7 @@ def exact_iterate(
 ) -> tuple[EquationsAt, Iterate]:
     """Return the equations and the contact instants of the exact motion near a solution of harmonic balance.
 
-    With ``free``, Omega may change. Exceptions are those of `refine_motion`, and InconsistentPatternError.
+    With ``free``, Omega may change. Exceptions are the same as for `refine_motion`, and InconsistentPatternError.
     """
     equations, approximation = _approximation(problem, X, parameters)
     ode = equations.at(float(parameters["Omega"]))
@@ -84,7 +84,7 @@ def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: i
 
     Truncation may change the number of hard contacts, so that no exact motion is near the solution of harmonic balance.
     The forces of all elements are divided by powers of `SOFTENING` until an exact motion is found. They are increased
-    to those of the system in steps, each with Newton's method from the instants of the step before.
+    to the forces of the system in steps, each with Newton's method from the instants of the step before.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         return {**self.problem.describe(), "curve": {"of": EQUATIONS[self.kind], "in": self.parameter}}
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        """Return the unknowns (X, p) minus those of the special point near them, and the unit matrix."""
+        """Return the difference of the unknowns (X, p) from the special point near them, and the unit matrix."""
         point = self.located(X, parameters)
         fixed = {key: value for key, value in point.parameters.items() if key != self.parameter}
         ode = self.problem.family(self.parameter, fixed)(point.state.value)

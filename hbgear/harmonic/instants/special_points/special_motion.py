@@ -208,9 +208,9 @@ class SpecialMotions:
         return state if exchanges else None
 
     def missed_contacts(self, point: SurfacePoint, grazing: Grazing | None) -> list[Grazing]:
-        """Return the contacts for which a motion has no switches, without the grazing one that is followed.
+        """Return the contacts for which a motion has no switches, except the contact ``grazing`` of the curve.
 
-        Rounding makes that one a crossing around its extremum.
+        By rounding, the gap of that contact may cross its breakpoint around the extremum.
         """
         ode, family = self.surface.at(point), self.surface.family(point.second)
         contacts = [Grazing(0.5 * (m.begin + m.end), m.first) for m in sample_gaps(ode, point.state.iterate)[1]]

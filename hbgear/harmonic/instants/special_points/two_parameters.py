@@ -278,7 +278,7 @@ class SpecialPointFollower:
         return False
 
     def _turning_kind(self, motion: SpecialMotion) -> str:
-        """Return the kind of a turning point; those of folds are cusps or isola centres."""
+        """Return the kind of a turning point: on curves of folds it is a cusp or an isola centre."""
         if self.kind != "LP":
             return "LP"
         return "IC" if abs(motion.tangent[-2]) > MOVING_PARAMETER else "CP"
