@@ -230,8 +230,8 @@ def _reduced_multipliers(
     mu = np.empty((len(X), LISTED_MULTIPLIERS), dtype=complex)
     for level, lumped in {*zip(levels.tolist(), flexible.tolist(), strict=True)}:
         rows = np.flatnonzero((levels == level) & (flexible == lumped))
-        blocks = compiled.parts(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
-        mu[rows] = _multipliers_of_blocks(compiled, blocks, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
+        modes = compiled.parts(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
+        mu[rows] = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
     return mu
 
 
@@ -270,7 +270,7 @@ def reduction(compiled: Evaluator, X: Array, Omega: Array) -> dict[str, float]:
 
 def _multipliers_of_blocks(
     compiled: Evaluator,
-    blocks: ModalBlocks,
+    modes: ModalBlocks,
     X: Array,
     Omega: Array,
     points: int | None,
@@ -279,16 +279,16 @@ def _multipliers_of_blocks(
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
     coupled = compiled.sliders or compiled.vectors  # their elements may belong to different blocks
-    divisible = len(blocks.split) > 1 and not coupled
-    identical = _move_identically(compiled, blocks, X) if divisible else np.zeros(len(X), dtype=bool)
-    idle = blocks.idle[:listed]
-    mu = np.empty((len(X), len(idle) + blocks.whole.size + compiled.sliders), dtype=complex)
+    divisible = len(modes.split) > 1 and not coupled
+    identical = _move_identically(compiled, modes, X) if divisible else np.zeros(len(X), dtype=bool)
+    idle = modes.idle[:listed]
+    mu = np.empty((len(X), len(idle) + modes.whole.size + compiled.sliders), dtype=complex)
     mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
-    for motions, chosen in ((identical, blocks.split), (~identical, (blocks.whole,))):
+    for motions, chosen in ((identical, modes.split), (~identical, (modes.whole,))):
         if motions.any():
             column = len(idle)
             for block in chosen:
-                matrices = monodromies(compiled, block, blocks.mobility, X[motions], Omega[motions], points, width)
+                matrices = monodromies(compiled, block, modes.mobility, X[motions], Omega[motions], points, width)
                 mu[motions, column : column + matrices.shape[1]] = _eigenvalues(matrices)
                 column += block.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
@@ -323,10 +323,10 @@ def _eigenvalues_2x2(A: Array) -> ComplexArray:
     return out
 
 
-def _move_identically(compiled: Evaluator, blocks: ModalBlocks, X: Array) -> np.ndarray:
+def _move_identically(compiled: Evaluator, modes: ModalBlocks, X: Array) -> np.ndarray:
     """Return whether identical elements move identically in each motion (P,)."""
     rows = X.reshape(len(X), compiled.m, -1)
-    difference = np.abs(rows - rows[:, blocks.groups]).max(axis=(1, 2))
+    difference = np.abs(rows - rows[:, modes.groups]).max(axis=(1, 2))
     identical: np.ndarray = difference <= IDENTICAL_MOTION_TOLERANCE * np.abs(rows).max(axis=(1, 2))
     return identical
 

@@ -11,8 +11,8 @@ If D is constant in each segment, the exact flow of `constant_flow` replaces the
 A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
 constant. While it slips, its force does not change, or is proportional to the displacement d_n of a normal force. Where
 it begins to stick, y = d + lean d_n (`SliderWorkspace.lean`); no other saltation is needed, because the force is
-continuous. The last columns and rows of the matrix belong to the sliders. A slider that never slips has a prescribed
-position: its column is zero instead of a multiplier +1.
+continuous. The last columns and rows of the matrix are those of the sliders. A
+slider that never slips has a prescribed position: its column is zero instead of a multiplier +1.
 """
 
 from __future__ import annotations
@@ -427,11 +427,11 @@ def _port_of(ports: Any, j: int) -> int:
 
 
 @kernel
-def _set_memory(workspace: Any, i: int, p: int, normal: int, lean: float) -> None:
-    """Set the disturbance of slider i to d + lean d_n, from the displacements of ports p and normal (-1: none)."""
+def _set_memory(workspace: Any, i: int, p: int, normal: int, slope: float) -> None:
+    """Set the disturbance of slider i to d + slope d_n, from the displacements of ports p and normal (-1: none)."""
     d, memory = workspace.flow.displacements, workspace.memory
     for n in range(memory.shape[1]):
-        memory[i, n] = (d[p, n] if p >= 0 else 0.0) + (lean * d[normal, n] if normal >= 0 and lean != 0.0 else 0.0)
+        memory[i, n] = (d[p, n] if p >= 0 else 0.0) + (slope * d[normal, n] if normal >= 0 and slope != 0.0 else 0.0)
 
 
 @kernel
@@ -446,8 +446,8 @@ def _end_memory(
             interval = interval_at(slides.number[i], slides.begin[i], phase)
             gain = 0.0 if slides.kind[i, interval] == OPEN else sliders.gain[i, slides.zone[i, interval]]
             normal = _port_of(modes.ports, sliders.normal[i])
-            lean = -slides.kind[i, interval] * gain / sliders.k[i]
-            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, lean)
+            slope = -slides.kind[i, interval] * gain / sliders.k[i]
+            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slope)
         for n in range(out.shape[1]):
             out[r + i, n] = factor * workspace.memory[i, n]
 
