@@ -76,7 +76,7 @@ class CriticalSpeed:
     Examples
     --------
     >>> import hbgear as hb
-    >>> [one.order for one in hb.analysis.campbell(hb.SpurPair(), (0.5, 1.5), {"mesh": 1.0}).critical]
+    >>> [speed.order for speed in hb.analysis.campbell(hb.SpurPair(), (0.5, 1.5), {"mesh": 1.0}).critical]
     ['mesh']
     """
 
@@ -180,15 +180,15 @@ def campbell(
     >>> tilt = hb.Element([1.0, 0.0], hb.Cubic(k1=0, k3=0))
     >>> whirl = hb.mechanics.SpeedTerms(np.array([[0.0, 0.6], [-0.6, 0.0]]))
     >>> disc = hb.System(np.eye(2), None, np.eye(2), [tilt], hb.Load(cosine={1: [0.1, 0.0]}), speed=whirl)
-    >>> [round(one.Omega, 4) for one in hb.analysis.campbell(disc, (0.1, 3.0), {"shaft": 1.0}).critical]
+    >>> [round(speed.Omega, 4) for speed in hb.analysis.campbell(disc, (0.1, 3.0), {"shaft": 1.0}).critical]
     [0.7906, 1.5811]
     """
     first, last = float(span[0]), float(span[1])
     checked("campbell", "the start of the span", first, POSITIVE)
     checked("campbell", "the end of the span", last, Range(above=first))
     counted("points", points, 10_000, least=2)
-    named = dict(model.orders if orders is None else orders)
-    for name, order in named.items():
+    ratios = dict(model.orders if orders is None else orders)
+    for name, order in ratios.items():
         checked("campbell", f"order '{name}'", order, POSITIVE)
     system = model.system()
     if system.n > _MAX_EIGENVALUE_COORDINATES:
@@ -200,23 +200,23 @@ def campbell(
         raise ValueError(
             f"the span {first:g} to {last:g} exceeds the tables of the model: Omega must {system.speed.range}"
         )
-    keep = system.n if modes is None else counted("modes", modes, system.n)
+    mode_count = system.n if modes is None else counted("modes", modes, system.n)
     stiffness = _element_stiffness(model, system, closed, (first, last))
     rotor = _Rotor(system, stiffness)
     Omega = np.linspace(first, last, points)
     mode_poles, mode_whirls = _track_modes(rotor, Omega)
     starts = [next(p.imag for p in column if np.isfinite(p)) for column in mode_poles]
-    lowest = np.argsort(starts, kind="stable")[:keep]
-    poles, whirl = (np.array([each[i] for i in lowest]).T.reshape(points, -1) for each in (mode_poles, mode_whirls))
-    crossings = [one for name, ratio in named.items() for i in range(poles.shape[1])
-                 for one in _critical_speeds(rotor, Omega, poles[:, i], name, ratio, i + 1)]  # fmt: skip
+    lowest = np.argsort(starts, kind="stable")[:mode_count]
+    poles, whirl = (np.array([rows[i] for i in lowest]).T.reshape(points, -1) for rows in (mode_poles, mode_whirls))
+    crossings = [crossing for name, ratio in ratios.items() for i in range(poles.shape[1])
+                 for crossing in _critical_speeds(rotor, Omega, poles[:, i], name, ratio, i + 1)]  # fmt: skip
     with np.errstate(invalid="ignore"):
         damping = -poles.real / np.abs(poles)
     names = [e.name for e in system.elements]
     in_contact = tuple(name for name, row in zip(names, stiffness, strict=True) if row.any())
     opened = tuple(name for name, row in zip(names, stiffness, strict=True) if not row.any())
-    critical = tuple(sorted(crossings, key=lambda one: one.Omega))
-    return Campbell(Omega, poles.imag, damping, named, critical, scales(model, {}), whirl, in_contact, opened)
+    critical = tuple(sorted(crossings, key=lambda speed: speed.Omega))
+    return Campbell(Omega, poles.imag, damping, ratios, critical, scales(model, {}), whirl, in_contact, opened)
 
 
 def _element_stiffness(
@@ -225,23 +225,23 @@ def _element_stiffness(
     """Return the stiffness of the elements, shape (m, m); diagonal but for laws of several displacements."""
     system.check_matrices()
     names = [e.name for e in system.elements]
-    given: list[bool | None]
+    states: list[bool | None]
     if closed is None or isinstance(closed, Mapping):
         by_name = closed or {}
         for name in by_name:
             if name not in names:
                 raise KeyError(f"campbell: closed: there is no element {quoted(name)}{did_you_mean(name, names)}")
-        given = [by_name.get(name) for name in names]
+        states = [by_name.get(name) for name in names]
     else:
-        given = [*np.atleast_1d(np.asarray(closed, dtype=bool)).tolist()] * (1 if np.ndim(closed) else len(names))
-    if len(given) != len(names):
-        raise ValueError(f"closed has {len(given)} entries; need {len(names)}, one for each element")
-    given = [False if state is None and _is_linear(e.law) else state
-             for e, state in zip(system.elements, given, strict=True)]  # fmt: skip
-    if None not in given:
-        return np.diag([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, given, strict=True)])
-    static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(given) if state is None], names)
-    for i, (e, state) in enumerate(zip(system.elements, given, strict=True)):
+        states = [*np.atleast_1d(np.asarray(closed, dtype=bool)).tolist()] * (1 if np.ndim(closed) else len(names))
+    if len(states) != len(names):
+        raise ValueError(f"closed has {len(states)} entries; need {len(names)}, one for each element")
+    states = [False if state is None and _is_linear(e.law) else state
+             for e, state in zip(system.elements, states, strict=True)]  # fmt: skip
+    if None not in states:
+        return np.diag([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, states, strict=True)])
+    static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(states) if state is None], names)
+    for i, (e, state) in enumerate(zip(system.elements, states, strict=True)):
         if state is not None:
             static[i] = 0.0
             static[i, i] = _mean_slope(e.law, state)
@@ -340,11 +340,11 @@ class _Rotor:
         rate = np.sqrt(np.abs(K).max()) or 1.0  # scales the velocities
         A = np.block([[np.zeros_like(K), rate * np.eye(self.n)], [-K / rate, -C]])
         poles, V = scipy.linalg.eig(A)
-        kept = np.flatnonzero(poles.imag > _MIN_OSCILLATION_RATIO * np.abs(poles).max(initial=0.0))
-        kept = kept[np.argsort(poles[kept].imag, kind="stable")]
-        whirl = self._whirl(V[: self.n, kept])
-        shapes = V[: self.n, kept] / np.sqrt(np.abs(np.diag(self.inverse)))[:, None]
-        return poles[kept], shapes / np.linalg.norm(shapes, axis=0), whirl
+        oscillating = np.flatnonzero(poles.imag > _MIN_OSCILLATION_RATIO * np.abs(poles).max(initial=0.0))
+        oscillating = oscillating[np.argsort(poles[oscillating].imag, kind="stable")]
+        whirl = self._whirl(V[: self.n, oscillating])
+        shapes = V[: self.n, oscillating] / np.sqrt(np.abs(np.diag(self.inverse)))[:, None]
+        return poles[oscillating], shapes / np.linalg.norm(shapes, axis=0), whirl
 
     def _whirl(self, shapes: ComplexArray) -> Array:
         """Return the whirl of mode shapes (n, r); nan where the gyroscopic terms do not act."""
@@ -354,8 +354,8 @@ class _Rotor:
         signed = -np.einsum("ir,ij,jr->r", shapes.conj(), G, shapes).imag
         size = np.einsum("ir,ij,jr->r", shapes.conj(), absolute, shapes).real
         mass = np.einsum("ir,ij,jr->r", shapes.conj(), dense(self.system.M), shapes).real
-        acts = size > _MIN_GYROSCOPIC_RATIO * self.gyroscopic_scale * np.abs(mass)
-        whirl: Array = np.divide(signed, size, out=np.full(len(acts), np.nan), where=acts)
+        gyroscopic = size > _MIN_GYROSCOPIC_RATIO * self.gyroscopic_scale * np.abs(mass)
+        whirl: Array = np.divide(signed, size, out=np.full(len(gyroscopic), np.nan), where=gyroscopic)
         return whirl
 
     def nearest_pole(self, Omega: float, guess: complex) -> tuple[complex, float]:
@@ -428,6 +428,6 @@ def _critical_speeds(
         if frequency_difference(ends[0]) * frequency_difference(ends[1]) > 0:
             continue
         root = float(scipy.optimize.brentq(frequency_difference, *ends, xtol=1e-15 * ends[1], rtol=1e-14))
-        here, whirl = pole(root)
-        out.append(CriticalSpeed(name, mode, root, here.imag, -here.real / (abs(here) or 1.0), whirl))
+        eigenvalue, whirl = pole(root)
+        out.append(CriticalSpeed(name, mode, root, eigenvalue.imag, -eigenvalue.real / (abs(eigenvalue) or 1.0), whirl))
     return out

@@ -183,11 +183,11 @@ def critical_parameter(
         if not cusps:
             raise
         ending.record_error(error, f"after {len(cusps)} of the points where a jump appears or vanishes")
-    own = problem.value_of(parameter)
-    point, fold, below = min(cusps, key=lambda cusp: abs(cusp.point.parameters[parameter] - own))
-    others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in cusps if p is not point]
+    model_value = problem.value_of(parameter)
+    point, fold, below = min(cusps, key=lambda cusp: abs(cusp.point.parameters[parameter] - model_value))
+    other_cusps = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in cusps if p is not point]
     return CriticalParameter(
-        parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others),
+        parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(other_cusps),
         ending.status, ending.message_with_advice,
     )  # fmt: skip
 
@@ -205,12 +205,12 @@ def find_cusps(
     NoFoldError
         If no cusp is found.
     """
-    own, allowed = problem.value_of(parameter), problem.range_of(parameter)
-    followed: list[Branch] = []
-    tried: list[float] = []
+    p0, allowed = problem.value_of(parameter), problem.range_of(parameter)
+    traced: list[Branch] = []
+    values: list[float] = []
     slope = ""
-    for value in _search_values(own):
-        if len(followed) >= _MAX_CURVES_WITHOUT_CUSP:
+    for value in _search_values(p0):
+        if len(traced) >= _MAX_CURVES_WITHOUT_CUSP:
             break
         if value not in allowed:
             continue
@@ -219,29 +219,29 @@ def find_cusps(
         except NoConvergence:
             continue
         report_progress(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
-        tried.append(value)
+        values.append(value)
         slope = slope or _steepest_slope(curve)
-        found = False
-        for cusp in _follow_to_cusps(problem, parameter, curve, followed, progress):
-            found = True
+        has_cusp = False
+        for cusp in _follow_to_cusps(problem, parameter, curve, traced, progress):
+            has_cusp = True
             yield cusp
-        if found:
+        if has_cusp:
             return
-    values = [own, *tried, *(float(value) for fold in followed for value in (fold.values.min(), fold.values.max()))]
+    searched = [p0, *values, *(float(p) for fold in traced for p in (fold.values.min(), fold.values.max()))]
     raise NoFoldError(
-        f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(values):.5g} "
-        f"to {max(values):.5g} (response curves: {len(tried)}, fold curves: {len(followed)}); {slope}. "
+        f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(searched):.5g} "
+        f"to {max(searched):.5g} (response curves: {len(values)}, fold curves: {len(traced)}); {slope}. "
         "Try another parameter, or a model nearer to a jump"
     )
 
 
-def _search_values(own: float) -> Iterator[float]:
+def _search_values(model_value: float) -> Iterator[float]:
     """Yield the value of the model, then values with increasing distance on both sides."""
-    yield own
-    step = abs(own) or 1.0
+    yield model_value
+    step = abs(model_value) or 1.0
     for fraction in (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9):
-        yield own - fraction * step
-        yield own + step * (1 / (1 - fraction) - 1)
+        yield model_value - fraction * step
+        yield model_value + step * (1 / (1 - fraction) - 1)
 
 
 def _count_folds(curve: Branch) -> str:
@@ -251,23 +251,23 @@ def _count_folds(curve: Branch) -> str:
 
 
 def _follow_to_cusps(
-    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], progress: ProgressCallback | None
+    problem: HarmonicBalance, parameter: str, curve: Branch, traced: list[Branch], progress: ProgressCallback | None
 ) -> Iterator[FoldCusp]:
     """Follow the folds of a response curve and yield their cusps.
 
-    Each fold curve is appended to `followed`; folds on a fold curve of this list are skipped.
+    Each fold curve is appended to `traced`; folds on a fold curve of this list are skipped.
     """
-    own, allowed = problem.value_of(parameter), problem.range_of(parameter)
-    reach = _MAX_PARAMETER_RATIO * (abs(own) or 1.0)
+    model_value, allowed = problem.value_of(parameter), problem.range_of(parameter)
+    reach = _MAX_PARAMETER_RATIO * (abs(model_value) or 1.0)
     for point in folds_of(curve):
-        if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
+        if any(on_fold_curve(problem, fold, point, parameter) for fold in traced):
             continue
         try:
             equations, start = fold_equations(problem, point)
         except NoConvergence:  # contacts of the fold are too short
             continue
         value = point.parameters[parameter]
-        first = -1 if own < value else 1  # towards the value of the model
+        first = -1 if model_value < value else 1  # towards the value of the model
         for side in (first, -first):
             end = allowed.clipped(value + side * reach, value)
             if end * value < _MIN_PARAMETER_RATIO * value**2:
@@ -278,7 +278,7 @@ def _follow_to_cusps(
                 progress, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}"
             )
             fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
-            followed.append(fold)
+            traced.append(fold)
             cusps = [p for p in fold.special if p.kind in TURNING_KINDS and p.located]
             yield from (FoldCusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps)
             if cusps:

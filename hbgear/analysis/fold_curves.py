@@ -87,7 +87,7 @@ def response_curve(
 
 def folds_of(curve: Branch) -> list[Point]:
     """Return the located folds of a response curve and of the other curves of its range."""
-    return [point for one in curve.curves for point in one.special if point.kind == "LP" and point.located]
+    return [point for branch in curve.curves for point in branch.special if point.kind == "LP" and point.located]
 
 
 def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
@@ -111,19 +111,19 @@ def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
         If the contacts of the fold are too short for harmonics.
     """
     source = problem if point.problem is None else as_problem(point.problem)
-    exact = source.special_point_equations("Omega", point)
-    if exact is not None:
-        return exact, point
-    own, here = in_residual_form(source, point, "Omega", FoldEvent())
-    return FoldEvent().equations(problem if own is source else own, "Omega", here), here
+    exact_equations = source.special_point_equations("Omega", point)
+    if exact_equations is not None:
+        return exact_equations, point
+    residual_form, start = in_residual_form(source, point, "Omega", FoldEvent())
+    return FoldEvent().equations(problem if residual_form is source else residual_form, "Omega", start), start
 
 
 def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> Any:
     """Return the equations of a fold curve, whose number of harmonics may be larger than that of the problem."""
     if isinstance(fold.problem, SpecialPointProblem):
         return fold.problem
-    here = {**fold.parameters_at(0), "Omega": fold.tracked["Omega"][0]}
-    return equations_of_fold(problem, "Omega", problem.resized(fold.X[0]), here)
+    parameters = {**fold.parameters_at(0), "Omega": fold.tracked["Omega"][0]}
+    return equations_of_fold(problem, "Omega", problem.resized(fold.X[0]), parameters)
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

@@ -70,31 +70,31 @@ def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
     return tuple(tuple(_landing(branches, i, jump) for jump in branch.jumps()) for i, branch in enumerate(branches))
 
 
-def _landing(branches: Sequence[Branch], own: int, jump: Jump) -> Landing:
-    """Return the landing of a jump of the branch with number `own`."""
-    known = candidates(branches, own, jump)
-    points = tuple(point for point, _ in known)
+def _landing(branches: Sequence[Branch], origin: int, jump: Jump) -> Landing:
+    """Return the landing of a jump of the branch with number `origin`."""
+    motions = candidates(branches, origin, jump)
+    points = tuple(point for point, _ in motions)
     after = jump.after if jump.landing in _KEPT_LANDINGS else nearest(jump.before, points)
     if after is None:
         return Landing(replace(jump, candidates=points), None)
     # another trace may have passed the same branch: motions of the own branch come first
-    own_points = [point for point, i in known if i == own]
-    own_index = same_motion(after, own_points)
-    index = own_index if own_index is not None else same_motion(after, points)
+    origin_points = [point for point, i in motions if i == origin]
+    origin_index = same_motion(after, origin_points)
+    index = origin_index if origin_index is not None else same_motion(after, points)
     if index is None:
         return Landing(replace(jump, candidates=points), None)
     after = after if jump.landing in _KEPT_LANDINGS else points[index]
-    return Landing(replace(jump, after=after, candidates=points), known[index][1])
+    return Landing(replace(jump, after=after, candidates=points), motions[index][1])
 
 
-def candidates(branches: Sequence[Branch], own: int, jump: Jump) -> list[tuple[Point, int]]:
+def candidates(branches: Sequence[Branch], origin: int, jump: Jump) -> list[tuple[Point, int]]:
     """Return the stable motions at the value of a jump, with the numbers of their branches.
 
     Parameters
     ----------
     branches : sequence of Branch
         Branches.
-    own : int
+    origin : int
         Number of the branch of the jump.
     jump : Jump
         Jump.
@@ -107,17 +107,17 @@ def candidates(branches: Sequence[Branch], own: int, jump: Jump) -> list[tuple[P
     points = jump.candidates
     if not points and jump.after is not None and jump.landing == "nearest":  # branch from a file without candidates
         points = (jump.after,)
-    return [(point, own) for point in points] + stable_motions(branches, own, jump.value)
+    return [(point, origin) for point in points] + stable_motions(branches, origin, jump.value)
 
 
-def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[tuple[Point, int]]:
+def stable_motions(branches: Sequence[Branch], origin: int, value: float) -> list[tuple[Point, int]]:
     """Return the stable motions of the other branches at a value of the parameter, with the numbers of their branches.
 
     Parameters
     ----------
     branches : sequence of Branch
         Branches.
-    own : int
+    origin : int
         Number of the branch that is left out. Another branch is considered if its parameters are comparable.
     value : float
         Value of the parameter.
@@ -129,28 +129,28 @@ def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[t
     """
     return [
         (point, i)
-        for i, other in enumerate(branches)
-        if i != own and _comparable(branches[own], other)
-        for point in stable_points(other, value)
+        for i, branch in enumerate(branches)
+        if i != origin and _comparable(branches[origin], branch)
+        for point in stable_points(branch, value)
     ]
 
 
-def _comparable(one: Branch, other: Branch) -> bool:
+def _comparable(a: Branch, b: Branch) -> bool:
     """Return whether two branches have the same parameter, elements and model, and equal fixed parameters."""
-    if one.parameter != other.parameter or one.fixed.keys() != other.fixed.keys() or one.tracked or other.tracked:
+    if a.parameter != b.parameter or a.fixed.keys() != b.fixed.keys() or a.tracked or b.tracked:
         return False
-    first, second = layout_of(one), layout_of(other)
-    if first is None or second is None or first.elements != second.elements or not _same_model(one, other):
+    first, second = layout_of(a), layout_of(b)
+    if first is None or second is None or first.elements != second.elements or not _same_model(a, b):
         return False
-    return bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
+    return bool(np.allclose([*a.fixed.values()], [*b.fixed.values()], rtol=1e-12, atol=0.0))
 
 
-def _same_model(one: Branch, other: Branch) -> bool:
+def _same_model(a: Branch, b: Branch) -> bool:
     """Return whether the models of two branches differ in fixed parameters only; True if a model is unknown."""
-    first, second = (branch.meta.get("model", {}) for branch in (one, other))
+    first, second = (branch.meta.get("model", {}) for branch in (a, b))
     if not (is_description(first) and is_description(second)):
         return True
-    replaced = {name.partition("[")[0] for name in one.fixed}
+    replaced = {name.partition("[")[0] for name in a.fixed}
     return first["class"] == second["class"] and not {*differing_fields(first, second)} - replaced
 
 
@@ -175,15 +175,15 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
         return [point for point in points_of(branch, value) if point.stable]
     if branch.stable is None:
         return []
-    found = []
+    points = []
     for crossing in crossings_at(branch, value):
         if all(branch.stable[i] for i in crossing.points):
-            near, X = branch[crossing.nearest], crossing.interpolate(branch.X)
-            found.append(replace(near, X=X, parameters={**near.parameters, branch.parameter: value}, label=""))
-    return found
+            motion, X = branch[crossing.nearest], crossing.interpolate(branch.X)
+            points.append(replace(motion, X=X, parameters={**motion.parameters, branch.parameter: value}, label=""))
+    return points
 
 
-def same_motion(motion: Point, others: Sequence[Point], tolerance: float = MAX_MOTION_DIFFERENCE) -> int | None:
+def same_motion(motion: Point, points: Sequence[Point], tolerance: float = MAX_MOTION_DIFFERENCE) -> int | None:
     """Return the number of the motion that equals a given motion at the same parameter, including its phase.
 
     Motions may differ in resolution and period, and by a shift of whole periods of the excitation. Solutions of the
@@ -194,7 +194,7 @@ def same_motion(motion: Point, others: Sequence[Point], tolerance: float = MAX_M
     ----------
     motion : Point
         Motion.
-    others : sequence of Point
+    points : sequence of Point
         Motions of the same elements.
     tolerance : float, optional
         Largest rms difference relative to the alternating part. The default is `MAX_MOTION_DIFFERENCE`.
@@ -204,20 +204,20 @@ def same_motion(motion: Point, others: Sequence[Point], tolerance: float = MAX_M
     int or None
         Number of the nearest of the others. None if each difference exceeds the tolerance.
     """
-    differences = [_relative_difference(motion, other) for other in others]
-    best = int(np.argmin(differences)) if differences else -1
-    return best if differences and differences[best] <= tolerance else None
+    differences = [_relative_difference(motion, point) for point in points]
+    nearest_index = int(np.argmin(differences)) if differences else -1
+    return nearest_index if differences and differences[nearest_index] <= tolerance else None
 
 
-def _relative_difference(one: Point, other: Point) -> float:
+def _relative_difference(motion: Point, other: Point) -> float:
     """Return the rms difference of two motions over the rms of the larger alternating part.
 
     It is the minimum over shifts by whole periods of the excitation.
     """
-    nu = math.lcm(_layout(one).nu, _layout(other).nu)
-    a, b = _sampled(one, nu), _sampled(other, nu)
-    shifted = (np.roll(b, k * _COMPARED_SAMPLES, axis=1) for k in range(nu))
-    difference = min(float(np.sqrt(np.mean((a - x) ** 2))) for x in shifted)
+    nu = math.lcm(_layout(motion).nu, _layout(other).nu)
+    a, b = _sampled(motion, nu), _sampled(other, nu)
+    shifts = (np.roll(b, k * _COMPARED_SAMPLES, axis=1) for k in range(nu))
+    difference = min(float(np.sqrt(np.mean((a - x) ** 2))) for x in shifts)
     size = max(float(np.sqrt(np.mean((x - x.mean(axis=1, keepdims=True)) ** 2))) for x in (a, b))
     return difference / (size or 1.0)
 

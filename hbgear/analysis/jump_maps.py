@@ -142,8 +142,8 @@ class JumpMap:
 
     def _arms_at(self, value: float) -> list[tuple[float, int]]:
         """Return Omega, ascending, and the number of the section of each jump; at a cusp the lower jump is first."""
-        found = [(arm.at(value), arm.direction, i) for i, arm in enumerate(self.arms)]
-        return [(Omega, i) for Omega, _, i in sorted(found) if not math.isnan(Omega)]
+        crossings = [(arm.at(value), arm.direction, i) for i, arm in enumerate(self.arms)]
+        return [(Omega, i) for Omega, _, i in sorted(crossings) if not math.isnan(Omega)]
 
     @cached_property
     def _asymptotes(self) -> list[tuple[float, list[tuple[float, int]]]]:
@@ -152,15 +152,15 @@ class JumpMap:
 
     def _asymptotes_at(self, value: float) -> list[tuple[float, int]]:
         """Return the asymptotes at a value of the parameter, between the nearest curves if they have the same ones."""
-        known = self._asymptotes
-        if not any(asymptotes for _, asymptotes in known):
+        entries = self._asymptotes
+        if not any(asymptotes for _, asymptotes in entries):
             return []
-        k = min(max(int(np.searchsorted([at for at, _ in known], value)), 1), len(known) - 1)
-        (low, below), (high, above) = known[max(k - 1, 0)], known[k]
-        share = (value - low) / (high - low) if high > low else 0.0
+        k = min(max(int(np.searchsorted([x for x, _ in entries], value)), 1), len(entries) - 1)
+        (low, below), (high, above) = entries[max(k - 1, 0)], entries[k]
+        fraction = (value - low) / (high - low) if high > low else 0.0
         if [change for _, change in below] != [change for _, change in above]:
-            return below if share < 0.5 else above
-        return [((1 - share) * a + share * b, change) for (a, change), (b, _) in zip(below, above, strict=True)]
+            return below if fraction < 0.5 else above
+        return [((1 - fraction) * a + fraction * b, change) for (a, change), (b, _) in zip(below, above, strict=True)]
 
     def several_motions(self, value: float) -> list[tuple[float, float]]:
         """Return the intervals of Omega with several motions at a value of the parameter.
@@ -204,13 +204,13 @@ class JumpMap:
             File. Its columns are arm, parameter, Omega and direction, and the speed of the pinion if the model has
             scales.
         """
-        across = OmegaAxis.of_ends(self.folds, "")
-        speed = [across.name] if across.is_speed else []
+        axis = OmegaAxis.of_ends(self.folds, "")
+        speed = [axis.name] if axis.is_speed else []
         with csv_table(path) as writer:
             writer.writerow(["arm", self.parameter, "Omega", "direction", *speed])
             for i, arm in enumerate(self.arms, 1):
                 writer.writerows(
-                    [i, float(x), float(y), arm.direction, *(float(across.scale * y) for _ in speed)]
+                    [i, float(x), float(y), arm.direction, *(float(axis.scale * y) for _ in speed)]
                     for x, y in zip(arm.values, arm.Omega, strict=True)
                 )
 
@@ -227,13 +227,13 @@ class JumpMap:
         list of tuple of ndarray
             Lower and upper Omega of each region, shape (P,) each; nan where the region does not exist.
         """
-        found: dict[tuple[int, int], tuple[Array, Array]] = {}
+        bands: dict[tuple[int, int], tuple[Array, Array]] = {}
         for n, value in enumerate(values):
             for (low, i), (high, j) in self._intervals(float(value)):
                 empty = np.full(len(values), math.nan), np.full(len(values), math.nan)
-                band = found.setdefault((i, j), empty)
+                band = bands.setdefault((i, j), empty)
                 band[0][n], band[1][n] = low, high
-        return list(found.values())
+        return list(bands.values())
 
 
 @checked_arguments(parameter="the name of a parameter, such as 'zeta'")
@@ -314,30 +314,30 @@ def jump_map(
         raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
     folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
-    ending, value, gap, refused = Termination(), low, "", list[str]()
+    ending, value, gap, unconverged = Termination(), low, "", list[str]()
     try:
         for value in _spread(low, high, seeds):
             report_progress(progress, f"response curve at {parameter} = {value:.5g}")
             if value not in curves:
                 curves[value] = response_curve(problem, parameter, value, frequencies)
             curve = curves[value]
-            for one in curve.curves:
-                ending.merge(one, f"the response curve at {parameter} = {value:.5g}")
+            for branch in curve.curves:
+                ending.merge(branch, f"the response curve at {parameter} = {value:.5g}")
             for point in folds_of(curve):
                 if any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
                     continue
-                where = f"fold at Omega = {point.parameters['Omega']:.5g}"
-                report_progress(progress, f"{where}, followed in {parameter}")
+                fold_text = f"fold at Omega = {point.parameters['Omega']:.5g}"
+                report_progress(progress, f"{fold_text}, followed in {parameter}")
                 try:
                     fold = _fold_curve(*fold_equations(problem, point), parameter, (low, high), steps)
                 except NoConvergence:
-                    refused.append(
-                        f"the {where} at {parameter} = {value:.5g} is not in the map: its equations do not converge"
+                    unconverged.append(
+                        f"the {fold_text} at {parameter} = {value:.5g} is not in the map: its equations do not converge"
                     )
                     continue
                 folds += [(fold, _arms(problem, fold))]
-                ending.merge(fold, f"the curve of the {where}")
-        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *refused) if text)
+                ending.merge(fold, f"the curve of the {fold_text}")
+        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *unconverged) if text)
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
@@ -353,8 +353,8 @@ def jump_map(
 def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:
     """Return Omega, ascending, where curves grow without bound; -1 if they approach it from below, 1 from above."""
     return sorted(
-        (Omega, -1 if one.values[i] < Omega else 1)
-        for one in curve.curves for i, Omega in one.unbounded_ends
+        (Omega, -1 if branch.values[i] < Omega else 1)
+        for branch in curve.curves for i, Omega in branch.unbounded_ends
     )  # fmt: skip
 
 
@@ -389,13 +389,13 @@ def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
             continue
         middle = (a + b) // 2 if b - a > 1 else a
         U = np.append(fold.X[middle], fold.tracked["Omega"][middle])
-        here = {k: v for k, v in fold.parameters_at(middle).items() if k != "Omega"}
+        parameters = {k: v for k, v in fold.parameters_at(middle).items() if k != "Omega"}
         order = np.argsort(fold.values[a : b + 1])
         out.append(
             Arm(
                 fold.values[a : b + 1][order],
                 fold.tracked["Omega"][a : b + 1][order],
-                extended.direction(U, **here),
+                extended.direction(U, **parameters),
             )
         )
     return out

@@ -193,33 +193,33 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
     if direction not in DIRECTIONS:
         raise ValueError(f"direction = {quoted(direction)} must be 'up' or 'down'")
     branches = tuple(map(with_known_problem, (*branch.curves, *others)))
-    if layout_of(branch) is None or any(one.stable is None for one in branches):
+    if layout_of(branch) is None or any(curve.stable is None for curve in branches):
         raise ValueError("a run-up needs branches of motions with known stability; trace them with stability=True")
-    sign, landed = DIRECTIONS[direction], None
-    starts = [(sign * one.values[i], at, i) for at, one in enumerate(branches[: len(branch.curves)])
-              for i in np.flatnonzero(np.asarray(one.stable)).tolist()]  # fmt: skip
+    sign, start_motion = DIRECTIONS[direction], None
+    starts = [(sign * curve.values[i], number, i) for number, curve in enumerate(branches[: len(branch.curves)])
+              for i in np.flatnonzero(np.asarray(curve.stable)).tolist()]  # fmt: skip
     if not starts:
         raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
-    _, at, first = min(starts)
-    known = _SweepBranches(branches, (float(branch.values.min()), float(branch.values.max())), doublings)
+    _, current, first = min(starts)
+    sweep = _SweepBranches(branches, (float(branch.values.min()), float(branch.values.max())), doublings)
     sections: list[BranchSection] = []
     jumps: list[Jump] = []
     for _ in range(_MAX_JUMPS):
-        points, landing, message = _follow_section(known.branches[at], first, sign, known.landings[at])
-        sections.append(BranchSection(known.branches[at], points, landed))
+        points, landing, message = _follow_section(sweep.branches[current], first, sign, sweep.landings[current])
+        sections.append(BranchSection(sweep.branches[current], points, start_motion))
         if landing is None:
-            onward = known.beyond(at, points, sign)
-            if onward is None:
+            continuation = sweep.beyond(current, points, sign)
+            if continuation is None:
                 return RunUp(direction, tuple(sections), tuple(jumps), message)
-            at, first, landed = onward
+            current, first, start_motion = continuation
             continue
         jumps.append(landing.jump)
         after = landing.jump.after
         if after is None or landing.branch is None:
             message = f"jump at {landing.jump.label} to a motion that is on none of the branches"
             return RunUp(direction, tuple(sections), tuple(jumps), message)
-        at, landed = landing.branch, after
-        first = _first_point_beyond(known.branches[at], after, landing.jump.value, sign)
+        current, start_motion = landing.branch, after
+        first = _first_point_beyond(sweep.branches[current], after, landing.jump.value, sign)
     return RunUp(direction, tuple(sections), tuple(jumps), f"stopped after {_MAX_JUMPS} jumps")
 
 
@@ -230,66 +230,66 @@ class _SweepBranches:
         self.branches, self.span, self.doublings = branches, span, doublings
         self.landings = landings(branches)
 
-    def beyond(self, at: int, points: np.ndarray, sign: int) -> tuple[int, int, Point] | None:
+    def beyond(self, number: int, points: np.ndarray, sign: int) -> tuple[int, int, Point] | None:
         """Return branch, point and motion on which a sweep continues that ends at the last of these points, if any."""
-        branch, last = self.branches[at], int(points[-1])
+        branch, last = self.branches[number], int(points[-1])
         value = float(_value_beyond(branch.values, points, sign))
-        found = self._nearest(at, last, value, sign)
-        doubled = _doubled(branch, last, self.span) if found is None and self.doublings > 0 else None
+        successor = self._nearest(number, last, value, sign)
+        doubled = _doubled(branch, last, self.span) if successor is None and self.doublings > 0 else None
         if doubled is None:
-            return found
+            return successor
         self.branches, self.doublings = (*self.branches, doubled), self.doublings - 1
         self.landings = landings(self.branches)
         start = _first_stable(doubled, branch.values[last], sign)
         if start is not None:
             return len(self.branches) - 1, start, doubled[start]
-        return self._nearest(at, last, value, sign)  # a subcritical doubling: the sweep jumps
+        return self._nearest(number, last, value, sign)  # a subcritical doubling: the sweep jumps
 
-    def _nearest(self, at: int, last: int, value: float, sign: int) -> tuple[int, int, Point] | None:
+    def _nearest(self, number: int, last: int, value: float, sign: int) -> tuple[int, int, Point] | None:
         """Return the nearest stable motion at a value on another branch."""
-        motions = stable_motions(self.branches, at, value)
-        landed = nearest(self.branches[at][last], [point for point, _ in motions])
-        if landed is None:
+        motions = stable_motions(self.branches, number, value)
+        motion = nearest(self.branches[number][last], [point for point, _ in motions])
+        if motion is None:
             return None
-        other = next(i for point, i in motions if point is landed)
-        return other, _first_point_beyond(self.branches[other], landed, value, sign), landed
+        other_number = next(i for point, i in motions if point is motion)
+        return other_number, _first_point_beyond(self.branches[other_number], motion, value, sign), motion
 
 
 def _follow_section(
-    branch: Branch, first: int, sign: int, found: Sequence[Landing]
+    branch: Branch, first: int, sign: int, section_landings: Sequence[Landing]
 ) -> tuple[np.ndarray, Landing | None, str]:
     """Return the points of a stable section from its first one, the jump at its end or None, and a message if None."""
-    leaving: dict[int, Landing] = {}
-    for landing in found:
+    departures: dict[int, Landing] = {}
+    for landing in section_landings:
         before: Any = landing.jump.before
         if landing.jump.direction == sign:
-            leaving[before.index] = landing
+            departures[before.index] = landing
     labels = {point.index: point.label for point in branch.special}
     values, stable = branch.values, branch.stable
     assert stable is not None
     last = first
-    ahead = [s for s in (1, -1) if 0 <= last + s < len(values) and (values[last + s] - values[last]) * sign > 0]
+    directions = [s for s in (1, -1) if 0 <= last + s < len(values) and (values[last + s] - values[last]) * sign > 0]
     points = [last]
-    step = next((s for s in ahead if stable[last + s]), 0)
-    while last not in leaving:
+    step = next((s for s in directions if stable[last + s]), 0)
+    while last not in departures:
         after = last + step
         if not step or not 0 <= after < len(values):
             return np.array(points), None, f"{branch.parameter} = {values[last]:.6g} reached"
-        turned, lost = (values[after] - values[last]) * sign <= 0, not stable[after]
-        if (turned or lost) and not any(abs(i - last) <= _MAX_FOLD_OFFSET for i in leaving):
-            where = labels.get(last, f"{branch.parameter} = {values[last]:.6g}")
-            more = f"; hb.switch(curve, '{where}') traces one of twice the period" if where.startswith("PD") else ""
-            text = f"the motion loses its stability at {where}, and none of the branches continues there{more}"
+        reverses, is_unstable = (values[after] - values[last]) * sign <= 0, not stable[after]
+        if (reverses or is_unstable) and not any(abs(i - last) <= _MAX_FOLD_OFFSET for i in departures):
+            label = labels.get(last, f"{branch.parameter} = {values[last]:.6g}")
+            hint = f"; hb.switch(curve, '{label}') traces one of twice the period" if label.startswith("PD") else ""
+            text = f"the motion loses its stability at {label}, and none of the branches continues there{hint}"
             return np.array(points), None, text
         last = after
         points.append(last)
-    return np.array(points), leaving[last], ""
+    return np.array(points), departures[last], ""
 
 
 def _doubled(branch: Branch, last: int, span: tuple[float, float]) -> Branch | None:
     """Return the branch of twice the period that leaves next to a point; None without a period doubling there."""
-    near = [one for one in branch.special if one.kind == "PD" and abs(one.index - last) <= _MAX_DOUBLING_OFFSET]
-    point = min(near, key=lambda one: abs(one.index - last), default=None)
+    doublings = [p for p in branch.special if p.kind == "PD" and abs(p.index - last) <= _MAX_DOUBLING_OFFSET]
+    point = min(doublings, key=lambda p: abs(p.index - last), default=None)
     return None if point is None else switch(branch, point.label, span)
 
 
@@ -307,11 +307,11 @@ def _value_beyond(values: Array, points: np.ndarray, sign: int) -> float:
     return float(values[last] + sign * max(steps, default=0.0))
 
 
-def _first_point_beyond(branch: Branch, landed: Point, value: float, sign: int) -> int:
+def _first_point_beyond(branch: Branch, motion: Point, value: float, sign: int) -> int:
     """Return the number of the point of a branch next to a landing, in the direction of the sweep."""
-    layout, own = layout_of(branch), layout_of(landed)
-    assert layout is not None and own is not None
+    layout, source = layout_of(branch), layout_of(motion)
+    assert layout is not None and source is not None
     crossings = crossings_at(branch, value)
-    near = min(crossings, key=lambda crossing: layout.distance(crossing.interpolate(branch.X), own, landed.X))
-    ends = [i for i in (near.index, near.index + 1) if (branch.values[i] - value) * sign > 0]
-    return ends[0] if ends else near.nearest
+    closest = min(crossings, key=lambda crossing: layout.distance(crossing.interpolate(branch.X), source, motion.X))
+    ends = [i for i in (closest.index, closest.index + 1) if (branch.values[i] - value) * sign > 0]
+    return ends[0] if ends else closest.nearest

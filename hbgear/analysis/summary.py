@@ -32,7 +32,7 @@ Rows = list[list[str]]
 """Rows of a table: the cells of each row as text."""
 
 
-def digits_of(motions: Point | Branch, most: int = 8) -> int:
+def digits_of(motions: Point | Branch, limit: int = 8) -> int:
     """Return the number of significant digits of amplitudes, from the truncation error relative to the motion.
 
     The last digit has the size of the error. For a branch the point with the largest relative error decides.
@@ -41,7 +41,7 @@ def digits_of(motions: Point | Branch, most: int = 8) -> int:
     ----------
     motions : Point or Branch
         One motion or a branch of motions.
-    most : int, optional
+    limit : int, optional
         Maximum of the result. The default is 8.
 
     Returns
@@ -50,13 +50,13 @@ def digits_of(motions: Point | Branch, most: int = 8) -> int:
         Number of digits, at least 3 where the error is known.
     """
     if motions.layout is None:
-        return min(DIGITS_WITHOUT_ERROR, most)
+        return min(DIGITS_WITHOUT_ERROR, limit)
     sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
     with np.errstate(all="ignore"):
         errors = motions.truncation if isinstance(motions, SpecialPoint) else motions.error
         error = float(np.max(np.asarray(errors) / np.max(sizes, axis=0)))
-    digits = DIGITS_WITHOUT_ERROR if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
-    return min(max(digits, 3), most)
+    digits = DIGITS_WITHOUT_ERROR if math.isnan(error) else limit if error == 0 else math.floor(-math.log10(error)) + 1
+    return min(max(digits, 3), limit)
 
 
 DIGITS_WITHOUT_ERROR = 6
@@ -82,9 +82,9 @@ def size_text(point: Point, height: Ordinate, branch: Branch) -> str:
 def position_headers(branch: Branch, dimensionless: bool = False) -> list[str]:
     """Return the headers of the parameter of a branch and of the speeds; Omega is left out if speeds are known."""
     speeds = list(speeds_of(branch, branch[0]))
-    own = [] if speeds and branch.parameter == "Omega" and not dimensionless else [branch.parameter]
-    own += [name for name in branch.tracked if dimensionless or not speeds or name != "Omega"]
-    return [*own, *(reversed(speeds) if not dimensionless else speeds)]
+    headers = [] if speeds and branch.parameter == "Omega" and not dimensionless else [branch.parameter]
+    headers += [name for name in branch.tracked if dimensionless or not speeds or name != "Omega"]
+    return [*headers, *(reversed(speeds) if not dimensionless else speeds)]
 
 
 def position_texts(branch: Branch, point: Point, dimensionless: bool = False) -> list[str]:
@@ -181,16 +181,16 @@ def jump_table(
     """
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
     rows, notes = [], []
-    branches = [height.prepared(one) for one in (branch, *others)]
+    branches = [height.prepared(curve) for curve in (branch, *others)]
     branch = branches[0]
     for landing in landings(branches)[0]:
-        jump, where = landing.jump, landing.branch
+        jump, number = landing.jump, landing.branch
         if jump.after is None:
             curves = "these curves" if others else "this curve"
             after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
         else:
-            after = size_text(jump.after, height, branches[where or 0])
-            after = f"{names[where - 1]}, {after}" if where else after
+            after = size_text(jump.after, height, branches[number or 0])
+            after = f"{names[number - 1]}, {after}" if number else after
         if jump.note:
             notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"
@@ -200,7 +200,7 @@ def jump_table(
         )  # fmt: skip
     header = height.header(branch)
     name, bracket, unit = header.partition(" [")
-    sizes = [f"{name} {when}{bracket}{unit}" for when in ("before", "after")]
+    sizes = [f"{name} {moment}{bracket}{unit}" for moment in ("before", "after")]
     return ["", *position_headers(branch, dimensionless), "while", *sizes, "landing"], rows, notes
 
 
@@ -259,18 +259,18 @@ def reliability_lines(branch: Branch) -> list[str]:
     errors = [f"special points {error}" for error in _special_point_error(branch)]
     if not math.isnan(branch.relative_error):
         errors.append(f"response {branch.relative_error:.0e}")
-    parts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
-    return ["; ".join(parts), *(f"warning: {warning}" for warning in branch.warnings)]
+    texts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
+    return ["; ".join(texts), *(f"warning: {warning}" for warning in branch.warnings)]
 
 
 def _special_point_error(branch: Branch) -> Iterator[str]:
     """Yield the largest relative error of the special points, with the number of errors that are unknown."""
     sizes = np.array([abs(point.parameters[branch.parameter]) or 1.0 for point in branch.special])
     errors = np.array([point.error for point in branch.special]) / sizes
-    known = np.isfinite(errors)  # a point in an interval only has the error inf
-    unknown = int((~known).sum())
+    finite = np.isfinite(errors)  # a point in an interval only has the error inf
+    unknown = int((~finite).sum())
     if unknown < len(errors):
-        yield f"{errors[known].max():.0e}{f' ({unknown} of {len(errors)} unknown)' if unknown else ''}"
+        yield f"{errors[finite].max():.0e}{f' ({unknown} of {len(errors)} unknown)' if unknown else ''}"
     elif unknown:
         yield "unknown"
 
@@ -293,8 +293,8 @@ def event_description(branch: Branch, point: SpecialPoint) -> str:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
         text += "" if before == after else "; stability is lost" if before else "; stability is regained"
     first, last = values_text(branch, list(point.interval))
-    where = "" if point.located else f" (only known to lie within {first} and {last})"
-    return f"{text}{f' ({point.note})' if point.note else ''}{where}"
+    interval_note = "" if point.located else f" (only known to lie within {first} and {last})"
+    return f"{text}{f' ({point.note})' if point.note else ''}{interval_note}"
 
 
 def regime_of(point: Point) -> str:
@@ -344,9 +344,9 @@ def title_of(branch: Branch) -> str:
 
 def values_text(branch: Branch, values: Sequence[float], dimensionless: bool = False, digits: int = 6) -> list[str]:
     """Return values of the parameter of a branch as text: "9000 r/min", or "Omega = 0.8" without physical units."""
-    across = Abscissa([branch], dimensionless)
-    if across.label == SPEED_LABEL:
-        return [f"{across.scale * value:.6g} r/min" for value in values]
+    axis = Abscissa([branch], dimensionless)
+    if axis.label == SPEED_LABEL:
+        return [f"{axis.scale * value:.6g} r/min" for value in values]
     return [f"{branch.parameter} = {value:.{digits}g}" for value in values]
 
 
@@ -358,9 +358,9 @@ def message_of(branch: Branch, dimensionless: bool = False) -> str:
 def in_speeds(branch: Branch, text: str, dimensionless: bool = False) -> str:
     """Return a text about a branch, with speeds instead of values of Omega if the model has scales."""
 
-    def converted(found: re.Match[str]) -> str:
-        (shown,) = values_text(branch, [float(found[1])], dimensionless)
-        return shown if "Omega" in shown else f"{float(shown.split()[0]):.5g} r/min"  # messages have six digits
+    def converted(match: re.Match[str]) -> str:
+        (value,) = values_text(branch, [float(match[1])], dimensionless)
+        return value if "Omega" in value else f"{float(value.split()[0]):.5g} r/min"  # messages have six digits
 
     return _OMEGA.sub(converted, text) if branch.parameter == "Omega" else text
 
@@ -395,21 +395,21 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
     ends = values_text(branch, [branch.values[0], branch.values[-1]], dimensionless)
     yield "curve", f"from {ends[0]} to {ends[1]}, {len(branch)} points"
     yield "status", f"{branch.status.in_words}: {message_of(branch, dimensionless)}"
-    found = values_text(branch, list(branch.asymptotes.values()), dimensionless, 9)
-    beyond = [f"{x} (beyond the {end} point)" for x, end in zip(found, branch.asymptotes, strict=True)]
-    yield "asymptotes", ", ".join(beyond)
+    asymptotes = values_text(branch, list(branch.asymptotes.values()), dimensionless, 9)
+    asymptote_texts = [f"{x} (beyond the {end} point)" for x, end in zip(asymptotes, branch.asymptotes, strict=True)]
+    yield "asymptotes", ", ".join(asymptote_texts)
     if stable is None:
         yield "stability", "not computed"
     else:
         counts = Counter(branch.stability)
-        known = [f"{counts[name]} {name}" for name in ("unstable", "undecided", "unknown") if counts[name]]
-        yield "stability", ", ".join([f"{counts['stable']} points stable", *known])
+        other_counts = [f"{counts[name]} {name}" for name in ("unstable", "undecided", "unknown") if counts[name]]
+        yield "stability", ", ".join([f"{counts['stable']} points stable", *other_counts])
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
     for j, name in enumerate(layout.elements if layout else ()):
         height = Ordinate(measure, j, dimensionless=dimensionless)
         size = height.along(height.prepared(branch))
-        (at,) = values_text(branch, [branch.values[int(np.nanargmax(size))]], dimensionless)
-        yield f"{height.header(branch)} of {name}", f"{np.nanmin(size):.5g} to {np.nanmax(size):.5g} (at {at})"
+        (location,) = values_text(branch, [branch.values[int(np.nanargmax(size))]], dimensionless)
+        yield f"{height.header(branch)} of {name}", f"{np.nanmin(size):.5g} to {np.nanmax(size):.5g} (at {location})"
     yield "largest residual", f"{np.nanmax(branch.residual):.1e} relative to the forces"
     if not np.isnan(branch.error).all():
         yield "truncation error", f"at most {np.nanmax(branch.error):.1e} rms, estimated from the truncated harmonics"

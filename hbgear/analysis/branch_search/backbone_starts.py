@@ -65,18 +65,18 @@ class BackboneStarts:
         """Backbones of the lowest modes; modes without a backbone are left out."""
         low, high = (factor * self.size for factor in AMPLITUDES)
         H = max(1, min(BACKBONE_HARMONICS, self.problem.H // self.problem.nu))
-        found = []
+        curves = []
         for mode in range(1, MODES + 1):
             with suppress(ValueError, NoConvergence, np.linalg.LinAlgError):
                 curve = backbone(self.problem.model, mode, (low, high), harmonics=H, stability=False, special=False,
                                  accuracy=None, steps=_STEPS)  # fmt: skip
-                found.append(raise_if_interrupted(curve))
-        return found
+                curves.append(raise_if_interrupted(curve))
+        return curves
 
-    def at(self, Omega: float, known: Sequence[Array]) -> Iterator[Array]:
+    def at(self, Omega: float, motions: Sequence[Array]) -> Iterator[Array]:
         """Yield starts at a frequency, for each free motion and each of its phases."""
         m, nu = self.problem.m, self.problem.nu
-        smallest = min(known, key=self.problem.solution_norm, default=np.zeros(self.problem.size))
+        smallest = min(motions, key=self.problem.solution_norm, default=np.zeros(self.problem.size))
         for p in range(1, max(nu, SUPERHARMONICS) + 1):
             if p > nu and p % nu:
                 continue
@@ -91,8 +91,8 @@ class BackboneStarts:
         for curve in self.curves:
             w = curve.tracked["Omega"] - frequency
             for i in np.flatnonzero(w[1:] * w[:-1] <= 0).tolist():
-                share = w[i] / (w[i] - w[i + 1]) if w[i] != w[i + 1] else 0.0
-                X = (1 - share) * curve.X[i] + share * curve.X[i + 1]
+                fraction = w[i] / (w[i] - w[i + 1]) if w[i] != w[i + 1] else 0.0
+                X = (1 - fraction) * curve.X[i] + fraction * curve.X[i + 1]
                 yield to_complex(X.reshape(self.problem.m, -1))
 
     def _add(self, start: ComplexArray, free: ComplexArray, p: int, phase: float) -> None:

@@ -161,13 +161,13 @@ def trace_all(
     counted("guesses", guesses, 100_000, least=0)
     search_frequencies = _search_frequencies(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, progress)
-    ending, where = Termination(), "on the branches from the linear response"
+    ending, stage = Termination(), "on the branches from the linear response"
     try:
         search.trace_linear_responses()
         search.trace_motions(motions)
         rng = np.random.default_rng(seed)
         for Omega in search_frequencies:
-            where = f"at Omega = {Omega:.5g}"
+            stage = f"at Omega = {Omega:.5g}"
             if guesses:
                 search.search_from_backbones(Omega)
                 search.search_by_deflation(Omega, guesses, rng)
@@ -178,7 +178,7 @@ def trace_all(
             search.branches += [error.branch]
         if not search.branches:
             raise
-        ending.record_error(error, where)
+        ending.record_error(error, stage)
     return BranchSearch(tuple(search.branches), tuple(search.log), ending.status, ending.message_with_advice)
 
 
@@ -246,7 +246,7 @@ class _Search:
                 X = solve(self.problem, self.problem.from_point(point), self._parameters_at(Omega)).X
                 self._trace_new(X, Omega, "a given motion")
 
-    def known(self, Omega: float) -> list[Array]:
+    def known_motions(self, Omega: float) -> list[Array]:
         """Return the motions of all branches at a frequency, with their copies shifted by excitation periods."""
         out = []
         for branch in self.branches:
@@ -262,77 +262,77 @@ class _Search:
         """Return whether a motion, or a copy shifted by excitation periods, lies on a branch that was traced."""
         for branch in self.branches:
             for crossing in crossings_at(branch, Omega):
-                between, (a, b) = crossing.interpolate(branch.X), branch.X[crossing.index : crossing.index + 2]
+                Z, (a, b) = crossing.interpolate(branch.X), branch.X[crossing.index : crossing.index + 2]
                 tolerance = MAX_SEGMENT_DEVIATION * float(np.linalg.norm(b - a)) + 1e-6 * float(np.linalg.norm(X))
-                if any(float(np.linalg.norm(Y - between)) <= tolerance for Y in shifts(self.problem, X)):
+                if any(float(np.linalg.norm(Y - Z)) <= tolerance for Y in shifts(self.problem, X)):
                     return True
         return False
 
     def search_by_deflation(self, Omega: float, guesses: int, rng: np.random.Generator) -> None:
         """Search for new motions by deflated Newton's method from random starts, and trace their branches."""
-        known = self.known(Omega)
-        start = len(known)
-        for guess in random_motions(self.problem, known, guesses, rng):
+        motions = self.known_motions(Omega)
+        known = len(motions)
+        for guess in random_motions(self.problem, motions, guesses, rng):
             X = deflated_newton(self.problem, guess, self._parameters_at(Omega), [])
-            if X is None or any(same_solution(X, Y) for Y in known):
-                X = deflated_newton(self.problem, guess, self._parameters_at(Omega), known)
+            if X is None or any(same_solution(X, Y) for Y in motions):
+                X = deflated_newton(self.problem, guess, self._parameters_at(Omega), motions)
             if X is not None:
-                known += shifts(self.problem, X)
+                motions += shifts(self.problem, X)
                 self._trace_new(X, Omega, "deflated Newton")
-        self.report(f"Omega = {Omega:.5g}: {start} motions known, {guesses} random starts, now {len(known)}")
+        self.report(f"Omega = {Omega:.5g}: {known} motions known, {guesses} random starts, now {len(motions)}")
 
     def search_from_backbones(self, Omega: float) -> None:
         """Search for new motions by Newton's method from free motions on the backbones, and trace their branches."""
-        known = self.known(Omega)
-        start, count = len(known), 0
+        motions = self.known_motions(Omega)
+        known, count = len(motions), 0
         if self.starts is None:
-            self.starts = BackboneStarts(self.problem, motion_size(self.problem, known))
-        for guess in self.starts.at(Omega, known):
+            self.starts = BackboneStarts(self.problem, motion_size(self.problem, motions))
+        for guess in self.starts.at(Omega, motions):
             X, count = deflated_newton(self.problem, guess, self._parameters_at(Omega), []), count + 1
-            if X is not None and not any(same_solution(X, Y) for Y in known):
-                known += shifts(self.problem, X)
+            if X is not None and not any(same_solution(X, Y) for Y in motions):
+                motions += shifts(self.problem, X)
                 self._trace_new(X, Omega, "Newton's method from a backbone")
-        self.report(f"Omega = {Omega:.5g}: {start} motions known, {count} starts from backbones, now {len(known)}")
+        self.report(f"Omega = {Omega:.5g}: {known} motions known, {count} starts from backbones, now {len(motions)}")
 
     def search_in_parameter(self, Omega: float, name: str, span: tuple[float, float]) -> None:
         """Search for new motions by continuation of each known one in a second parameter and back."""
-        own = self.problem.value_of(name)
-        pending = self.known(Omega)
+        value = self.problem.value_of(name)
+        pending = self.known_motions(Omega)
         for X in pending:  # new motions are appended and followed as well
             for end in span:
-                if end == own:
+                if end == value:
                     continue
                 curve = raise_if_interrupted(trace(
-                    self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
+                    self.problem, name, (value, end), X, at={"Omega": Omega}, steps=self.steps,
                     stability=False, special=False,
                 ))  # fmt: skip
-                back = curve.X[-1]
+                last = curve.X[-1]
                 # the branch returned to the value of the model with another motion
-                if curve.status == Status.LEFT_SPAN and not any(same_solution(back, Y) for Y in pending):
-                    pending.append(back)
-                    self._trace_new(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
+                if curve.status == Status.LEFT_SPAN and not any(same_solution(last, Y) for Y in pending):
+                    pending.append(last)
+                    self._trace_new(last, Omega, f"following {name} to {_farthest(curve.values, value):.4g} and back")
         self.report(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
 
-    def _trace_new(self, X: Array, Omega: float, how: str) -> None:
+    def _trace_new(self, X: Array, Omega: float, method: str) -> None:
         """Trace the branch of a motion unless the motion lies on a known branch."""
         if self._on_a_branch(X, Omega):
             return
         try:
             branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
         except NoConvergence as error:
-            self.report(f"a motion found at Omega = {Omega:.5g} by {how} could not be traced: {error}")
+            self.report(f"a motion found at Omega = {Omega:.5g} by {method} could not be traced: {error}")
             return
         self.branches.append(branch)
-        self.report(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
+        self.report(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {method}: {branch.message}")
 
     def _parameters_at(self, Omega: float) -> dict[str, float]:
         """Return all parameters with this frequency."""
         return {**self.problem.parameters, "Omega": Omega}
 
 
-def _farthest(values: Array, own: float) -> float:
+def _farthest(values: Array, model_value: float) -> float:
     """Return the value with the largest distance from the model's own value."""
-    return float(values[np.argmax(np.abs(values - own))])
+    return float(values[np.argmax(np.abs(values - model_value))])
 
 
 def whole_branch(
@@ -344,17 +344,17 @@ def whole_branch(
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
         return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     if first.status is Status.UNBOUNDED:
-        away = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), away=False)
+        branch_start = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), away=False)
         follow = partial(trace, problem, "Omega", steps=steps, stability=stability)
         return trace_both_directions(
-            away, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()
+            branch_start, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()
         )
     if first.status is Status.MERGED:
         start, span = _point_before_end(problem, first, span)
         return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     end = float(first.values[-1])
-    other = span[0] if end == span[1] else span[1]
-    return raise_if_interrupted(trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability))
+    last = span[0] if end == span[1] else span[1]
+    return raise_if_interrupted(trace(problem, "Omega", (end, last), first.X[-1], steps=steps, stability=stability))
 
 
 def _point_before_end(
@@ -369,13 +369,13 @@ def _point_before_end(
     (X, Y), (end, before) = branch.X[[-1, -2]], branch.values[[-1, -2]]
     value, guess = float(end + 0.01 * (before - end)), X + 0.1 * (Y - X)
     try:
-        found = solve(problem, guess, {**problem.parameters, "Omega": value}, "Omega").X
-        if np.linalg.norm(problem.subharmonic_part(found)) < 0.02 * np.linalg.norm(problem.subharmonic_part(Y)):
-            found, value = Y, float(before)
+        solution = solve(problem, guess, {**problem.parameters, "Omega": value}, "Omega").X
+        if np.linalg.norm(problem.subharmonic_part(solution)) < 0.02 * np.linalg.norm(problem.subharmonic_part(Y)):
+            solution, value = Y, float(before)
     except NoConvergence:
-        found, value = Y, float(before)
+        solution, value = Y, float(before)
     low, high = sorted(span)
-    return problem_point(problem, found, value), (low, high) if before > end else (high, low)
+    return problem_point(problem, solution, value), (low, high) if before > end else (high, low)
 
 
 def problem_point(problem: HarmonicBalance, X: Array, Omega: float) -> Point:
@@ -401,30 +401,30 @@ def _distinct(motions: list[Array]) -> list[Array]:
     return out
 
 
-def motion_size(problem: HarmonicBalance, known: Sequence[Array]) -> float:
+def motion_size(problem: HarmonicBalance, motions: Sequence[Array]) -> float:
     """Return the size of the largest known motion, or a tenth of the largest breakpoint."""
-    size = max([problem.solution_norm(X) for X in known] + [1e-3])
+    size = max([problem.solution_norm(X) for X in motions] + [1e-3])
     breakpoints = [abs(x) for xs in problem.layout.breakpoints for x in xs]
     return max(size, 0.1 * max(breakpoints, default=0.0))
 
 
-def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
+def random_motions(problem: HarmonicBalance, motions: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
     """Return random starts: mean, lowest harmonics and phases, with sizes from 1/5 to 15 times the known motions."""
-    size = motion_size(problem, known)
-    means = [X.reshape(problem.m, -1)[:, 0] for X in known] or [np.zeros(problem.m)]
+    size = motion_size(problem, motions)
+    means = [X.reshape(problem.m, -1)[:, 0] for X in motions] or [np.zeros(problem.m)]
     out = []
     for i in range(count):
         c = np.zeros((problem.m, len(problem.orders)), dtype=complex)
-        top = min(len(problem.orders) - 1, problem.nu + 1)
+        highest = min(len(problem.orders) - 1, problem.nu + 1)
         if i % 2:  # motions of the size of the known ones, with smaller higher harmonics
-            scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, top + 1) ** -0.5
+            scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, highest + 1) ** -0.5
         else:  # large motions, the harmonic of the excitation as large as the subharmonics
             scale, weight = (
                 size * 10 ** rng.uniform(-0.7, 1.2),
-                np.where(problem.orders[1 : top + 1] <= problem.nu, 1, 0.5),
+                np.where(problem.orders[1 : highest + 1] <= problem.nu, 1, 0.5),
             )
-        phases = rng.uniform(0, 2 * np.pi, top)
-        c[:, 1 : top + 1] = scale * weight * rng.uniform(0, 1, top) * np.exp(1j * phases)
+        phases = rng.uniform(0, 2 * np.pi, highest)
+        c[:, 1 : highest + 1] = scale * weight * rng.uniform(0, 1, highest) * np.exp(1j * phases)
         c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale
         out.append(to_real(c).ravel())
     return out

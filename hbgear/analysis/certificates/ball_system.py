@@ -32,10 +32,10 @@ def balls(numbers: Any) -> Balls:
     """Return decimals (strings) or numbers as an array of balls."""
     from flint import arb
 
-    given: Any = np.asarray(numbers, dtype=object)
-    out = np.empty(given.shape, dtype=object)
-    for index in np.ndindex(*given.shape):
-        out[index] = arb(given[index])
+    values: Any = np.asarray(numbers, dtype=object)
+    out = np.empty(values.shape, dtype=object)
+    for index in np.ndindex(*values.shape):
+        out[index] = arb(values[index])
     return out
 
 
@@ -83,7 +83,7 @@ class BallFlow:
 class Stiffness:
     """Stiffness as a function of the phase: a Fourier series, or the polynomial of one piece."""
 
-    def __init__(self, data: Mapping[str, Any], middle: float) -> None:
+    def __init__(self, data: Mapping[str, Any], mid_phase: float) -> None:
         self.origin: Any = None
         if "mean" in data:
             self.mean = balls(data["mean"]).item()
@@ -95,8 +95,8 @@ class Stiffness:
         from flint import arb
 
         phases = [float(x) for x in data["phases"]]
-        turn = math.floor((middle - phases[0]) / (2 * math.pi))
-        inside = middle - 2 * math.pi * turn
+        turn = math.floor((mid_phase - phases[0]) / (2 * math.pi))
+        inside = mid_phase - 2 * math.pi * turn
         piece = max(i for i, phase in enumerate(phases) if phase <= inside + CORNER_DISTANCE)
         self.origin = arb(data["phases"][piece]) + 2 * turn * arb.pi()
         self.polynomial = balls(data["coefficients"][piece])
@@ -165,7 +165,7 @@ class BallSystem:
         """Return y = (x, c)."""
         return np.concatenate([x, self.functions(tau)])
 
-    def flow(self, levels: Sequence[int], middle: float, Omega: Any) -> BallFlow:
+    def flow(self, levels: Sequence[int], mid_phase: float, Omega: Any) -> BallFlow:
         """Return the flow with given numbers of breakpoints below the gaps; middle : a phase of the segment."""
         terms, varying = {p: P for p, P in self._constant.items()}, []
         for j, element in enumerate(self.elements):
@@ -175,7 +175,7 @@ class BallSystem:
                 row[self.r] = row[self.r] + offset
                 force = zeros(self.N)
                 force[self.n : self.r] = -(self.inverse_mass @ balls(element["direction"]))
-                stiffness = Stiffness(spring["stiffness"], middle)
+                stiffness = Stiffness(spring["stiffness"], mid_phase)
                 if stiffness.constant is not None:
                     terms[-1] = terms[-1] + np.outer(force, row) * stiffness.constant
                 elif not (slope == 0 and offset == 0):
@@ -191,8 +191,8 @@ class BallSystem:
         """Return S with dc/dtau = S c."""
         S = zeros(self.N - self.r, self.N - self.r)
         for i, order in enumerate(self.orders):
-            at = 1 + 2 * i
-            S[at, at + 1], S[at + 1, at] = S[at, at + 1] - order, S[at + 1, at] + order
+            k = 1 + 2 * i
+            S[k, k + 1], S[k + 1, k] = S[k, k + 1] - order, S[k + 1, k] + order
         return S
 
     def _gap_row(self, element: Mapping[str, Any]) -> Balls:
@@ -228,8 +228,8 @@ class BallSystem:
                 P[n:r, r] = P[n:r, r] + self.inverse_mass @ balls(load["constant"])
             for name, shift in (("cosine", 1), ("sine", 2)):
                 for order, vector in load[name].items():
-                    at = r + shift + 2 * self.orders.index(int(order))
-                    P[n:r, at] = P[n:r, at] + self.inverse_mass @ balls(vector)
+                    column = r + shift + 2 * self.orders.index(int(order))
+                    P[n:r, column] = P[n:r, column] + self.inverse_mass @ balls(vector)
         return terms
 
 

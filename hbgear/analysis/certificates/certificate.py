@@ -111,8 +111,8 @@ class Certificate:
             "GR": " with one quadratic grazing contact",
             "motion": "",
         }[self.kind]
-        equal = bounds[0] == bounds[1]
-        where = f"at {quantity} = {bounds[0]}" if equal else f"with {quantity} in [{', '.join(bounds)}]"
+        is_point = bounds[0] == bounds[1]
+        region = f"at {quantity} = {bounds[0]}" if is_point else f"with {quantity} in [{', '.join(bounds)}]"
         count = len(self.instants)
         contacts = f"{count} transversal contact instants" if count else "no contact instants"
         rest = "all multipliers" if self.kind in ("motion", "GR") else "all other multipliers"
@@ -121,7 +121,7 @@ class Certificate:
             None: "it is not proved where the multipliers lie",
         }[self.stable]  # fmt: skip
         return (
-            f"Proved: the equations have exactly one periodic motion{special} {where} in a box of relative half width "
+            f"Proved: the equations have exactly one periodic motion{special} {region} in a box of relative half width "
             f"{self.uniqueness:.0e}; it has {contacts} in a period of {self.claim['equations']['nu']} x 2 pi, every "
             f"gap lies strictly between its breakpoints elsewhere, and {stability}."
         )
@@ -213,19 +213,19 @@ class Certificate:
             If the data are not those of a certificate.
         """
         if not isinstance(data, dict) or data.get("format") != FORMAT:
-            found = data.get("format") if isinstance(data, dict) else data
-            raise ValueError(f"format = {shortened(repr(found))}: need '{FORMAT}'")
+            file_format = data.get("format") if isinstance(data, dict) else data
+            raise ValueError(f"format = {shortened(repr(file_format))}: need '{FORMAT}'")
         try:
-            made = Certificate(
+            certificate = Certificate(
                 kind=data["kind"], label=str(data["label"]), Omega=_decimals(data["Omega"], 2),
-                instants=tuple(_decimals(each, 2) for each in data["instants"]),
-                multipliers=tuple(_decimals(each, 3) for each in data["multipliers"]),
+                instants=tuple(_decimals(bounds, 2) for bounds in data["instants"]),
+                multipliers=tuple(_decimals(bounds, 3) for bounds in data["multipliers"]),
                 stable=data["stable"], uniqueness=float(data["uniqueness"]), claim=dict(data["claim"]),
             )  # fmt: skip
-            _ = NAMES[made.kind], made.statement  # which needs the rest of the data
+            _ = NAMES[certificate.kind], certificate.statement  # which needs the rest of the data
         except (KeyError, TypeError, InvalidOperation, ValueError) as error:
             raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
-        return made
+        return certificate
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the certificate to a JSON file.

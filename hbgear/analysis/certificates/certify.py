@@ -116,9 +116,9 @@ def certify(point: Point) -> Certificate:
     raise NotCertifiedError("start", reason)
 
 
-def _claim(system: BallSystem, start: Start, kind: str, given: float) -> dict[str, Any] | str:
+def _claim(system: BallSystem, start: Start, kind: str, point_Omega: float) -> dict[str, Any] | str:
     """Return the claim for start values, or the reason why it cannot be made."""
-    prescribed = decimal(given)
+    prescribed = decimal(point_Omega)
     equations = PointEquations(system, start.order, kind, balls(prescribed).item())
     z, scales = balls(start.z), balls(start.scales)
     functional: list[str] = []
@@ -131,9 +131,9 @@ def _claim(system: BallSystem, start: Start, kind: str, given: float) -> dict[st
     solution = newton(equations.evaluate, z, scales)
     if solution is None:
         return "Newton's method does not converge with this order of contacts"
-    found = float(equations.frequency(solution).mid())
-    if abs(found - given) > MAX_FREQUENCY_CHANGE * abs(given):
-        return f"the nearest solution has Omega = {found:.8g}, not {given:.8g}"
+    Omega = float(equations.frequency(solution).mid())
+    if abs(Omega - point_Omega) > MAX_FREQUENCY_CHANGE * abs(point_Omega):
+        return f"the nearest solution has Omega = {Omega:.8g}, not {point_Omega:.8g}"
     operator = Krawczyk(equations.evaluate, solution)
     smallest = operator.smallest_radius(scales)
     if smallest is None:
@@ -170,74 +170,74 @@ def _starts(problem: HarmonicBalance, point: Point, kind: str) -> Iterator[Start
             yield _start(*exact_iterate(problem, point.X, point.parameters, free), kind)
 
 
-def _start(at: EquationsAt, iterate: Iterate, kind: str) -> Start:
+def _start(local: EquationsAt, iterate: Iterate, kind: str) -> Start:
     """Return start values from a motion in contact instants."""
-    reduce = at.structure.reduce
+    reduce = local.structure.reduce
     if reduce.shape[0] != reduce.shape[1]:
         raise NotCertifiedError(
             "model", "a motion that no spring resists (rigid rotation) has no unique position: eliminate it"
         )
     contact: tuple[int, int, int, int] | tuple[()] = ()
-    extra: list[float] = []
+    grazing_phases: list[float] = []
     if kind == "GR":
-        iterate, contact, t = _grazing(at, iterate)
-        extra = [t]
-    iterate = _at_whole_turn(at, iterate)
+        iterate, contact, t = _grazing(local, iterate)
+        grazing_phases = [t]
+    iterate = _at_whole_turn(local, iterate)
     x = np.linalg.solve(reduce, iterate.x.T).T
     pattern, n = iterate.pattern, x.shape[1] // 2
     free = [i for i, switch in enumerate(pattern.switches) if not switch.is_fixed]
-    starts = at.equations.starts
+    starts = local.equations.starts
     turns = [
         0 if not s.is_fixed else round((tau - float(starts[s.breakpoint])) / (2 * np.pi))
         for s, tau in zip(pattern.switches, iterate.tau, strict=True)
     ]
-    z = np.concatenate([x.ravel(), iterate.tau[free], [] if kind == "motion" else [at.Omega], extra])
+    z = np.concatenate([x.ravel(), iterate.tau[free], [] if kind == "motion" else [local.Omega], grazing_phases])
     size = np.array([max(np.abs(x[:, part]).max(), 1e-300) for part in (slice(None, n), slice(n, None))])
     scales = np.concatenate([
-        np.tile(np.repeat(size, n), len(x)), np.ones(len(free)), [] if kind == "motion" else [at.Omega],
-        np.ones(len(extra)),
+        np.tile(np.repeat(size, n), len(x)), np.ones(len(free)), [] if kind == "motion" else [local.Omega],
+        np.ones(len(grazing_phases)),
     ])  # fmt: skip
-    return Start(ContactOrder(pattern, tuple(turns), contact), z, scales, at.Omega)
+    return Start(ContactOrder(pattern, tuple(turns), contact), z, scales, local.Omega)
 
 
-def _at_whole_turn(at: EquationsAt, iterate: Iterate) -> Iterate:
+def _at_whole_turn(local: EquationsAt, iterate: Iterate) -> Iterate:
     """Return a motion without contact instants with its state at a multiple of 2 pi, which is exact in a claim."""
     artificial = iterate.pattern.count == 1 and iterate.pattern.switches[0].is_fixed
-    if not artificial or any(e.law.phases for e in at.equations.system.elements):
+    if not artificial or any(e.law.phases for e in local.equations.system.elements):
         return iterate
     tau = 2 * np.pi * np.ceil(iterate.tau[0] / (2 * np.pi))
-    return Iterate(iterate.pattern, np.array([tau]), state_at(at, iterate, float(tau))[None])
+    return Iterate(iterate.pattern, np.array([tau]), state_at(local, iterate, float(tau))[None])
 
 
-def _grazing(at: EquationsAt, iterate: Iterate) -> tuple[Iterate, tuple[int, int, int, int], float]:
+def _grazing(local: EquationsAt, iterate: Iterate) -> tuple[Iterate, tuple[int, int, int, int], float]:
     """Return the motion without the contact that grazes, the contact, and its phase."""
     visits = iterate.pattern.visits
-    durations = iterate.visit_durations(visits, at.period)
-    if durations.min(initial=np.inf) < VANISHING_DURATION * at.period:
+    durations = iterate.visit_durations(visits, local.period)
+    if durations.min(initial=np.inf) < VANISHING_DURATION * local.period:
         shortest = visits[int(np.argmin(durations))]
-        state, contacts = without_contacts(lambda _: at, CurveState.of(iterate, at.Omega), [shortest])
+        state, contacts = without_contacts(lambda _: local, CurveState.of(iterate, local.Omega), [shortest])
         iterate, t, switch = state.iterate, contacts[0].t, contacts[0].switch
         element, breakpoint, side = switch
     else:
-        t, element, breakpoint, side = _nearest_extremum(at, iterate)
-    iterate = _at_whole_turn(at, iterate)
+        t, element, breakpoint, side = _nearest_extremum(local, iterate)
+    iterate = _at_whole_turn(local, iterate)
     first = float(iterate.tau[0])
-    t = first + (t - first) % at.period
+    t = first + (t - first) % local.period
     segment = int(np.searchsorted(iterate.tau, t, side="right")) - 1
     return iterate, (segment, element, breakpoint, side), t
 
 
-def _nearest_extremum(at: EquationsAt, iterate: Iterate) -> tuple[float, int, int, int]:
+def _nearest_extremum(local: EquationsAt, iterate: Iterate) -> tuple[float, int, int, int]:
     """Return phase, element, breakpoint and side of the extremum of a gap that is nearest to a breakpoint."""
-    samples, _ = sample_gaps(at, iterate)
-    d, found = samples.gaps, []
+    samples, _ = sample_gaps(local, iterate)
+    d, extrema = samples.gaps, []
     peaks = {1: (d >= np.roll(d, 1, axis=0)) & (d >= np.roll(d, -1, axis=0))}
     peaks[-1] = (d <= np.roll(d, 1, axis=0)) & (d <= np.roll(d, -1, axis=0))
     for side, at_peak in peaks.items():
         for s, j in zip(*np.nonzero(at_peak), strict=True):
-            for k, level in enumerate(at.equations.breakpoints[j]):
+            for k, level in enumerate(local.equations.breakpoints[j]):
                 distance = abs(d[s, j] - level) / max(float(np.ptp(d[:, j])), 1e-300)
-                found.append((distance, float(samples.tau[s]), int(j), k, side))
-    if not found:
+                extrema.append((distance, float(samples.tau[s]), int(j), k, side))
+    if not extrema:
         raise NotCertifiedError("grazing", "no gap has an extremum")
-    return min(found)[1:]
+    return min(extrema)[1:]

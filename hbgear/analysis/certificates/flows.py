@@ -112,11 +112,11 @@ class _Bound:
             for _, force, force1, row in flow.varying
         ]  # fmt: skip
 
-    def coefficient(self, whole: Any, h: Any, y: Any, order: int) -> Any:
+    def coefficient(self, phases: Any, h: Any, y: Any, order: int) -> Any:
         """Return balls that contain the Taylor coefficient of an order at all phases of a step that begins at y."""
         from flint import arb, arb_mat
 
-        kappa = [stiffness.taylor(whole, order) for stiffness, *_ in self.flow.varying]
+        kappa = [stiffness.taylor(phases, order) for stiffness, *_ in self.flow.varying]
         a = [arb(0)] * (order + 1)
         for factor, series in zip(self.factors, kappa, strict=True):
             a = [x + k.abs_upper() * factor for x, k in zip(a, series, strict=True)]

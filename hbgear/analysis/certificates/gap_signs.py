@@ -44,7 +44,7 @@ class Gap(NamedTuple):
 
 
 def failing_gap(
-    system: BallSystem, flow: Any, x: Balls, ends: tuple[Any, Any], sides: list[tuple[int, int, int, int, int]]
+    system: BallSystem, flow: Any, x: Balls, ends: tuple[Any, Any], gap_signs: list[tuple[int, int, int, int, int]]
 ) -> tuple[int, float] | None:
     """Return the first element and phase for which a sign is not proved; None if all are proved.
 
@@ -58,19 +58,19 @@ def failing_gap(
         State at the beginning of the segment.
     ends : (ball, ball)
         Phases of its ends.
-    sides : list of (int, int, int, int, int)
+    gap_signs : list of (int, int, int, int, int)
         Element, breakpoint, sign of the distance from it, and the orders of the zeros at both ends (0: none).
     """
     start = ends[0]
     steps = list(taylor_steps(flow, *ends, matrix(system.extended(x, start)[:, None]), MOTION_ORDER))
     for number, step in enumerate(steps):
-        for element, breakpoint, sign, left, right in sides:
+        for element, breakpoint, sign, zero_left, zero_right in gap_signs:
             gap = _gap(step, system.rows[element] * sign, system.breakpoints[element][breakpoint] * sign)
-            left_here = left if number == 0 else 0
-            right_here = right if number == len(steps) - 1 else 0
-            where = _unproved(gap, step.h, left_here, right_here)
-            if where is not None:
-                return element, float(start.mid()) + number * float(step.h.mid()) + where
+            zero_a = zero_left if number == 0 else 0
+            zero_b = zero_right if number == len(steps) - 1 else 0
+            offset = _unproved(gap, step.h, zero_a, zero_b)
+            if offset is not None:
+                return element, float(start.mid()) + number * float(step.h.mid()) + offset
     return None
 
 
@@ -78,13 +78,13 @@ def _gap(step: TaylorStep, row: Balls, level: Any) -> Gap:
     """Return the distance row y - level on a step."""
     from flint import arb, arb_poly
 
-    across = matrix(row[None])
-    c = [(across * y)[0, 0] for y in step.coefficients]
+    normal = matrix(row[None])
+    c = [(normal * y)[0, 0] for y in step.coefficients]
     c[0] = c[0] - level
     h = arb_poly(c)
-    whole = arb(0).union(step.h)
-    last, p = (across * step.last)[0, 0], len(c)  # the coefficient of s^p at an unknown point of the step
-    remainders = (last * whole**p, last * p * whole ** (p - 1), last * (p * (p - 1)) * whole ** (p - 2))
+    step_range = arb(0).union(step.h)
+    last, p = (normal * step.last)[0, 0], len(c)  # the coefficient of s^p at an unknown point of the step
+    remainders = (last * step_range**p, last * p * step_range ** (p - 1), last * (p * (p - 1)) * step_range ** (p - 2))
     first = h.derivative()
     return Gap(h, first, first.derivative(), remainders)
 
@@ -93,8 +93,8 @@ def _unproved(gap: Gap, width: Any, left: int, right: int) -> float | None:
     """Return a point of the step at which the sign is not proved; None if h > 0 in the interior."""
     from flint import arb
 
-    whole = float(np.nextafter(float(width.upper()), np.inf))
-    stack = [(0.0, whole, left, right, 0)]
+    upper = float(np.nextafter(float(width.upper()), np.inf))
+    stack = [(0.0, upper, left, right, 0)]
     while stack:
         a, b, zero_a, zero_b, depth = stack.pop()
         middle, R = 0.5 * (a + b), 0.5 * (b - a) * (1 + 1e-12)

@@ -142,20 +142,20 @@ class PointEquations:
         B, J, unit = zeros(self.n), zeros(self.n, self.n + 1), balls(np.eye(r))
         for i, piece in enumerate(pieces):
             j = (i + 1) % K
-            here, there = slice(i * r, i * r + r), slice(j * r, j * r + r)
-            B[here] = x[j] - piece.G
-            J[here, there] = J[here, there] + unit
-            J[here, here] = J[here, here] - piece.G_x
+            block, next_block = slice(i * r, i * r + r), slice(j * r, j * r + r)
+            B[block] = x[j] - piece.G
+            J[block, next_block] = J[block, next_block] + unit
+            J[block, block] = J[block, block] - piece.G_x
             for switch, part in ((i, piece.G_a), (j, piece.G_b)):
                 if switch in self.column:
-                    J[here, self.column[switch]] = J[here, self.column[switch]] - part
-            J[here, -1] = -piece.G_p
-        for i, at in self.column.items():
+                    J[block, self.column[switch]] = J[block, self.column[switch]] - part
+            J[block, -1] = -piece.G_p
+        for i, index in self.column.items():
             element, breakpoint, _ = self.order.pattern.switches[i]
             row, c = system.rows[element], system.functions(tau[i])
-            B[at] = row[:r] @ x[i] + row[r:] @ c - system.breakpoints[element][breakpoint]
-            J[at, i * r : i * r + r] = row[:r]
-            J[at, at] = row[r:] @ (system.generator @ c)
+            B[index] = row[:r] @ x[i] + row[r:] @ c - system.breakpoints[element][breakpoint]
+            J[index, i * r : i * r + r] = row[:r]
+            J[index, index] = row[r:] @ (system.generator @ c)
         return B, J
 
     def _with_null_vector(self, z: Balls, pieces: list[Piece], B: Balls, J: Balls) -> tuple[Balls, Balls]:
@@ -167,26 +167,26 @@ class PointEquations:
         rows, changed = zeros(n, n), zeros(n, n + 1)  # B_u of v, and the derivatives of B_u v in u and Omega
         for i, piece in enumerate(pieces):
             j, s = (i + 1) % K, sign if i == K - 1 else 1
-            here, there = slice(i * r, i * r + r), slice(j * r, j * r + r)
+            block, next_block = slice(i * r, i * r + r), slice(j * r, j * r + r)
             da, db = (v[self.column[k]] if k in self.column else 0 for k in (i, j))
-            D, D_x, D_a, D_b, D_p = piece.second(v[here], da, db * s)
-            F[n + i * r : n + i * r + r] = v[there] * s - D
-            rows[here, there] = rows[here, there] + balls(np.eye(r)) * s
-            rows[here, here] = rows[here, here] - piece.G_x
-            changed[here, here] = changed[here, here] - D_x
-            changed[here, n] = -D_p
+            D, D_x, D_a, D_b, D_p = piece.second(v[block], da, db * s)
+            F[n + i * r : n + i * r + r] = v[next_block] * s - D
+            rows[block, next_block] = rows[block, next_block] + balls(np.eye(r)) * s
+            rows[block, block] = rows[block, block] - piece.G_x
+            changed[block, block] = changed[block, block] - D_x
+            changed[block, n] = -D_p
             for k, part, change in ((i, piece.G_a, D_a), (j, piece.G_b * s, D_b)):
                 if k in self.column:
-                    rows[here, self.column[k]] = rows[here, self.column[k]] - part
-                    changed[here, self.column[k]] = changed[here, self.column[k]] - change
+                    rows[block, self.column[k]] = rows[block, self.column[k]] - part
+                    changed[block, self.column[k]] = changed[block, self.column[k]] - change
         S = self.system.generator
-        for i, at in self.column.items():
+        for i, index in self.column.items():
             row = self.system.rows[self.order.pattern.switches[i].element]
             c = self.system.functions(tau[i])
             slope = row[r:] @ (S @ c)
-            F[n + at] = row[:r] @ v[i * r : i * r + r] + slope * v[at]
-            rows[at, i * r : i * r + r], rows[at, at] = row[:r], slope
-            changed[at, at] = row[r:] @ (S @ (S @ c)) * v[at]
+            F[n + index] = row[:r] @ v[i * r : i * r + r] + slope * v[index]
+            rows[index, i * r : i * r + r], rows[index, index] = row[:r], slope
+            changed[index, index] = row[r:] @ (S @ (S @ c)) * v[index]
         out[n : 2 * n, : n + 1], out[n : 2 * n, n + 1 :] = changed, rows
         F[2 * n], out[2 * n, n + 1 :] = self.functional @ v - 1, self.functional
         return F, out
@@ -205,8 +205,8 @@ class PointEquations:
         columns: list[tuple[Any, Balls]] = [(slice(i * r, i * r + r), piece.G_x), (n, piece.G_p)]
         if i in self.column:
             columns.append((self.column[i], piece.G_a))
-        for at, part in columns:
-            out[n, at], out[n + 1, at] = row[:r] @ part, weight[:r] @ part
+        for column, part in columns:
+            out[n, column], out[n + 1, column] = row[:r] @ part, weight[:r] @ part
         out[n + 1, n] = out[n + 1, n] + row @ (piece.A1_b @ piece.end)
         out[n, n + 1] = F[n + 1]
         out[n + 1, n + 1] = weight @ (piece.A_b @ piece.end) + row @ (piece.slope_b @ piece.end)

@@ -117,9 +117,9 @@ def _check_sections(system: BallSystem, order: ContactOrder) -> None:
         system.data["sections"]
     ):
         raise NotCertifiedError("contact order", "breakpoints of the stiffness are missing among the sections")
-    found = [(t * count + s.breakpoint) for s, t in zip(order.pattern.switches, order.turns, strict=True) if s.is_fixed]
+    fixed = [(t * count + s.breakpoint) for s, t in zip(order.pattern.switches, order.turns, strict=True) if s.is_fixed]
     expected = count * system.nu
-    if count and (len(found) != expected or found != list(range(found[0], found[0] + expected))):
+    if count and (len(fixed) != expected or fixed != list(range(fixed[0], fixed[0] + expected))):
         raise NotCertifiedError("contact order", "breakpoints of the stiffness are missing among the switches")
 
 
@@ -172,17 +172,17 @@ def _check_gaps(equations: PointEquations, Z: Balls, flows: list[Any]) -> None:
     system, pattern = equations.system, equations.order.pattern
     x, ends = equations.states(Z), equations.ends(Z)
     for i, contacts in enumerate(pattern.contacts):
-        here, there = pattern.switches[i], pattern.switches[(i + 1) % pattern.count]
-        sides = [
-            (j, k, sign, SINGLE * (here[:2] == (j, k)), SINGLE * (there[:2] == (j, k)))
+        switch, next_switch = pattern.switches[i], pattern.switches[(i + 1) % pattern.count]
+        gap_signs = [
+            (j, k, sign, SINGLE * (switch[:2] == (j, k)), SINGLE * (next_switch[:2] == (j, k)))
             for j, level in enumerate(contacts.levels)
             for k, sign in ((level - 1, 1), (level, -1))
             if 0 <= k < len(system.breakpoints[j])
         ]
-        parts = [(x[i], ends[i], sides)]
+        subsegments = [(x[i], ends[i], gap_signs)]
         if equations.order.grazing and equations.order.grazing[0] == i:
-            parts = _parted(equations, Z, flows[i], i, sides)
-        for start, interval, signs in parts:
+            subsegments = _split_at_grazing(equations, Z, flows[i], i, gap_signs)
+        for start, interval, signs in subsegments:
             failed = failing_gap(system, flows[i], start, interval, signs)
             if failed is not None:
                 name = system.elements[failed[0]]["name"]
@@ -191,7 +191,7 @@ def _check_gaps(equations: PointEquations, Z: Balls, flows: list[Any]) -> None:
                 )
 
 
-def _parted(equations: PointEquations, Z: Balls, flow: Any, i: int, sides: list[Any]) -> list[Any]:
+def _split_at_grazing(equations: PointEquations, Z: Balls, flow: Any, i: int, gap_signs: list[Any]) -> list[Any]:
     """Return the two parts of the segment with a grazing: state, ends and sides."""
     _, element, breakpoint, _ = equations.order.grazing  # type: ignore[misc]
     t, (a, b) = Z[equations.n + 1], equations.ends(Z)[i]
@@ -199,10 +199,10 @@ def _parted(equations: PointEquations, Z: Balls, flow: Any, i: int, sides: list[
     def touching(side: Any) -> bool:
         return bool(side[:2] == (element, breakpoint))
 
-    before = [(*s[:4], DOUBLE if touching(s) else 0) for s in sides]
-    after = [(*s[:3], DOUBLE if touching(s) else 0, s[4]) for s in sides]
-    middle = _state(equations, Z, flow, i, t)[: equations.system.r]
-    return [(equations.states(Z)[i], (a, t), before), (middle, (t, b), after)]
+    before = [(*s[:4], DOUBLE if touching(s) else 0) for s in gap_signs]
+    after = [(*s[:3], DOUBLE if touching(s) else 0, s[4]) for s in gap_signs]
+    grazing_state = _state(equations, Z, flow, i, t)[: equations.system.r]
+    return [(equations.states(Z)[i], (a, t), before), (grazing_state, (t, b), after)]
 
 
 def _multipliers(

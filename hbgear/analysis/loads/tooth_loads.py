@@ -86,8 +86,8 @@ class ToothLoads:
     @property
     def largest(self) -> tuple[int, float]:
         """Pair with the largest force, counted from 0, and the position of this force [mesh periods]."""
-        pair, at = np.unravel_index(int(np.argmax(self.force)), self.force.shape)
-        return int(pair), float(self.position[at])
+        pair, index = np.unravel_index(int(np.argmax(self.force)), self.force.shape)
+        return int(pair), float(self.position[index])
 
     @property
     def force_factor(self) -> float:
@@ -155,11 +155,11 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     model = point.problem.model.at(point.parameters)
     model = getattr(model, "equations", model)
     law, order = model.system().elements[index].law, getattr(model, "mesh_order", 1)
-    b, own = mesh.pair.half_backlash, mesh.contacts(1.0)
+    b, contacts = mesh.pair.half_backlash, mesh.contacts(1.0)
     if (
         not isinstance(law, MeshContacts)
-        or order % own.meshes
-        or law.normal != contacts_in_order(own, order).scaled(1.0, 1 / b).widened(getattr(model, "b", 1.0))
+        or order % contacts.meshes
+        or law.normal != contacts_in_order(contacts, order).scaled(1.0, 1 / b).widened(getattr(model, "b", 1.0))
     ):
         raise ValueError(
             f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
@@ -171,15 +171,15 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
         x: Array = side * b * evaluate(row, TURN * t / meshes)
         return x
 
-    found = {side: pair_forces(
+    side_forces = {side: pair_forces(
         _loaded(mesh.flanks_with_errors(meshes), side), partial(displacement, side), meshes, b
     ) for side in (1, -1)}  # fmt: skip
-    side = 1 if found[1].drive.sum() >= found[-1].drive.sum() else -1
+    side = 1 if side_forces[1].drive.sum() >= side_forces[-1].drive.sum() else -1
     flanks = _loaded(mesh.flanks, side)
     phase, delta = static_displacement(flanks, mesh.force, b)
     static = pair_forces(flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
-    stress, static_stress = (root_stress(mesh, some, side) for some in (found[side], static))
-    return ToothLoads(found[side], static, stress, static_stress, side)
+    stress, static_stress = (root_stress(mesh, forces, side) for forces in (side_forces[side], static))
+    return ToothLoads(side_forces[side], static, stress, static_stress, side)
 
 
 def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:

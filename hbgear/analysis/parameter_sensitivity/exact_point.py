@@ -45,7 +45,7 @@ def is_small(problem: ContactInstants) -> bool:
 
 
 def slopes_of(
-    problem: ContactInstants, point: SpecialPoint, here: Mapping[str, float], parameter: str, names: Sequence[str]
+    problem: ContactInstants, point: SpecialPoint, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> Slopes:
     """Return the derivatives of the coefficients and of the parameter of the curve at a special point.
 
@@ -55,7 +55,7 @@ def slopes_of(
         Problem of the curve.
     point : SpecialPoint
         Point for which `is_exact` holds.
-    here : dict of str to float
+    parameters : dict of str to float
         All parameters.
     parameter : str
         Parameter of the curve.
@@ -76,28 +76,28 @@ def slopes_of(
     contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
     state = problem.nearest_states(point.X, point.parameters)[0] if contacts else special_state(problem, point)
     scale = state.scale(abs(state.value) or 1.0)
-    known = None if contacts else point_on_curve(problem.family(parameter, fixed), state, scale)
+    reference = None if contacts else point_on_curve(problem.family(parameter, fixed), state, scale)
 
-    def located(at: Mapping[str, float], name: str) -> tuple[Array, float]:
-        moved = _family(problem, parameter, {**fixed, name: at[name]})
-        if known is None:
-            found = locate_grazing(moved, state, contacts, scale).state
+    def located(changed: Mapping[str, float], name: str) -> tuple[Array, float]:
+        family = _family(problem, parameter, {**fixed, name: changed[name]})
+        if reference is None:
+            solution = locate_grazing(family, state, contacts, scale).state
         else:
-            found = relocated(moved, known, point.kind).state
-        return coefficients(moved(found.value), found.iterate, problem.H)[0].ravel(), found.value
+            solution = relocated(family, reference, point.kind).state
+        return coefficients(family(solution.value), solution.iterate, problem.H)[0].ravel(), solution.value
 
     X, p = np.zeros((len(names), len(point.X))), np.zeros(len(names))
     for i, name in enumerate(names):
-        X[i], p[i] = parameter_derivatives(problem, name, here, partial(located, name=name))
+        X[i], p[i] = parameter_derivatives(problem, name, parameters, partial(located, name=name))
     return Slopes(X, p)
 
 
 def slopes_of_motion(
-    problem: ContactInstants, point: Point, here: Mapping[str, float], parameter: str, names: Sequence[str]
+    problem: ContactInstants, point: Point, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> tuple[Array, Array]:
     """Return the derivatives (A, n) of the coefficients of a motion in parameters, and (n,) in that of the curve.
 
-    ``here`` are all parameters, with the value of the parameter of the curve.
+    ``parameters`` are all parameters, with the value of the parameter of the curve.
 
     Raises
     ------
@@ -105,21 +105,21 @@ def slopes_of_motion(
         If a neighbouring model does not have the motion.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    value = here[parameter]
+    value = parameters[parameter]
     state = problem.exact_state(point.X, parameter, {**fixed, parameter: value})
     scale = state.scale(abs(value) or 1.0)
-    hold = np.zeros(len(scale))
-    hold[-1] = 1.0
+    constraint = np.zeros(len(scale))
+    constraint[-1] = 1.0
 
-    def motion(at: Mapping[str, float], name: str) -> tuple[Array]:
-        family = _family(problem, parameter, fixed if name == parameter else {**fixed, name: at[name]})
-        z = np.append(state.z[:-1], at[parameter])
-        found = correct(family, state.with_z(z), hold, scale)[0]
-        return (coefficients(family(found.value), found.iterate, problem.H)[0].ravel(),)
+    def motion(changed: Mapping[str, float], name: str) -> tuple[Array]:
+        family = _family(problem, parameter, fixed if name == parameter else {**fixed, name: changed[name]})
+        z = np.append(state.z[:-1], changed[parameter])
+        solution = correct(family, state.with_z(z), constraint, scale)[0]
+        return (coefficients(family(solution.value), solution.iterate, problem.H)[0].ravel(),)
 
     X = np.zeros((len(names) + 1, len(point.X)))
     for row, name in zip(X, (*names, parameter), strict=True):
-        (row[:],) = parameter_derivatives(problem, name, here, partial(motion, name=name))
+        (row[:],) = parameter_derivatives(problem, name, parameters, partial(motion, name=name))
     return X[:-1], X[-1]
 
 

@@ -79,25 +79,25 @@ def problem_and_parameters(point: Point) -> tuple[ContinuationProblem, dict[str,
 
 
 def parameter_names(
-    problem: ContinuationProblem, here: Mapping[str, float], parameter: str, wanted: Sequence[str] | None
+    problem: ContinuationProblem, parameters: Mapping[str, float], parameter: str, requested: Sequence[str] | None
 ) -> tuple[str, ...]:
     """Return the wanted parameters after a check, or all parameters that are not unknowns of the point."""
-    own = {parameter, *problem.unknown_parameters}
-    if wanted is None:
-        names = tuple(name for name in here if name not in own)
+    unknowns = {parameter, *problem.unknown_parameters}
+    if requested is None:
+        names = tuple(name for name in parameters if name not in unknowns)
         if not names:
             raise ValueError(
                 "the model has no parameters; write it as a function of its parameters that returns a System, with the "
                 "decorator hb.mechanics.model"
             )
         return names
-    for name in wanted:
+    for name in requested:
         problem.check_parameter(name)
-        if name in own:
+        if name in unknowns:
             raise ValueError(f"{name} is an unknown of the point; choose other parameters")
-        if name not in here:
-            raise KeyError(f"the point has no parameter '{name}'{did_you_mean(name, here)}")
-    return tuple(dict.fromkeys(wanted))
+        if name not in parameters:
+            raise KeyError(f"the point has no parameter '{name}'{did_you_mean(name, parameters)}")
+    return tuple(dict.fromkeys(requested))
 
 
 def with_cache_size(problem: ContinuationProblem, point: Point, sets: int) -> ContinuationProblem:
@@ -106,7 +106,7 @@ def with_cache_size(problem: ContinuationProblem, point: Point, sets: int) -> Co
 
 
 def expanded_at(
-    problem: ContinuationProblem, point: Point, here: Mapping[str, float], sets: int
+    problem: ContinuationProblem, point: Point, parameters: Mapping[str, float], sets: int
 ) -> ContinuationProblem:
     """Return `with_cache_size` with receptances expanded about the parameters of the point.
 
@@ -114,7 +114,7 @@ def expanded_at(
     """
     if isinstance(problem, ContactInstants):
         return problem
-    return _with_balance(problem, point, lambda balance: balance.perturbed(here, sets))
+    return _with_balance(problem, point, lambda balance: balance.perturbed(parameters, sets))
 
 
 def _with_balance(
@@ -145,49 +145,49 @@ class PointSensitivity:
 
     problem: ContinuationProblem
     point: Point
-    here: dict[str, float]
+    parameters: dict[str, float]
     parameter: str
     names: tuple[str, ...]
 
     @property
     def X(self) -> Array:
         """Unknowns of the problem."""
-        return self.problem.join(self.point.X, self.here)
+        return self.problem.join(self.point.X, self.parameters)
 
     def slopes(self) -> Slopes:
         """Return the derivatives of the unknowns and of the parameter of the branch."""
         if isinstance(self.problem, ContactInstants) and isinstance(self.point, SpecialPoint):
-            return slopes_of(self.problem, self.point, self.here, self.parameter, self.names)
+            return slopes_of(self.problem, self.point, self.parameters, self.parameter, self.names)
         if not isinstance(self.point, SpecialPoint):
-            return of_solution(self.problem, self.X, self.here, self.names)
+            return of_solution(self.problem, self.X, self.parameters, self.names)
         if self.point.kind == "BP":
-            return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
-        return of_special(*self.refined, self.here, self.names)
+            return of_branch_point(self.problem, self.X, self.parameters, self.parameter, self.names)
+        return of_special(*self.refined, self.parameters, self.names)
 
     @cached_property
     def refined(self) -> tuple[MinimallyAugmentedProblem, Array]:
         """Equations of a special point with borders computed there, and (X, p) refined to rounding."""
-        U = np.append(self.X, self.here[self.parameter])
-        equations = self.equations().with_borders_at(U, self.here)
+        U = np.append(self.X, self.parameters[self.parameter])
+        equations = self.equations().with_borders_at(U, self.parameters)
         with suppress(NoConvergence):  # then the located point is used
-            U = refine(equations, solve(equations, U, self.here), self.here).X
+            U = refine(equations, solve(equations, U, self.parameters), self.parameters).X
         return equations, U
 
     @property
     def parameter_value(self) -> float:
         """Value of the parameter of the branch, refined if `refined` was computed."""
-        return float(self.refined[1][-1]) if "refined" in vars(self) else self.here[self.parameter]
+        return float(self.refined[1][-1]) if "refined" in vars(self) else self.parameters[self.parameter]
 
     def equations(self) -> MinimallyAugmentedProblem:
         """Return the equations of a special point; raise a ValueError if its kind has no equations."""
-        known, point = self.known_equations(), self.point
+        equations, point = self.known_equations(), self.point
         assert isinstance(point, SpecialPoint)
-        if known is None:
+        if equations is None:
             raise ValueError(
                 f"{point.label} ({point.meaning.partition(': ')[0]}) has no equations that can be differentiated; "
                 "choose LP, PD, NS, BP, GR, SL, CP, a peak, a jump, or a point of the branch"
             )
-        return known
+        return equations
 
     def known_equations(self) -> MinimallyAugmentedProblem | None:
         """Return the equations of a special point. None if its kind has no equations."""
@@ -202,7 +202,7 @@ class PointSensitivity:
         return event.equations(self.problem.original, self.parameter, point) if event else None
 
     @cached_property
-    def own(self) -> dict[str, float]:
+    def model_parameters(self) -> dict[str, float]:
         """Parameters of the model."""
         model = getattr(base_problem(self.problem), "model", None)
         return model.parameters | model.entries if isinstance(model, Model) else {}
@@ -211,31 +211,31 @@ class PointSensitivity:
         """Return the logarithm of the modulus, as a function, of the multiplier nearest to `mu`."""
         problem: Any = self.problem
 
-        def value(X: Array, at: dict[str, float]) -> float:
-            every = problem.multipliers(X, points=8, width=1.0, **self._changed_parameters(at))
-            return math.log(abs(every[np.argmin(np.abs(every - mu))]))
+        def value(X: Array, changed: dict[str, float]) -> float:
+            multipliers = problem.multipliers(X, points=8, width=1.0, **self._changed_parameters(changed))
+            return math.log(abs(multipliers[np.argmin(np.abs(multipliers - mu))]))
 
         return value
 
-    def _changed_parameters(self, here: Mapping[str, float]) -> dict[str, float]:
+    def _changed_parameters(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters whose values differ from the model."""
-        own = self.own
-        return {name: float(value) for name, value in here.items() if own.get(name) != value}
+        model_parameters = self.model_parameters
+        return {name: float(value) for name, value in parameters.items() if model_parameters.get(name) != value}
 
     def unknown_parameters(self, slopes: Slopes) -> list[tuple[str, Array]]:
         """Return the derivatives of parameters that are unknowns, such as the frequency on a fold curve."""
-        own = self.problem.unknown_parameters
-        return [(name, slopes.X[:, -1 - i]) for i, name in enumerate(own)]
+        names = self.problem.unknown_parameters
+        return [(name, slopes.X[:, -1 - i]) for i, name in enumerate(names)]
 
     def speeds(self, rows: Sequence[Row], units: Units) -> list[Row]:
         """Return mesh frequency and speed with their derivatives; empty if the model has no `Scales`."""
-        own, changes = units
-        if "Omega" not in self.here:
+        sizes, changes = units
+        if "Omega" not in self.parameters:
             return []
-        Omega, found = self.here["Omega"], {name: slopes for name, _, slopes in rows}
-        moved = found.get("Omega", np.array([float(name == "Omega") for name in self.names]))
-        return [(unit, Omega * own[unit], own[unit] * moved + Omega * changes[unit]) for unit in (MESH, PINION)
-                if unit in own]  # fmt: skip
+        Omega, slopes_by_name = self.parameters["Omega"], {name: slopes for name, _, slopes in rows}
+        dOmega = slopes_by_name.get("Omega", np.array([float(name == "Omega") for name in self.names]))
+        return [(unit, Omega * sizes[unit], sizes[unit] * dOmega + Omega * changes[unit]) for unit in (MESH, PINION)
+                if unit in sizes]  # fmt: skip
 
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: Units) -> list[Row]:
         """Return the amplitude with its derivatives, with `Scales` also in metres."""
@@ -244,38 +244,38 @@ class PointSensitivity:
             return []
         X, width = self.point.X, len(self.point.X)
         size = float(layout.measure(measure, X, element))
-        moved = measured_along(layout, measure, element, X[None], X_a[None, :, :width])[0]
-        rows: list[Row] = [(name, size, moved)]
-        own, changes = units
-        if LENGTH in own:
-            rows.append((f"{name} {LENGTH}", own[LENGTH] * size, own[LENGTH] * moved + size * changes[LENGTH]))
+        slopes = measured_along(layout, measure, element, X[None], X_a[None, :, :width])[0]
+        rows: list[Row] = [(name, size, slopes)]
+        sizes, changes = units
+        if LENGTH in sizes:
+            rows.append((f"{name} {LENGTH}", sizes[LENGTH] * size, sizes[LENGTH] * slopes + size * changes[LENGTH]))
         return rows
 
     def landed(self, after: Point, p_a: Array) -> tuple[PointSensitivity, Array]:
         """Return the motion on which a jump lands, at the frequency of the jump, and its derivatives."""
         problem = _at_resolution(self.problem, after)
-        here = {**self.here, self.parameter: self.parameter_value}
-        at = PointSensitivity(problem, after, here, self.parameter, self.names)
+        parameters = {**self.parameters, self.parameter: self.parameter_value}
+        landing = PointSensitivity(problem, after, parameters, self.parameter, self.names)
         if isinstance(problem, ContactInstants):
-            X_a, X_p = slopes_of_motion(problem, after, here, self.parameter, self.names)
-            return at, X_a + p_a[:, None] * X_p
-        t = tangent(problem, at.X, here, self.parameter)
-        return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t
+            X_a, X_p = slopes_of_motion(problem, after, parameters, self.parameter, self.names)
+            return landing, X_a + p_a[:, None] * X_p
+        t = tangent(problem, landing.X, parameters, self.parameter)
+        return landing, of_solution(problem, landing.X, parameters, self.names).X + p_a[:, None] * t
 
     def largest_multiplier(self, slopes: Slopes) -> Row:
         """Return the largest modulus of the multipliers with its derivatives along the derivatives of the point."""
         problem = self.problem
         if not isinstance(problem, HarmonicBalance) or isinstance(problem, ContactInstants):
             raise ValueError("multipliers=True needs a point of a HarmonicBalance, without further unknowns")
-        mu = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.here))[0]
+        mu = problem.multipliers(self.X, points=8, width=1.0, **self._changed_parameters(self.parameters))[0]
         value = self._modulus_nearest_to(mu)
         p = self.parameter
 
         def derivative(name: str, dX: Array, dp: float) -> float:
-            def along_point(X: Array, at: dict[str, float]) -> float:
-                return value(X, {**at, p: self.here[p] + dp * (at[name] - self.here[name])})
+            def along_point(X: Array, changed: dict[str, float]) -> float:
+                return value(X, {**changed, p: self.parameters[p] + dp * (changed[name] - self.parameters[name])})
 
-            return along(problem, self.X, self.here, along_point, dX, name)
+            return along(problem, self.X, self.parameters, along_point, dX, name)
 
-        each = zip(self.names, slopes.X, slopes.p, strict=True)
-        return "|mu|", abs(mu), abs(mu) * np.array([derivative(name, dX, dp) for name, dX, dp in each])
+        directions = zip(self.names, slopes.X, slopes.p, strict=True)
+        return "|mu|", abs(mu), abs(mu) * np.array([derivative(name, dX, dp) for name, dX, dp in directions])

@@ -41,27 +41,27 @@ class RelocatedPoint:
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
         point = differentiable(point)
-        problem, here, parameter = problem_and_parameters(point)
-        self._names = parameter_names(problem, here, parameter, names)
-        at = PointSensitivity(with_cache_size(problem, point, 4), point, here, parameter, self._names)
-        self._equations, self._here = at.equations(), here
+        problem, parameters, parameter = problem_and_parameters(point)
+        self._names = parameter_names(problem, parameters, parameter, names)
+        sensitivity = PointSensitivity(with_cache_size(problem, point, 4), point, parameters, parameter, self._names)
+        self._equations, self._parameters = sensitivity.equations(), parameters
         self._ranges = {name: problem.range_of(name) for name in self._names}
-        slopes = at.slopes()
-        self._U = np.append(at.X, here[parameter])
+        slopes = sensitivity.slopes()
+        self._U = np.append(sensitivity.X, parameters[parameter])
         self._slopes = np.column_stack([slopes.X, slopes.p])
 
     def refused(self, changes: Array) -> str:
         """Return the condition of a parameter that is outside its range for changes of the parameters, or ""."""
-        here = _changed(self._here, self._names, changes)
-        return next((f"{name} must {x}" for name, x in self._ranges.items() if here[name] not in x), "")
+        changed = _changed(self._parameters, self._names, changes)
+        return next((f"{name} must {x}" for name, x in self._ranges.items() if changed[name] not in x), "")
 
     def at(self, changes: Array) -> float:
         """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""
         return float(self.solved(changes)[0][-1])
 
-    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+    def slopes(self, U: Array, parameters: Mapping[str, float]) -> Slopes:
         """Return the derivatives of the unknowns and of the parameter of the branch at a point of `solved`."""
-        return of_special(self._equations, U, here, self._names)
+        return of_special(self._equations, U, parameters, self._names)
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
         """Solve for the point with changed parameters.
@@ -83,18 +83,18 @@ class RelocatedPoint:
         NoConvergence, ValueError, numpy.linalg.LinAlgError
             If there is no point near the prediction of first order.
         """
-        here = _changed(self._here, self._names, changes)
+        parameters = _changed(self._parameters, self._names, changes)
         U = self._U + changes @ self._slopes
-        found = solve(self._equations.with_borders_at(U, here), U, here).X
-        moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
-        if moved > _MAX_CHANGE_RATIO * (expected + 1e-3 * abs(self._U[-1])):
-            raise NoConvergence("Newton ended at another point", found, here, [])
-        return found, here
+        solution = solve(self._equations.with_borders_at(U, parameters), U, parameters).X
+        change, predicted_change = abs(solution[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
+        if change > _MAX_CHANGE_RATIO * (predicted_change + 1e-3 * abs(self._U[-1])):
+            raise NoConvergence("Newton ended at another point", solution, parameters, [])
+        return solution, parameters
 
 
-def _changed(here: Mapping[str, float], names: Sequence[str], changes: Array) -> dict[str, float]:
+def _changed(parameters: Mapping[str, float], names: Sequence[str], changes: Array) -> dict[str, float]:
     """Return parameters with changes of some of them."""
-    return {**here, **{name: here[name] + float(x) for name, x in zip(names, changes, strict=True)}}
+    return {**parameters, **{name: parameters[name] + float(x) for name, x in zip(names, changes, strict=True)}}
 
 
 _MAX_CHANGE_RATIO = 5.0
@@ -113,17 +113,17 @@ class RelocatedMotion:
     """
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
-        self._problem, self._here, self._parameter = problem_and_parameters(point)
-        self._names = parameter_names(self._problem, self._here, self._parameter, names)
+        self._problem, self._parameters, self._parameter = problem_and_parameters(point)
+        self._names = parameter_names(self._problem, self._parameters, self._parameter, names)
         self._X = point.X
-        self._slopes = of_solution(self._problem, self._X, self._here, self._names).X
+        self._slopes = of_solution(self._problem, self._X, self._parameters, self._names).X
 
-    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+    def slopes(self, U: Array, parameters: Mapping[str, float]) -> Slopes:
         """Return the derivatives of the unknowns at a motion of `solved`."""
-        return of_solution(self._problem, U[:-1], here, self._names)
+        return of_solution(self._problem, U[:-1], parameters, self._names)
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
         """Solve for the motion with changed parameters; see `RelocatedPoint.solved`."""
-        here = _changed(self._here, self._names, changes)
-        X = solve(self._problem, self._X + changes @ self._slopes, here, self._parameter).X
-        return np.append(X, here[self._parameter]), here
+        parameters = _changed(self._parameters, self._names, changes)
+        X = solve(self._problem, self._X + changes @ self._slopes, parameters, self._parameter).X
+        return np.append(X, parameters[self._parameter]), parameters

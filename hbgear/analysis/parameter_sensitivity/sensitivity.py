@@ -101,27 +101,27 @@ def sensitivity(
         raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or give None for all")
     if isinstance(point, CriticalParameter):
         point = point.point
-    one = differentiable(point.before if isinstance(point, Jump) else point, exact=True)
-    problem, here, parameter = problem_and_parameters(one)
-    names = parameter_names(problem, here, parameter, parameters)
-    cached = expanded_at(problem, one, here, 2 * len(names) + _EXTRA_PARAMETER_SETS)
-    sensitive = PointSensitivity(cached, one, here, parameter, names)
-    slopes = sensitive.slopes()
-    rows: list[Row] = [(parameter, here[parameter], slopes.p)]
-    rows += [(name, here[name], X_a) for name, X_a in sensitive.unknown_parameters(slopes)]
-    units = units_at(sensitive.problem, here, names)
-    rows += sensitive.speeds(rows, units)
-    note = one.note if isinstance(one, SpecialPoint) and one.kind == "PK" else ""
-    wanted = measure or note.removeprefix("peak of ") or "rms"
-    motions = [(wanted, sensitive, slopes.X)]
+    base_point = differentiable(point.before if isinstance(point, Jump) else point, exact=True)
+    problem, values_by_name, parameter = problem_and_parameters(base_point)
+    names = parameter_names(problem, values_by_name, parameter, parameters)
+    cached = expanded_at(problem, base_point, values_by_name, 2 * len(names) + _EXTRA_PARAMETER_SETS)
+    base = PointSensitivity(cached, base_point, values_by_name, parameter, names)
+    slopes = base.slopes()
+    rows: list[Row] = [(parameter, values_by_name[parameter], slopes.p)]
+    rows += [(name, values_by_name[name], X_a) for name, X_a in base.unknown_parameters(slopes)]
+    units = units_at(base.problem, values_by_name, names)
+    rows += base.speeds(rows, units)
+    note = base_point.note if isinstance(base_point, SpecialPoint) and base_point.kind == "PK" else ""
+    amplitude = measure or note.removeprefix("peak of ") or "rms"
+    motions = [(amplitude, base, slopes.X)]
     if isinstance(point, Jump) and point.after is not None:
-        motions[0] = (f"{wanted} before", sensitive, slopes.X)
-        motions.append((f"{wanted} after", *sensitive.landed(point.after, slopes.p)))
-    for name, at, X_a in motions:
-        rows += at.amplitudes(name, wanted, element, X_a, units)
+        motions[0] = (f"{amplitude} before", base, slopes.X)
+        motions.append((f"{amplitude} after", *base.landed(point.after, slopes.p)))
+    for name, motion, X_a in motions:
+        rows += motion.amplitudes(name, amplitude, element, X_a, units)
     if multipliers:
-        rows.append(sensitive.largest_multiplier(slopes))
+        rows.append(base.largest_multiplier(slopes))
     label = point.label or "a point"
-    values = np.array([here[name] for name in names])
-    quantities, sizes, moved = zip(*rows, strict=True)
-    return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(moved))
+    values = np.array([values_by_name[name] for name in names])
+    quantities, sizes, derivatives = zip(*rows, strict=True)
+    return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(derivatives))

@@ -77,8 +77,8 @@ class Sensitivity:
         if dimensionless or PINION not in self.quantities:
             return self.quantities
         hidden = {name for name in self.quantities if f"{name} {LENGTH}" in self.quantities}
-        shown = [PINION if name == "Omega" else name for name in self.quantities if name not in hidden]
-        return tuple(dict.fromkeys(shown))
+        quantities = [PINION if name == "Omega" else name for name in self.quantities if name not in hidden]
+        return tuple(dict.fromkeys(quantities))
 
     @checked_arguments()
     def size(self, quantity: str = "") -> float:

@@ -28,14 +28,14 @@ def base_problem(problem: ContinuationProblem) -> ContinuationProblem:
     return base_problem(problem.problem) if isinstance(problem, SpecialPointProblem) else problem
 
 
-def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Sequence[str]) -> Units:
+def units_at(problem: ContinuationProblem, parameters: Mapping[str, float], names: Sequence[str]) -> Units:
     """Return the units of a model and their derivatives in parameters.
 
     Parameters
     ----------
     problem : ContinuationProblem
         Equations of the point.
-    here : dict of str to float
+    parameters : dict of str to float
         All parameters.
     names : sequence of str
         A names of parameters.
@@ -48,24 +48,24 @@ def units_at(problem: ContinuationProblem, here: Mapping[str, float], names: Seq
         Their derivatives.
     """
     inner = base_problem(problem)
-    if not isinstance(inner, HarmonicBalance) or not (own := units_of(inner.model_at(here))):
+    if not isinstance(inner, HarmonicBalance) or not (units := units_of(inner.model_at(parameters))):
         return {}, {}
-    keys, known = list(own), inner.model.parameters | inner.model.entries
+    keys, model_names = list(units), inner.model.parameters | inner.model.entries
     changes = np.zeros((len(names), len(keys)))
     for row, name in zip(changes, names, strict=True):
 
-        def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
-            return tuple(units_of(inner.model_at({**here, name: at[name]})).values())
+        def values(changed: dict[str, float], name: str = name) -> tuple[float, ...]:
+            return tuple(units_of(inner.model_at({**parameters, name: changed[name]})).values())
 
-        if name in known:
-            row[:] = parameter_derivatives(problem, name, here, values)
-    return own, dict(zip(keys, changes.T, strict=True))
+        if name in model_names:
+            row[:] = parameter_derivatives(problem, name, parameters, values)
+    return units, dict(zip(keys, changes.T, strict=True))
 
 
 def units_of(model: Model) -> dict[str, float]:
     """Return Hz and r/min at Omega = 1 and the unit of length in metres; empty if the model has no `Scales`."""
-    known, own = scales(model, {}), model.scales
-    return known | {LENGTH: own.length} if known and own else known
+    units, model_scales = scales(model, {}), model.scales
+    return units | {LENGTH: model_scales.length} if units and model_scales else units
 
 
 def measured_along(layout: LayoutProtocol, measure: str, element: int | str, X: Array, along: Array) -> Array:
@@ -74,9 +74,9 @@ def measured_along(layout: LayoutProtocol, measure: str, element: int | str, X: 
     They are central differences, and nan for directions that are not finite.
     """
     sizes = np.linalg.norm(along, axis=-1)
-    known = np.isfinite(sizes)
-    h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(known & (sizes > 0), sizes, 1.0)
-    moved = h[..., None] * np.where(known[..., None], along, 0.0)
-    up, down = (layout.measure(measure, X[:, None] + side * moved, element) for side in (1, -1))
-    rates: Array = np.where(known, up - down, math.nan) / (2 * h)
+    finite = np.isfinite(sizes)
+    h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(finite & (sizes > 0), sizes, 1.0)
+    steps = h[..., None] * np.where(finite[..., None], along, 0.0)
+    upper, lower = (layout.measure(measure, X[:, None] + side * steps, element) for side in (1, -1))
+    rates: Array = np.where(finite, upper - lower, math.nan) / (2 * h)
     return rates

@@ -134,8 +134,8 @@ def in_micrometres(symbol: str, name: str = "") -> str:
     >>> in_micrometres("$x$ [-]")
     '$x$ [um]'
     """
-    plain = without_unit(symbol).partition(" / ")[0]
-    return f"${plain}${name} [{MICROMETRE}]" if len(plain) <= 2 else f"{plain}{name} [{MICROMETRE}]"
+    text = without_unit(symbol).partition(" / ")[0]
+    return f"${text}${name} [{MICROMETRE}]" if len(text) <= 2 else f"{text}{name} [{MICROMETRE}]"
 
 
 def in_metres_per_second(symbol: str) -> str:
@@ -185,8 +185,8 @@ def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
 
 def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
     """Return whether the amplitudes of branches have one unit: all models have a unit of length, or none of them."""
-    known = {length_scale(model_of(branch), branch.parameters_at(0)) is not None for branch in branches}
-    return len(known) == 1
+    has_length = {length_scale(model_of(branch), branch.parameters_at(0)) is not None for branch in branches}
+    return len(has_length) == 1
 
 
 def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
@@ -252,24 +252,24 @@ class OmegaAxis:
     ('750 r/min', 'Omega = 0.5')
     """
 
-    def __init__(self, known: Mapping[str, float], usual: str = r"$\Omega$", dimensionless: bool = False) -> None:
-        self.scale, self.hertz, self.label, self.name, self.above = 1.0, 1.0, usual, "Omega", dict(known)
-        if known and not dimensionless:
-            self.scale, self.hertz = known[PINION], known.get(MESH, math.nan)
+    def __init__(self, speeds: Mapping[str, float], label: str = r"$\Omega$", dimensionless: bool = False) -> None:
+        self.scale, self.hertz, self.label, self.name, self.above = 1.0, 1.0, label, "Omega", dict(speeds)
+        if speeds and not dimensionless:
+            self.scale, self.hertz = speeds[PINION], speeds.get(MESH, math.nan)
             self.label, self.name = SPEED_LABEL, PINION
-            self.above = {MESH: known[MESH] / known[PINION]} if MESH in known else {}
+            self.above = {MESH: speeds[MESH] / speeds[PINION]} if MESH in speeds else {}
 
     @classmethod
     def of(cls, model: Model | None, dimensionless: bool = False) -> OmegaAxis:
         """Return the axis of a model."""
-        usual = str(model.labels.get("Omega", r"$\Omega$")) if model is not None else r"$\Omega$"
-        return cls(scales(model, {}), usual, dimensionless)
+        label = str(model.labels.get("Omega", r"$\Omega$")) if model is not None else r"$\Omega$"
+        return cls(scales(model, {}), label, dimensionless)
 
     @classmethod
-    def of_ends(cls, folds: Sequence[Branch], usual: str, dimensionless: bool = False) -> OmegaAxis:
+    def of_ends(cls, folds: Sequence[Branch], label: str, dimensionless: bool = False) -> OmegaAxis:
         """Return the axis of fold curves, on which the unit of Omega may change: Omega is kept then."""
-        known = [scales(model_of(fold), fold.parameters_at(i)) for fold in folds for i in (0, -1)]
-        return cls(same_scales(known), usual, dimensionless)
+        speeds = [scales(model_of(fold), fold.parameters_at(i)) for fold in folds for i in (0, -1)]
+        return cls(same_scales(speeds), label, dimensionless)
 
     @property
     def is_speed(self) -> bool:
@@ -289,14 +289,14 @@ class OmegaAxis:
         return self.text(Omega, 5).replace("Omega", r"$\Omega$")
 
 
-def axis_scales(known: Sequence[dict[str, float]], dimensionless: bool = False) -> dict[str, float]:
+def axis_scales(model_scales: Sequence[dict[str, float]], dimensionless: bool = False) -> dict[str, float]:
     """Return the scales of an axis for models of several scales.
 
     Speeds in r/min may be compared if their scales differ. An axis of Omega has speeds above it only if they are equal.
 
     Parameters
     ----------
-    known : sequence of dict of str to float
+    model_scales : sequence of dict of str to float
         Scales of each model, see `OmegaAxis`.
     dimensionless : bool, optional
         Whether the axis is Omega; default False.
@@ -311,10 +311,10 @@ def axis_scales(known: Sequence[dict[str, float]], dimensionless: bool = False) 
     >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min": 1800.0}])
     {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
     """
-    if dimensionless or not known or not all(known):
-        return same_scales(known)
-    ratios = [one[MESH] / one[PINION] for one in known]
-    return known[0] if np.allclose(ratios, ratios[0]) else {PINION: known[0][PINION]}
+    if dimensionless or not model_scales or not all(model_scales):
+        return same_scales(model_scales)
+    ratios = [scales[MESH] / scales[PINION] for scales in model_scales]
+    return model_scales[0] if np.allclose(ratios, ratios[0]) else {PINION: model_scales[0][PINION]}
 
 
 class Abscissa:
@@ -347,14 +347,14 @@ class Abscissa:
     """
 
     def __init__(self, branches: Sequence[Branch], dimensionless: bool = False) -> None:
-        known = [common_scales([branch]) for branch in branches]
+        speeds = [common_scales([branch]) for branch in branches]
         first, layout = branches[0], layout_of(branches[0])
         names = layout.labels if layout else {}
-        usual = r"$\Omega$" if first.parameter == "Omega" else first.parameter
-        axis = OmegaAxis(axis_scales(known, dimensionless), str(names.get(first.parameter, usual)), dimensionless)
+        label = r"$\Omega$" if first.parameter == "Omega" else first.parameter
+        axis = OmegaAxis(axis_scales(speeds, dimensionless), str(names.get(first.parameter, label)), dimensionless)
         self.scale, self.hertz, self.label, self.above = axis.scale, axis.hertz, axis.label, axis.above
         self._is_speed = axis.is_speed
-        self._own = {id(branch): (branch, one.get(PINION, 1.0)) for branch, one in zip(branches, known, strict=True)}
+        self._scales = {id(branch): (branch, x.get(PINION, 1.0)) for branch, x in zip(branches, speeds, strict=True)}
 
     def along(self, branch: Branch) -> Array:
         """Return the values at the points of a branch."""
@@ -368,10 +368,10 @@ class Abscissa:
         """Return the value on the axis for a parameter of one on a branch (computed once)."""
         if not self._is_speed:
             return self.scale
-        if id(branch) not in self._own:
-            known = common_scales([branch])
-            self._own[id(branch)] = branch, known.get(PINION, self.scale)  # the branch is kept, as its id
-        return self._own[id(branch)][1]
+        if id(branch) not in self._scales:
+            speeds = common_scales([branch])
+            self._scales[id(branch)] = branch, speeds.get(PINION, self.scale)  # a reference, so that the id stays valid
+        return self._scales[id(branch)][1]
 
 
 class Ordinate:
@@ -436,9 +436,9 @@ class Ordinate:
         ValueError
             If the quantity is unknown at all points.
         """
-        known = self._along.get(id(branch))
-        if known is not None:
-            return known[1]
+        computed = self._along.get(id(branch))
+        if computed is not None:
+            return computed[1]
         if self.is_amplitude:
             values = branch.amplitude(self.measure, self.element) * self._factors(branch)
         else:
@@ -471,8 +471,8 @@ class Ordinate:
             return machine_quantities(self.prepared(branch)[0], self.element, self.dof).title(self.measure)
         dimension = self._dimension
         unit = f"{MICROMETRE}^{dimension}" if dimension > 1 else MICROMETRE
-        known = dimension and self._length(model_of(branch), branch.parameters_at(0)) is not None
-        return f"{self.measure} [{unit}]" if known else self.measure
+        has_length = dimension and self._length(model_of(branch), branch.parameters_at(0)) is not None
+        return f"{self.measure} [{unit}]" if has_length else self.measure
 
     @property
     def _dimension(self) -> int:
@@ -518,11 +518,11 @@ class Ordinate:
         points = range(1 if fixed else len(branch))
         return np.array([self._factor(model, branch.parameters_at(i)) for i in points])
 
-    def _quantity(self, found: Branch | Point) -> Array:
+    def _quantity(self, motions: Branch | Point) -> Array:
         """Return an engineering quantity of the points of a branch, or of one point."""
         if self.measure == DTE:
-            return transmission_error(found, self.element)
-        quantities = machine_quantities(found, self.element, self.dof)
+            return transmission_error(motions, self.element)
+        quantities = machine_quantities(motions, self.element, self.dof)
         try:
             return quantities[self.measure]
         except KeyError as error:

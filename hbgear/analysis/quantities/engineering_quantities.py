@@ -96,11 +96,11 @@ class MachineQuantities:
         KeyError
             If there is no such column.
         """
-        for full in self.columns:
-            if name in (full, full.partition(" [")[0]):
-                return full
-        known = ", ".join(quoted(full.partition(" [")[0]) for full in self.columns)
-        raise KeyError(f"there is no quantity {quoted(name)}; choose one of {known}")
+        for column in self.columns:
+            if name in (column, column.partition(" [")[0]):
+                return column
+        names = ", ".join(quoted(column.partition(" [")[0]) for column in self.columns)
+        raise KeyError(f"there is no quantity {quoted(name)}; choose one of {names}")
 
     @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -156,9 +156,9 @@ def machine_quantities(
     """
     if isinstance(found, Branch):
         problem = problem_along(found, problem)
-        each = [found.parameters_at(i) for i in range(len(found))]
+        parameters = [found.parameters_at(i) for i in range(len(found))]
         columns = {} if found.parameter == "Omega" else {f"{found.parameter} [-]": found.values}
-        columns |= _columns(problem, np.asarray(found.X), each, element, dof)
+        columns |= _columns(problem, np.asarray(found.X), parameters, element, dof)
         if found.stable is not None:
             columns["stable"] = np.asarray(found.stable)
         return MachineQuantities(columns)
@@ -170,12 +170,12 @@ def machine_quantities(
     )
 
 
-def transmission_error(found: Branch | Point, element: int | str = 0) -> Array:
+def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array:
     """Return half the peak-to-peak dynamic transmission error at each point, without the other quantities.
 
     Parameters
     ----------
-    found : Branch or Point
+    motions : Branch or Point
         Branch of a harmonic balance, or one of its points with its problem.
     element : int or str, optional
         Mesh by number or name; default 0.
@@ -192,22 +192,22 @@ def transmission_error(found: Branch | Point, element: int | str = 0) -> Array:
     >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]))
     True
     """
-    if isinstance(found, Branch):
-        problem, X = problem_along(found), np.asarray(found.X)
-        each = [found.parameters_at(i) for i in range(len(found))]
+    if isinstance(motions, Branch):
+        problem, X = problem_along(motions), np.asarray(motions.X)
+        sets = [motions.parameters_at(i) for i in range(len(motions))]
     else:
-        if not isinstance(found.problem, HarmonicBalance):
+        if not isinstance(motions.problem, HarmonicBalance):
             raise ValueError("the transmission error of a point needs the problem of its branch")
-        problem, X, each = found.problem.at_resolution_of(found), found.X[None], [dict(found.parameters)]
+        problem, X, sets = motions.problem.at_resolution_of(motions), motions.X[None], [dict(motions.parameters)]
     index, values, scale = problem.layout.index(element), np.empty(len(X)), None
     before: dict[str, float] | None = None
-    for i, (row, here) in enumerate(zip(X, each, strict=True)):
-        changed = {name: value for name, value in here.items() if name != "Omega"}
+    for i, (row, parameters) in enumerate(zip(X, sets, strict=True)):
+        changed = {name: value for name, value in parameters.items() if name != "Omega"}
         if changed != before:
             before, scale = changed, length_scale(problem.model, changed)
             error = _prescribed(problem, changed, index)
-        swing = float(half_peak_to_peak(problem.rows(row)[index] + error))
-        values[i] = swing * (1.0 if scale is None else 1e6 * scale)
+        half_range = float(half_peak_to_peak(problem.rows(row)[index] + error))
+        values[i] = half_range * (1.0 if scale is None else 1e6 * scale)
     return values
 
 
@@ -231,9 +231,9 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     ValueError
         If the problem is unknown.
     """
-    for one in (problem, branch.problem):
-        if isinstance(one, HarmonicBalance):
-            return one
+    for candidate in (problem, branch.problem):
+        if isinstance(candidate, HarmonicBalance):
+            return candidate
     try:
         return rebuild_problem(branch.meta)
     except (KeyError, TypeError, ValueError) as error:
@@ -290,61 +290,61 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
     problem = problem_along(branch)
     layout = problem.layout
     names = [*(elements or problem.model.sharing or layout.elements)]
-    each = [layout.index(name) for name in names]
+    indices = [layout.index(name) for name in names]
     rows = zip(branch.X, (branch.parameters_at(i) for i in range(len(branch))), strict=True)
-    return names, [[element_force(problem, X, here, index) for index in each] for X, here in rows]
+    return names, [[element_force(problem, X, parameters, index) for index in indices] for X, parameters in rows]
 
 
-def element_force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def element_force(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
-    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
-    return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
+    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    spring, prescribed = compiled.system.elements[index], compiled.piecewise.kept[:, index]
+    return force_samples(spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu)
 
 
 def _columns(
-    problem: HarmonicBalance, X: Array, each: list[dict[str, float]], element: int | str, dof: int | str | None
+    problem: HarmonicBalance, X: Array, sets: list[dict[str, float]], element: int | str, dof: int | str | None
 ) -> dict[str, Array]:
-    """Return all columns of motions X (P, m (2H + 1)) with parameters `each` (P,)."""
+    """Return all columns of motions X (P, m (2H + 1)) with parameters `sets` (P,)."""
     index = problem.layout.index(element)
-    models = [problem.model_at(here) for here in each]  # the same object if only Omega changes
+    models = [problem.model_at(parameters) for parameters in sets]  # the same object if only Omega changes
     scales: list[Any] = [model.scales for model in models]
-    known = all(one is not None for one in scales)
-    length, force, rate = (np.array([getattr(one, name, 1.0) for one in scales])
+    has_units = all(model_units is not None for model_units in scales)
+    length, force, rate = (np.array([getattr(model_units, name, 1.0) for model_units in scales])
                            for name in ("length", "force", "acceleration"))  # fmt: skip
-    length_unit, force_unit, acceleration_unit = ("um", "N", "m/s^2") if known else ("-", "-", "-")
-    speeds = [speeds_at(problem.model, here) for here in each]
-    columns = {"Omega [-]": np.array([here["Omega"] for here in each])}
-    columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([one[name] for one in speeds])
+    length_unit, force_unit, acceleration_unit = ("um", "N", "m/s^2") if has_units else ("-", "-", "-")
+    speeds = [speeds_at(problem.model, parameters) for parameters in sets]
+    columns = {"Omega [-]": np.array([parameters["Omega"] for parameters in sets])}
+    columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([speed[name] for speed in speeds])
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
-    found = np.array([_of_motion(problem, row, here, index) for row, here in zip(X, each, strict=True)])
-    friction = [_friction(problem, row, here, index, scale) for row, here, scale in zip(X, each, scales, strict=True)]
+    values = np.array([_of_motion(problem, row, parameters, index) for row, parameters in zip(X, sets, strict=True)])
+    friction = [_friction(problem, row, set_, index, scale) for row, set_, scale in zip(X, sets, scales, strict=True)]
     columns |= {
-        f"dte, half peak-to-peak [{length_unit}]": found[:, 0] * length * (1e6 if known else 1.0),
-        f"force, largest [{force_unit}]": found[:, 1] * force,
-        f"force, static [{force_unit}]": found[:, 2] * force,
-        "dynamic factor [-]": found[:, 3],
+        f"dte, half peak-to-peak [{length_unit}]": values[:, 0] * length * (1e6 if has_units else 1.0),
+        f"force, largest [{force_unit}]": values[:, 1] * force,
+        f"force, static [{force_unit}]": values[:, 2] * force,
+        "dynamic factor [-]": values[:, 3],
     }  # fmt: skip
     if friction[0] is not None:
-        columns[f"friction across, largest [{force_unit}]"] = np.array([one[0] for one in friction if one]) * force
-        columns["efficiency [-]"] = np.array([one[1] for one in friction if one])
-        if known:
-            columns["power loss [W]"] = np.array([one[2] for one in friction if one]) * force
+        columns[f"friction across, largest [{force_unit}]"] = np.array([row[0] for row in friction if row]) * force
+        columns["efficiency [-]"] = np.array([row[1] for row in friction if row])
+        if has_units:
+            columns["power loss [W]"] = np.array([row[2] for row in friction if row]) * force
     supports = {id(model): model.reactions for model in models}
     if dof is None and not supports[id(models[0])]:
         return columns
     Omega = columns["Omega [-]"] / problem.nu
-    q = np.array([problem.motion(row, **here) for row, here in zip(X, each, strict=True)])
+    q = np.array([problem.motion(row, **parameters) for row, parameters in zip(X, sets, strict=True)])
     for name in supports[id(models[0])]:
         sizes = np.array(
-            [_reaction(supports[id(model)][name], *each) for model, *each in zip(models, q, Omega, strict=True)]
+            [_reaction(supports[id(model)][name], *motion) for model, *motion in zip(models, q, Omega, strict=True)]
         )
         columns[f"reaction {name}, largest [{force_unit}]"] = sizes[:, 0] * force
         columns[f"reaction {name}, static [{force_unit}]"] = sizes[:, 1] * force
     if dof is not None:
         acceleration = rms(derivative(q[:, dof_index(dof, problem.dof_names)], Omega, 2)) * rate
         columns[f"acceleration, rms [{acceleration_unit}]"] = acceleration
-        if known:
+        if has_units:
             columns["acceleration, level [dB]"] = 20 * np.log10(np.maximum(acceleration, 1e-300) / REFERENCE)
     return columns
 
@@ -358,46 +358,46 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
 
 
 def _of_motion(
-    problem: HarmonicBalance, X: Array, here: dict[str, float], index: int
+    problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int
 ) -> tuple[float, float, float, float]:
     """Return the transmission error, largest force, static force and dynamic factor, in units of the model.
 
     The largest force is the one in the direction of the static force.
     """
-    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    force = element_force(problem, X, here, index)
+    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    force = element_force(problem, X, parameters, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     level = force_level(compiled.system.elements, problem.rows(X))
-    known = is_static(static, float(np.abs(force).max()), level)
-    swing = float(half_peak_to_peak(total_error(problem, X, here, index)))
-    return swing, largest, static if known else 0.0, largest / static if known else math.nan
+    has_static = is_static(static, float(np.abs(force).max()), level)
+    half_range = float(half_peak_to_peak(total_error(problem, X, parameters, index)))
+    return half_range, largest, static if has_static else 0.0, largest / static if has_static else math.nan
 
 
 def _friction(
-    problem: HarmonicBalance, X: Array, here: dict[str, float], index: int, scales: Any
+    problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int, scales: Any
 ) -> tuple[float, float, float] | None:
     """Return the largest friction across the line of action, the efficiency, and the power loss over the unit of force.
 
     None without friction between teeth.
     """
-    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    one, kept = compiled.system.elements[index], compiled.piecewise.kept[:, index]
-    if not isinstance(one.law, MeshContacts) or one.law.sliding is None:
+    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    spring, prescribed = compiled.system.elements[index], compiled.piecewise.kept[:, index]
+    if not isinstance(spring.law, MeshContacts) or spring.law.sliding is None:
         return None
-    nu, count, sliding = problem.nu, _FRICTION_PHASES * problem.nu, one.law.sliding
-    d = gap_samples(one.displacement, kept, nu, problem.rows(X)[index], count)
-    forces = one.law.sliding_forces(d, 2 * np.pi * nu * (np.arange(count) / count))
+    nu, count, sliding = problem.nu, _FRICTION_PHASES * problem.nu, spring.law.sliding
+    d = gap_samples(spring.displacement, prescribed, nu, problem.rows(X)[index], count)
+    forces = spring.law.sliding_forces(d, 2 * np.pi * nu * (np.arange(count) / count))
     torque = float((sliding.cosine * forces.normal + sliding.lever * forces.across + forces.slide).mean())
     loss = sliding.relative * float(forces.slide.mean())
     efficiency = 1 - loss / torque if torque > 0 else torque / (torque - loss) if loss else math.nan
-    speed = sliding.speed * here["Omega"] * getattr(scales, "frequency", 1.0)
+    speed = sliding.speed * parameters["Omega"] * getattr(scales, "frequency", 1.0)
     return float(np.abs(forces.across).max()), efficiency, loss * sliding.radius * speed
 
 
-def total_error(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+def total_error(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return the coefficients of the dynamic transmission error d + e of an element."""
-    changed = {name: value for name, value in here.items() if name != "Omega"}
+    changed = {name: value for name, value in parameters.items() if name != "Omega"}
     error: Array = problem.rows(X)[index] + _prescribed(problem, changed, index)
     return error
 

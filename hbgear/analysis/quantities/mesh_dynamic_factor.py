@@ -120,34 +120,34 @@ def force_level(elements: Sequence[Element], rows: Array) -> float:
         Force level.
     """
     sizes = np.abs(rows).sum(axis=1)
-    return float(max(_max_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True)))
+    return float(max(_max_stiffness(e, size) * size for e, size in zip(elements, sizes.tolist(), strict=True)))
 
 
-def _max_stiffness(one: Element, size: float) -> float:
+def _max_stiffness(element: Element, size: float) -> float:
     """Return the largest slope of a law at zero, at displacements of this size, and beyond its breakpoints."""
-    outside = [2 * abs(breakpoint_) or 1.0 for breakpoint_ in one.law.breakpoints]
-    d = np.array([0.0, *(side * each for each in (size, *outside) for side in (-1, 1))])
+    outside = [2 * abs(breakpoint_) or 1.0 for breakpoint_ in element.law.breakpoints]
+    d = np.array([0.0, *(side * x for x in (size, *outside) for side in (-1, 1))])
     n = _SLOPE_PHASES
     tau = 2 * np.pi * np.arange(n) / n
-    slopes = one.law.force(np.repeat(d, n), np.zeros(n * len(d)), np.tile(tau, len(d)))[1]
+    slopes = element.law.force(np.repeat(d, n), np.zeros(n * len(d)), np.tile(tau, len(d)))[1]
     return float(np.abs(slopes).max())
 
 
-def _forces(one: Element, point: Point, layout: Layout, index: int) -> Array:
+def _forces(element: Element, point: Point, layout: Layout, index: int) -> Array:
     """Return samples of the force of the law of an element over the period of its motion, shape (N,)."""
     row, nu = point.coefficients(index), layout.nu
-    kept = to_complex(stretch(one.displacement.row(layout.harmonics // nu), nu))
-    return force_samples(one, kept, row, point.parameters["Omega"] / nu, nu)
+    prescribed = to_complex(stretch(element.displacement.row(layout.harmonics // nu), nu))
+    return force_samples(element, prescribed, row, point.parameters["Omega"] / nu, nu)
 
 
-def force_samples(one: Element, kept: ComplexArray, row: Array, rate: float, nu: int) -> Array:
+def force_samples(element: Element, prescribed: ComplexArray, row: Array, rate: float, nu: int) -> Array:
     """Return samples of the force of an element over the period of its motion.
 
     Parameters
     ----------
-    one : Element
+    element : Element
         Element.
-    kept : ndarray of complex
+    prescribed : ndarray of complex
         Harmonics of its prescribed displacement, as for `hbgear.harmonic.forces.breakpoints.gap_samples`.
     row : ndarray, shape (2H + 1,)
         Fourier coefficients of its displacement.
@@ -161,8 +161,8 @@ def force_samples(one: Element, kept: ComplexArray, row: Array, rate: float, nu:
     ndarray, shape (N,)
         Force at equidistant phases.
     """
-    d, slope = (gap_samples(one.displacement, kept, nu, row, _FORCE_SAMPLES, order) for order in (0, 1))
+    d, slope = (gap_samples(element.displacement, prescribed, nu, row, _FORCE_SAMPLES, order) for order in (0, 1))
     theta = 2 * np.pi * np.arange(_FORCE_SAMPLES) / _FORCE_SAMPLES
-    law = one.law.normal if isinstance(one.law, MeshContacts) else one.law
+    law = element.law.normal if isinstance(element.law, MeshContacts) else element.law
     force: Array = law.force(d, rate * slope, nu * theta)[0]
     return force

@@ -87,31 +87,31 @@ def order_amplitudes(
     """
     _check(quantity)
     counted("order", order)
-    problem, X, each = _motions(found)
+    problem, X, parameter_sets = _motions(found)
     if order > problem.H // problem.nu:
         raise ValueError(f"order_amplitudes: no harmonic {order} among {problem.H // problem.nu}; use more harmonics")
     index, values = problem.layout.index(element), np.empty(len(X))
-    for i, (row, here) in enumerate(zip(X, each, strict=True)):
+    for i, (row, parameters) in enumerate(zip(X, parameter_sets, strict=True)):
         if quantity == "force":
-            samples = element_force(problem, row, here, index)
+            samples = element_force(problem, row, parameters, index)
             size = 2 * abs(np.fft.rfft(samples)[order * problem.nu]) / len(samples)
         else:
-            size = _harmonic(_row(problem, row, here, index, quantity, dof), order * problem.nu)
-        scales: Any = problem.model_at(here).scales
+            size = _harmonic(_row(problem, row, parameters, index, quantity, dof), order * problem.nu)
+        scales: Any = problem.model_at(parameters).scales
         unit = 1.0 if scales is None else getattr(scales, CUTS[quantity].scale) * CUTS[quantity].factor
         values[i] = size / np.sqrt(2) * unit
     return values
 
 
 def order_levels(
-    found: Branch | Point, quantity: str, order: int = 1, element: int | str = 0, dof: int | str | None = None,
+    motions: Branch | Point, quantity: str, order: int = 1, element: int | str = 0, dof: int | str | None = None,
     dimensionless: bool = False,
 ) -> Array:  # fmt: skip
     """Return the levels of `order_amplitudes` [dB].
 
     Parameters
     ----------
-    found : Branch or Point
+    motions : Branch or Point
         Branch or point.
     quantity : str
         Quantity, see `order_amplitudes`.
@@ -137,20 +137,20 @@ def order_levels(
     >>> bool(np.allclose(order_levels(curve, "force", 1), 20 * np.log10(cut)))
     True
     """
-    values = order_amplitudes(found, quantity, order, element, dof)
+    values = order_amplitudes(motions, quantity, order, element, dof)
     reference, cut = 1.0, CUTS[quantity]
-    scales: Any = _scales(found)
+    scales: Any = _scales(motions)
     if scales is not None:
         reference = getattr(scales, cut.scale) * cut.factor if dimensionless else cut.reference
     return 20 * np.log10(np.maximum(values / reference, LOWEST_LEVEL_RATIO))
 
 
-def level_title(found: Branch | Point, quantity: str, dimensionless: bool = False) -> str:
+def level_title(motions: Branch | Point, quantity: str, dimensionless: bool = False) -> str:
     """Return the label of an axis of `order_levels`, with the reference value.
 
     Parameters
     ----------
-    found : Branch or Point
+    motions : Branch or Point
         Branch or point.
     quantity : str
         Quantity.
@@ -163,8 +163,8 @@ def level_title(found: Branch | Point, quantity: str, dimensionless: bool = Fals
         Label.
     """
     _check(quantity)
-    known = _scales(found) is not None and not dimensionless
-    return f"level of the {quantity} [dB re {CUTS[quantity].text if known else '1 unit of the model'}]"
+    has_units = _scales(motions) is not None and not dimensionless
+    return f"level of the {quantity} [dB re {CUTS[quantity].text if has_units else '1 unit of the model'}]"
 
 
 def _check(quantity: str) -> None:
@@ -172,31 +172,31 @@ def _check(quantity: str) -> None:
         raise ValueError(f"no order cut of {quoted(quantity)}; there are {', '.join(CUTS)}")
 
 
-def _scales(found: Branch | Point) -> Any:
-    model = model_of(found) if isinstance(found, Branch) else getattr(found.problem, "model", None)
+def _scales(motions: Branch | Point) -> Any:
+    model = model_of(motions) if isinstance(motions, Branch) else getattr(motions.problem, "model", None)
     return getattr(model, "scales", None)
 
 
-def _motions(found: Branch | Point) -> tuple[HarmonicBalance, Array, list[dict[str, float]]]:
+def _motions(motions: Branch | Point) -> tuple[HarmonicBalance, Array, list[dict[str, float]]]:
     """Return the problem, the unknowns (P, n) and the parameters of each motion."""
-    if isinstance(found, Branch):
-        return problem_along(found), np.asarray(found.X), [found.parameters_at(i) for i in range(len(found))]
-    if not isinstance(found.problem, HarmonicBalance):
+    if isinstance(motions, Branch):
+        return problem_along(motions), np.asarray(motions.X), [motions.parameters_at(i) for i in range(len(motions))]
+    if not isinstance(motions.problem, HarmonicBalance):
         raise ValueError("an order cut at a point needs the problem of its branch")
-    return found.problem.at_resolution_of(found), found.X[None], [dict(found.parameters)]
+    return motions.problem.at_resolution_of(motions), motions.X[None], [dict(motions.parameters)]
 
 
 def _row(
-    problem: HarmonicBalance, X: Array, here: dict[str, float], index: int, quantity: str, dof: int | str | None
+    problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int, quantity: str, dof: int | str | None
 ) -> Array:
     """Return the coefficients of a displacement, or of its second derivative in time."""
     if quantity == "transmission error":
-        return total_error(problem, X, here, index)
+        return total_error(problem, X, parameters, index)
     if dof is None:
-        row = total_error(problem, X, here, index)
+        row = total_error(problem, X, parameters, index)
     else:
-        row = problem.motion(X, **here)[dof_index(dof, problem.dof_names)]
-    out: Array = derivative(row[None], np.array([here["Omega"] / problem.nu]), 2)[0]
+        row = problem.motion(X, **parameters)[dof_index(dof, problem.dof_names)]
+    out: Array = derivative(row[None], np.array([parameters["Omega"] / problem.nu]), 2)[0]
     return out
 
 
