@@ -41,16 +41,16 @@ def kinds_of(cls: type) -> Mapping[str, Any]:
         Types by name.
     """
     try:
-        hints = typing.get_type_hints(cls, include_extras=True)
+        field_types = typing.get_type_hints(cls, include_extras=True)
     except (NameError, AttributeError):
-        hints = {}
+        field_types = {}
     kinds = {}
     for field in dataclasses.fields(cls):
-        written = hints.get(field.name, field.type)
-        if isinstance(written, str):
-            written = vars(builtins).get(written, written)
+        field_type = field_types.get(field.name, field.type)
+        if isinstance(field_type, str):
+            field_type = vars(builtins).get(field_type, field_type)
         if field.init:
-            kinds[field.name] = plain(written)
+            kinds[field.name] = plain(field_type)
     return types.MappingProxyType(kinds)
 
 
@@ -88,7 +88,7 @@ def plain_kinds_of(cls: type) -> dict[str, Any]:
 def is_plain(kind: Any) -> bool:
     """Return whether values of a type are numbers, texts, truth values, choices of them, or tuples of them."""
     if typing.get_origin(kind) is tuple:
-        return all(each is ... or is_plain(each) for each in typing.get_args(kind))
+        return all(option is ... or is_plain(option) for option in typing.get_args(kind))
     return kind in (float, int, bool, str) or typing.get_origin(kind) is typing.Literal
 
 
@@ -119,8 +119,8 @@ def entries_among(cls: type, values: Mapping[str, Any]) -> list[str]:
     list of str
         The names.
     """
-    given = {name: values.get(name) for name in _tuple_fields_of(cls)}
-    return [f"{name}[{i}]" for name, x in given.items() if isinstance(x, list | tuple) for i in range(len(x))]
+    fields = {name: values.get(name) for name in _tuple_fields_of(cls)}
+    return [f"{name}[{i}]" for name, x in fields.items() if isinstance(x, list | tuple) for i in range(len(x))]
 
 
 @lru_cache(maxsize=256)
@@ -153,40 +153,40 @@ def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]
     KeyError
         If there is no such entry.
     """
-    whole = {name: value for name, value in changes.items() if "[" not in name}
-    if len(whole) == len(changes):
-        return whole
+    fields = {name: value for name, value in changes.items() if "[" not in name}
+    if len(fields) == len(changes):
+        return fields
     cls: type = type(instance)
     for name, value in changes.items():
-        if name in whole:
+        if name in fields:
             continue
-        found = _ENTRY_PATTERN.fullmatch(name)
+        match = _ENTRY_PATTERN.fullmatch(name)
         values = []
-        if found is not None and found[1] in _tuple_fields_of(cls):
-            values = list(whole.get(found[1], getattr(instance, found[1])))
-        if found is None or int(found[2]) >= len(values):
-            known = entries_of(instance)
-            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, known)}")
-        values[int(found[2])] = float(value)
-        whole[found[1]] = tuple(values)
-    return whole
+        if match is not None and match[1] in _tuple_fields_of(cls):
+            values = list(fields.get(match[1], getattr(instance, match[1])))
+        if match is None or int(match[2]) >= len(values):
+            names = entries_of(instance)
+            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, names)}")
+        values[int(match[2])] = float(value)
+        fields[match[1]] = tuple(values)
+    return fields
 
 
 def defaults_of(cls: type) -> dict[str, Any]:
     """Return the default values by name of the fields that have one."""
-    found = {}
+    defaults = {}
     for field in dataclasses.fields(cls):
         if field.init and field.default is not dataclasses.MISSING:
-            found[field.name] = field.default
+            defaults[field.name] = field.default
         elif field.init and field.default_factory is not dataclasses.MISSING:
-            found[field.name] = field.default_factory()
-    return found
+            defaults[field.name] = field.default_factory()
+    return defaults
 
 
 def required_of(cls: type) -> tuple[str, ...]:
     """Return the names of the fields that have no default."""
-    known = defaults_of(cls)
-    return tuple(name for name in kinds_of(cls) if name not in known)
+    defaults = defaults_of(cls)
+    return tuple(name for name in kinds_of(cls) if name not in defaults)
 
 
 def check_names(cls: type, names: typing.Iterable[str]) -> None:
@@ -231,15 +231,15 @@ def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
     ValueError
         If a field without a default has no value, or the class refuses a value.
     """
-    whole = {name: value for name, value in values.items() if not is_entry(name)}
-    check_names(cls, whole)
-    missing = [name for name in required_of(cls) if name not in whole]
+    fields = {name: value for name, value in values.items() if not is_entry(name)}
+    check_names(cls, fields)
+    missing = [name for name in required_of(cls) if name not in fields]
     if missing:
         raise ValueError(f"{cls.__name__} needs {', '.join(missing)}: no default, so give a value")
-    instance = cls(**whole)
-    if len(whole) == len(values):
+    instance = cls(**fields)
+    if len(fields) == len(values):
         return instance
-    entries = {name: value for name, value in values.items() if name not in whole}
+    entries = {name: value for name, value in values.items() if name not in fields}
     return dataclasses.replace(instance, **with_entries(instance, entries))  # type: ignore[type-var]
 
 

@@ -78,7 +78,7 @@ class SystemOfLaws(System):  # numpydoc ignore=PR02
     @property
     def parameters(self) -> dict[str, float]:
         """Numbers of the laws and dampers by name."""
-        return {name: self._value(*place) for name, place in self._places().items()}
+        return {name: self._value(*key) for name, key in self._places().items()}
 
     def replace(self, /, **changes: Any) -> Self:
         """Return a copy with other values of parameters or fields.
@@ -136,8 +136,8 @@ class FunctionModel(Model):
         """Return the call that creates the model, with the values that differ from the defaults."""
         defaults = defaults_of(type(self))
         values = {name: getattr(self, name) for name in kinds_of(type(self))}
-        given = [f"{name}={x!r}" for name, x in values.items() if name not in defaults or x != defaults[name]]
-        return f"{type(self).__name__}({', '.join(given)})"
+        changes = [f"{name}={x!r}" for name, x in values.items() if name not in defaults or x != defaults[name]]
+        return f"{type(self).__name__}({', '.join(changes)})"
 
     def system(self) -> System:
         """Return the system that the function builds.
@@ -147,10 +147,10 @@ class FunctionModel(Model):
         ValueError
             If the function does not return a `System`.
         """
-        built = type(self).function(**{name: getattr(self, name) for name in kinds_of(type(self))})
-        if not isinstance(built, System):
-            raise ValueError(f"{self!r} returned {str(built)[:40]}; need a System: return hb.System(...) from it")
-        return built
+        result = type(self).function(**{name: getattr(self, name) for name in kinds_of(type(self))})
+        if not isinstance(result, System):
+            raise ValueError(f"{self!r} returned {str(result)[:40]}; need a System: return hb.System(...) from it")
+        return result
 
 
 @overload
@@ -226,18 +226,18 @@ def model(
 
 def _check_options(options: Mapping[str, Any]) -> None:
     """Raise ValueError for labels, ranges or a span whose types are not those of `Model`."""
-    for name, kind, what in (("labels", str, "texts"), ("ranges", Range, "Range"), ("usual", Range, "Range")):
-        given = options.get(name, {})
-        if not isinstance(given, Mapping) or not all(isinstance(value, kind) for value in given.values()):
+    for name, kind, kinds in (("labels", str, "texts"), ("ranges", Range, "Range"), ("usual", Range, "Range")):
+        values = options.get(name, {})
+        if not isinstance(values, Mapping) or not all(isinstance(value, kind) for value in values.values()):
             example = "{'zeta': 'damping'}" if kind is str else "{'zeta': hb.mechanics.Range(low=0)}"
-            raise ValueError(f"model: {name} = {quoted(given)} must be a dict of {what} by name, such as {example}")
+            raise ValueError(f"model: {name} = {quoted(values)} must be a dict of {kinds} by name, such as {example}")
     span = options.get("default_span", (0.5, 1.5))
     try:
         first, last = (float(end) for end in span)
-        good = 0 < first < math.inf and 0 < last < math.inf and first != last
+        is_valid = 0 < first < math.inf and 0 < last < math.inf and first != last
     except (TypeError, ValueError, OverflowError):
-        good = False
-    if not good:
+        is_valid = False
+    if not is_valid:
         raise ValueError(f"model: default_span = {quoted(span)} must be two different frequencies, such as (0.5, 1.5)")
 
 
@@ -247,10 +247,10 @@ def _model_class(function: Callable[..., Any], options: Mapping[str, Any]) -> ty
         raise ValueError(f"@model decorates a function, got {function!r}")
     name = function.__name__
     fields = [_field(name, parameter, function) for parameter in inspect.signature(function).parameters.values()]
-    names = [each[0] for each in fields]
-    for option, more in (("labels", ("Omega", "amplitude")), ("ranges", ()), ("usual", ())):
+    names = [field[0] for field in fields]
+    for option, extra_keys in (("labels", ("Omega", "amplitude")), ("ranges", ()), ("usual", ())):
         for key in options.get(option, {}):
-            if key not in (*names, *more):
+            if key not in (*names, *extra_keys):
                 raise ValueError(f"{name}: {option} of '{key}', which is no parameter{did_you_mean(key, names)}")
     namespace = {"function": staticmethod(function), "__doc__": function.__doc__ or "", **options}
     cls = dataclasses.make_dataclass(name, fields, bases=(FunctionModel,), namespace=namespace, frozen=True, repr=False)
@@ -287,20 +287,20 @@ _RESERVED = frozenset({"Omega", "function", *(name for name in dir(FunctionModel
 
 def _check_value(owner: str, name: str, kind: Any, value: Any) -> None:
     """Raise ValueError for a value of another type than its field; floats are checked by `Model`."""
-    need = None
+    requirement = None
     if kind is int and (isinstance(value, bool) or not isinstance(value, Integral)):
-        need = "a whole number"
+        requirement = "a whole number"
     elif kind is bool and not isinstance(value, bool | np.bool_):
-        need = "True or False"
+        requirement = "True or False"
     elif kind is str and not isinstance(value, str):
-        need = "a text"
+        requirement = "a text"
     elif typing.get_origin(kind) is Literal and value not in typing.get_args(kind):
-        need = "one of " + ", ".join(map(repr, typing.get_args(kind)))
+        requirement = "one of " + ", ".join(map(repr, typing.get_args(kind)))
     elif typing.get_origin(kind) is tuple:
         if not isinstance(value, tuple):
-            need = "a sequence such as (0.1, 0.05)"
+            requirement = "a sequence such as (0.1, 0.05)"
         elif set(typing.get_args(kind)) <= {float, int, ...}:
             for i, entry in enumerate(value):
                 checked(owner, f"{name}[{i}]", entry)
-    if need:
-        raise ValueError(f"{owner}: {name} = {value!r} must be {need}")
+    if requirement:
+        raise ValueError(f"{owner}: {name} = {value!r} must be {requirement}")

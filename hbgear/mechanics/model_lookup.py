@@ -59,30 +59,30 @@ def find_model_class(name: str) -> type[Model]:
     """
     source, colon, attribute = name.rpartition(":")
     if colon and source and attribute:
-        found: Any = _module(source)
+        target: Any = _module(source)
         for part in attribute.split("."):
-            if not hasattr(found, part):
-                known = [other for other, value in vars(found).items() if _is_model(value)]
-                raise KeyError(f"'{source}' has no model '{part}'{did_you_mean(part, known)}")
-            found = getattr(found, part)
+            if not hasattr(target, part):
+                names = [name for name, value in vars(target).items() if _is_model(value)]
+                raise KeyError(f"'{source}' has no model '{part}'{did_you_mean(part, names)}")
+            target = getattr(target, part)
     else:
         points = installed()
         if name not in points:
             raise KeyError(f"no installed package has a model '{name}'{did_you_mean(name, points)}")
         try:
-            found = points[name].load()
+            target = points[name].load()
         except Exception as error:
             raise ValueError(
                 f"the model '{name}' of {points[name].value} cannot be loaded: {_error_text(error)}"
             ) from error
-    if not _is_model(found):
+    if not _is_model(target):
         advice = (
             "decorate it by @hb.mechanics.model"
-            if inspect.isfunction(found)
+            if inspect.isfunction(target)
             else "name a class, or a function decorated by @hb.mechanics.model"
         )
-        raise ValueError(f"'{name}' is {_kind(found)}, not a class of models; {advice}")
-    return found  # type: ignore[no-any-return]
+        raise ValueError(f"'{name}' is {_kind(target)}, not a class of models; {advice}")
+    return target  # type: ignore[no-any-return]
 
 
 def reference_of(cls: type[Model]) -> str | type[Model]:
@@ -103,12 +103,12 @@ def reference_of(cls: type[Model]) -> str | type[Model]:
     return f"{cls.__module__}:{cls.__qualname__}" if cls.__module__.endswith(".py") else cls
 
 
-def _is_model(found: Any) -> bool:
-    return isinstance(found, type) and issubclass(found, Model) and not inspect.isabstract(found)
+def _is_model(target: Any) -> bool:
+    return isinstance(target, type) and issubclass(target, Model) and not inspect.isabstract(target)
 
 
-def _kind(found: Any) -> str:
-    return "a function" if inspect.isfunction(found) else f"a {type(found).__name__}"
+def _kind(target: Any) -> str:
+    return "a function" if inspect.isfunction(target) else f"a {type(target).__name__}"
 
 
 def _error_text(error: BaseException) -> str:
@@ -119,13 +119,13 @@ class _NoFileError(Exception):
     """The file does not exist."""
 
 
-def _module(place: str) -> ModuleType:
+def _module(source: str) -> ModuleType:
     try:
-        return _load_file(Path(place)) if place.endswith(".py") else _import_module(place)
+        return _load_file(Path(source)) if source.endswith(".py") else _import_module(source)
     except _NoFileError as error:
-        raise ValueError(f"'{place}' cannot be loaded: {error}") from None
+        raise ValueError(f"'{source}' cannot be loaded: {error}") from None
     except (Exception, SystemExit) as error:  # any error of the user's code
-        raise ValueError(f"'{place}' cannot be loaded: {_error_text(error)}") from error
+        raise ValueError(f"'{source}' cannot be loaded: {_error_text(error)}") from error
 
 
 def _import_module(name: str) -> ModuleType:

@@ -197,8 +197,8 @@ class Model(ABC):
         >>> hb.Duffing().at({"zeta": 0.1, "Omega": 1.2}).zeta
         0.1
         """
-        known = self.parameters | self.entries
-        return self.replace(**{name: value for name, value in parameters.items() if name in known})
+        names = self.parameters | self.entries
+        return self.replace(**{name: value for name, value in parameters.items() if name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,11 +363,11 @@ def VectorElement(
             f"VectorElement '{name}': directions have the shape {rows.shape}; {type(law).__name__} needs {p} rows, one "
             "for each displacement"
         )
-    moved = tuple(displacements) or (Series(),) * p
-    if len(moved) != p:
-        raise ValueError(f"VectorElement '{name}': {len(moved)} displacements for {p} directions; give one for each")
+    offsets = tuple(displacements) or (Series(),) * p
+    if len(offsets) != p:
+        raise ValueError(f"VectorElement '{name}': {len(offsets)} displacements for {p} directions; give one for each")
     names = [f"{name} {i + 1}" if name else "" for i in range(p)]
-    return tuple(Element(rows[i], Component(law, i), moved[i], damping, names[i]) for i in range(p))
+    return tuple(Element(rows[i], Component(law, i), offsets[i], damping, names[i]) for i in range(p))
 
 
 @dataclass(frozen=True)
@@ -609,9 +609,9 @@ class System(Model):  # numpydoc ignore=PR02
     def title(self) -> str:
         """Number of coordinates and names of the elements, up to three of them."""
         names = ", ".join(element.name for element in self.elements[:_TITLE_ELEMENTS])
-        more = len(self.elements) - _TITLE_ELEMENTS
+        count = len(self.elements) - _TITLE_ELEMENTS
         coordinates = f"{self.n} coordinate{'s' * (self.n != 1)}"
-        return f"Structure of {coordinates} with {names}{f' and {more} more elements' if more > 0 else ''}"
+        return f"Structure of {coordinates} with {names}{f' and {count} more elements' if count > 0 else ''}"
 
     @property
     def n(self) -> int:
@@ -663,11 +663,11 @@ def describe(model: Model) -> dict[str, Any]:
     """
     fields: dict[str, Any] = {}
     reasons: dict[str, str] = {}
-    for each in dataclasses.fields(model):  # type: ignore[arg-type]
+    for entry in dataclasses.fields(model):  # type: ignore[arg-type]
         try:
-            fields[each.name] = to_plain(getattr(model, each.name))
+            fields[entry.name] = to_plain(getattr(model, entry.name))
         except TypeError as error:
-            reasons[each.name] = str(error)
+            reasons[entry.name] = str(error)
     out: dict[str, Any] = {"class": type(model).__name__, "fields": fields}
     if reasons:
         out |= {"left_out": list(reasons), "reasons": reasons}
@@ -675,7 +675,7 @@ def describe(model: Model) -> dict[str, Any]:
     return out | ({"from": source} if source else {})
 
 
-def differing_fields(written: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
+def differing_fields(stored: Mapping[str, Any], current: Mapping[str, Any]) -> list[str]:
     """Return the names of the fields that differ between two descriptions by `describe`.
 
     Parameters
@@ -688,6 +688,6 @@ def differing_fields(written: Mapping[str, Any], own: Mapping[str, Any]) -> list
     list of str
         The names in order. Fields that one of the descriptions does not hold because they are not data do not differ.
     """
-    not_data = {*(written.get("left_out") or ()), *(own.get("left_out") or ())}
-    names = {*written["fields"], *own["fields"]} - not_data
-    return sorted(name for name in names if written["fields"].get(name) != own["fields"].get(name))
+    not_data = {*(stored.get("left_out") or ()), *(current.get("left_out") or ())}
+    names = {*stored["fields"], *current["fields"]} - not_data
+    return sorted(name for name in names if stored["fields"].get(name) != current["fields"].get(name))

@@ -137,10 +137,10 @@ def check_model(model: Model, system: System) -> None:
 def _check_values(model: Model, name: str, values: Array, usual: Range) -> None:
     """Warn of values of a field outside their usual range."""
     if any(float(value) not in usual for value in values):
-        given = getattr(model, name)
+        field = getattr(model, name)
         unit = model.labels.get(name, "").partition("[")[2].partition("]")[0].replace("$", "")
         warn(
-            f"{type(model).__name__}: {name} = {given} is far from usual values ({usual.low:g} to {usual.high:g}); "
+            f"{type(model).__name__}: {name} = {field} is far from usual values ({usual.low:g} to {usual.high:g}); "
             f"is it in the right unit{f' ({unit})' if unit else ''}?"
         )
 
@@ -163,8 +163,8 @@ def _check_matrices(system: System) -> None:
         smallest = float(diagonal.min())
         if system.n <= _MAX_EIGENVALUE_SIZE:
             scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, np.abs(diagonal).max() or 1.0))
-            twice = A + A.T
-            dense = (twice if isinstance(twice, np.ndarray) else twice.toarray()) / 2 * np.outer(scale, scale)
+            doubled = A + A.T
+            dense = (doubled if isinstance(doubled, np.ndarray) else doubled.toarray()) / 2 * np.outer(scale, scale)
             smallest = float(np.linalg.eigvalsh(dense)[0])
         if smallest < -_MATRIX_TOLERANCE and name == "M":
             warn("M has a negative eigenvalue: a mass is negative; is a sign wrong?")

@@ -202,11 +202,11 @@ def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | 
     for modes in _MODE_COUNTS:
         if 2 * modes > system.n:
             break
-        found = reduce(system, modes, corrections=_CORRECTIONS)
-        if found.frequencies[-1] > highest:
-            error = float(found._error(w, F).max())
+        reduction = reduce(system, modes, corrections=_CORRECTIONS)
+        if reduction.frequencies[-1] > highest:
+            error = float(reduction._error(w, F).max())
             if error <= _MAX_RECEPTANCE_ERROR or error <= limit():
-                return found, error
+                return reduction, error
     return None
 
 
@@ -221,10 +221,10 @@ def _rounding(system: System, w: Array, F: Array) -> float:
     rounded.data = K.data * (1 + np.finfo(float).eps * np.random.default_rng(0).choice([-1.0, 1.0], K.nnz))
     out = 0.0
     for wk in w:
-        G, other = (
+        G, perturbed = (
             system.W.T @ _factored(_dynamic_stiffness(A, C, M, wk), 0.1).solve(F.astype(complex)) for A in (K, rounded)
         )
-        out = max(out, _relative_difference(other, G))
+        out = max(out, _relative_difference(perturbed, G))
     return out
 
 
@@ -292,8 +292,8 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
     counted("corrections", corrections, 20)
     M, _, K = _closed(full, _reference(full, Omega))
     if np.any(M.diagonal() <= 0):
-        worst = full.dof_names[int(np.argmin(M.diagonal()))]
-        raise ValueError(f"M must be positive definite; coordinate '{worst}' has no positive mass: eliminate it first")
+        name = full.dof_names[int(np.argmin(M.diagonal()))]
+        raise ValueError(f"M must be positive definite; coordinate '{name}' has no positive mass: eliminate it first")
     K = scipy.sparse.csc_array(0.5 * (K + K.T))
     # a shift far below the stiffness of the structure keeps K regular where it moves freely
     shift = 1e-10 * float(scipy.sparse.linalg.norm(K)) / float(scipy.sparse.linalg.norm(M))
@@ -308,8 +308,8 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
         last, before = basis.shape[1], last
         basis = _orthonormal(basis, solve(M @ basis[:, before:]), M)
     retained = basis[:, :modes]
-    beyond = full.W - M @ (retained @ (retained.T @ full.W))  # part of the directions that moves no retained mode
-    flexibility = beyond.T @ solve(beyond)
+    complement = full.W - M @ (retained @ (retained.T @ full.W))  # part of the directions that moves no retained mode
+    flexibility = complement.T @ solve(complement)
     squares = np.sort(squares)
     size = _square_frequency_bound(K, M)
     free = basis[:, :modes][:, squares <= _MODE_ROUNDING * size]
@@ -365,10 +365,10 @@ def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
     return M, scipy.sparse.csr_array(C + W @ dampers @ W.T), scipy.sparse.csr_array(K + W @ springs @ W.T)
 
 
-def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
+def _orthonormal(shapes: Array, vectors: Array, M: Any) -> Array:
     """Return modes and the extra vectors, orthonormal in M; linearly dependent vectors are dropped."""
     basis: Array = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
-    for vector in (extra / np.sqrt(np.einsum("ij,ij->j", extra, M @ extra))).T:
+    for vector in (vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))).T:
         for _ in range(2):  # twice, because of rounding
             vector = vector - basis @ (basis.T @ (M @ vector))
         size = np.sqrt(vector @ (M @ vector))
@@ -378,24 +378,24 @@ def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
 
 
 def _galerkin(
-    full: System, basis: Array, modes: int, onto: Callable[[Array], Array], free: int, rounding: float
+    full: System, basis: Array, modes: int, project: Callable[[Array], Array], free: int, rounding: float
 ) -> System:
-    """Return the system in the coordinates of the basis; ``onto`` projects directions and constant loads.
+    """Return the system in the coordinates of the basis; ``project`` projects directions and constant loads.
 
     The first ``free`` modes are free motions, on which entries of K up to ``rounding`` are set to zero.
     """
     M, C, K = (basis.T @ (A @ basis) for A in (full.M, full.C, full.K))
     for A in (K[:free], K[:, :free]):
         A[np.abs(A) <= rounding] = 0.0
-    elements = [dataclasses.replace(e, direction=onto(np.asarray(e.direction))) for e in full.elements]
+    elements = [dataclasses.replace(e, direction=project(np.asarray(e.direction))) for e in full.elements]
     names = [f"mode {i + 1}" for i in range(modes)]
     names += [f"residual {i + 1}" for i in range(basis.shape[1] - modes)]
     speed = None if full.speed is None else full.speed.projected(basis)
-    return System(M, C, K, elements, [_projected(load, basis, onto) for load in full.loads], names, speed)
+    return System(M, C, K, elements, [_projected(load, basis, project) for load in full.loads], names, speed)
 
 
-def _projected(load: Load, basis: Array, onto: Callable[[Array], Array]) -> Load:
+def _projected(load: Load, basis: Array, project: Callable[[Array], Array]) -> Load:
     """Return the load in the coordinates of the basis; constant loads on free motions by rounding are set to zero."""
-    constant = None if load.constant is None else onto(np.asarray(load.constant))
+    constant = None if load.constant is None else project(np.asarray(load.constant))
     cosine, sine = ({k: basis.T @ np.asarray(v) for k, v in table.items()} for table in (load.cosine, load.sine))
     return Load(constant, cosine, sine, load.power)

@@ -29,14 +29,14 @@ _MIN_STATIC_LOAD = 1e-11
 """Load over the sum of the moduli of the terms of K x [-], below which K counts as singular."""
 
 
-def references(system: System, share: float = 1.0) -> Array:
+def references(system: System, fraction: float = 1.0) -> Array:
     """Return the reference stiffness (m,) of the elements of a system [force / length], which is not negative.
 
     Parameters
     ----------
     system : System
         The system.
-    share : float, optional
+    fraction : float, optional
         Fraction of the stiffness of the structure that is the reference of laws that state none. Default 1.
 
     Returns
@@ -51,29 +51,29 @@ def references(system: System, share: float = 1.0) -> Array:
     >>> references(beam).tolist()
     [2.0]
     """
-    stated = np.array([abs(element.law.reference) for element in system.elements])
-    unknown = np.flatnonzero(stated == 0)
+    stiffness = np.array([abs(element.law.reference) for element in system.elements])
+    unknown = np.flatnonzero(stiffness == 0)
     if unknown.size:
-        stated[unknown] = _structural(system, stated, unknown, share)
-        for j in np.flatnonzero(stated == 0):
-            stated[j] = _secant_stiffness(system, int(j))
-    return stated
+        stiffness[unknown] = _structural(system, stiffness, unknown, fraction)
+        for j in np.flatnonzero(stiffness == 0):
+            stiffness[j] = _secant_stiffness(system, int(j))
+    return stiffness
 
 
-def _structural(system: System, stated: Array, unknown: np.ndarray, share: float) -> Array:
-    """Return ``share`` of the static stiffness of the structure with known springs; 0 for an unsupported element."""
+def _structural(system: System, springs: Array, unknown: np.ndarray, fraction: float) -> Array:
+    """Return ``fraction`` of the static stiffness of the structure with known springs; 0 for an unsupported element."""
     if isinstance(system.K, np.ndarray):
-        K: Any = system.K + (system.W * stated) @ system.W.T
+        K: Any = system.K + (system.W * springs) @ system.W.T
     else:
         W = scipy.sparse.csc_array(system.W)
-        K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(stated) @ W.T
-    found: Array = np.zeros(len(unknown))
+        K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(springs) @ W.T
+    stiffness: Array = np.zeros(len(unknown))
     for i, w in enumerate(system.W[:, unknown].T):
         x = _solved(K, w)
         compliance = 0.0 if x is None else float(w @ x)
         if compliance:
-            found[i] = share / compliance if compliance > 0 else -_NEGATIVE_STIFFNESS_FACTOR / compliance
-    return found
+            stiffness[i] = fraction / compliance if compliance > 0 else -_NEGATIVE_STIFFNESS_FACTOR / compliance
+    return stiffness
 
 
 def _solved(K: Any, w: Array) -> Array | None:
@@ -84,8 +84,8 @@ def _solved(K: Any, w: Array) -> Array | None:
         except (RuntimeError, np.linalg.LinAlgError):  # exactly singular
             return None
         size = abs(K) @ np.abs(x)
-    good = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _MAX_STATIC_RESIDUAL * np.linalg.norm(w)
-    return x if good and np.linalg.norm(size) <= np.linalg.norm(w) / _MIN_STATIC_LOAD else None
+    is_solution = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _MAX_STATIC_RESIDUAL * np.linalg.norm(w)
+    return x if is_solution and np.linalg.norm(size) <= np.linalg.norm(w) / _MIN_STATIC_LOAD else None
 
 
 def _secant_stiffness(system: System, j: int) -> float:
@@ -120,8 +120,8 @@ def secant(law: Law, force: float, length: float) -> float:
     d = np.logspace(-60.0, 60.0, 2401)
     p = np.abs(at_rest(law, d)[0])
     reached = np.flatnonzero((p >= force) & np.isfinite(p)) if force > 0 else np.empty(0, dtype=int)
-    at = int(reached[0]) if reached.size else int(np.searchsorted(d, length)) if length > 0 else -1
-    return float(p[at] / d[at]) if 0 <= at < len(d) and np.isfinite(p[at]) else 0.0
+    index = int(reached[0]) if reached.size else int(np.searchsorted(d, length)) if length > 0 else -1
+    return float(p[index] / d[index]) if 0 <= index < len(d) and np.isfinite(p[index]) else 0.0
 
 
 def bend(law: Law, stiffness: float) -> float:
@@ -175,9 +175,9 @@ def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
         if len(d) == 1:
             return np.full(1, np.nan), np.full(1, np.nan)
     order = np.argsort(np.abs(d), kind="stable")
-    near, far = order[: len(d) // 2], order[len(d) // 2 :]
+    inner, outer = order[: len(d) // 2], order[len(d) // 2 :]
     out: Array = np.full((2, len(d)), np.nan)
-    out[:, near] = at_rest(law, d[near])
-    if np.isfinite(out[:, near]).any():
-        out[:, far] = at_rest(law, d[far])
+    out[:, inner] = at_rest(law, d[inner])
+    if np.isfinite(out[:, inner]).any():
+        out[:, outer] = at_rest(law, d[outer])
     return out[0], out[1]

@@ -65,9 +65,9 @@ def to_plain(value: Any) -> Any:
             raise TypeError(f"{type(value).__name__} is not a part of hbgear")
         return {"part": type(value).__name__, "fields": _fields_to_plain(value)}
     if isinstance(value, Mapping):
-        return {"pairs": [[to_plain(key), to_plain(each)] for key, each in value.items()]}
+        return {"pairs": [[to_plain(key), to_plain(item)] for key, item in value.items()]}
     if isinstance(value, list | tuple):
-        return [to_plain(each) for each in value]
+        return [to_plain(item) for item in value]
     if scipy.sparse.issparse(value):  # last, because its import takes long
         entries = scipy.sparse.coo_array(value)
         _check_size(entries.nnz)
@@ -81,7 +81,7 @@ _PLAIN_TYPES = (float, int, bool, str, type(None))
 
 def _fields_to_plain(value: Any) -> dict[str, Any]:
     """Convert the fields of a dataclass that its constructor takes."""
-    return {each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value) if each.init}
+    return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value) if field.init}
 
 
 def _law_to_plain(law: Law) -> dict[str, Any]:
@@ -89,12 +89,12 @@ def _law_to_plain(law: Law) -> dict[str, Any]:
     entry = registered(law)
     cls = type(law)
     fields = {}
-    for each in dataclasses.fields(law):  # type: ignore[arg-type]
-        if each.init:
+    for field in dataclasses.fields(law):  # type: ignore[arg-type]
+        if field.init:
             try:
-                fields[each.name] = to_plain(getattr(law, each.name))
+                fields[field.name] = to_plain(getattr(law, field.name))
             except TypeError as error:
-                raise TypeError(f"the field {each.name} of the law {cls.__name__} is not data: {error}") from None
+                raise TypeError(f"the field {field.name} of the law {cls.__name__} is not data: {error}") from None
     if BUILT_IN.get(cls.__name__) is cls:
         return {"part": cls.__name__, "fields": fields}
     return {"law": entry.name, "fields": fields, "from": source_of(cls)}
@@ -127,7 +127,7 @@ def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
         If the data have none of the forms, a law is not registered, or a class refuses its fields.
     """
     if isinstance(data, list):
-        return tuple(from_plain(each, parts) for each in data)
+        return tuple(from_plain(item, parts) for item in data)
     if not isinstance(data, Mapping):
         return data
     if "function" in data:
@@ -139,20 +139,20 @@ def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
     if set(data) == {"sparse", "row", "column", "values"}:
         return _sparse(data)
     if set(data) == {"pairs"}:
-        return {from_plain(key, parts): from_plain(each, parts) for key, each in data["pairs"]}
+        return {from_plain(key, parts): from_plain(item, parts) for key, item in data["pairs"]}
     if set(data) == {"law", "fields", "from"} and isinstance(data["fields"], Mapping):
         entry = law_named(str(data["law"]), str(data["from"]))
-        return entry.from_fields({name: from_plain(each, parts) for name, each in data["fields"].items()})
+        return entry.from_fields({name: from_plain(item, parts) for name, item in data["fields"].items()})
     if set(data) == {"part", "fields"} and isinstance(data["fields"], Mapping):
-        known_parts = {**BUILT_IN, **parts}
-        if not isinstance(data["part"], str) or data["part"] not in known_parts:
+        classes = {**BUILT_IN, **parts}
+        if not isinstance(data["part"], str) or data["part"] not in classes:
             raise KeyError(f"there is no part '{str(data['part'])[:40]}' of a model")
-        cls: Any = known_parts[data["part"]]
-        known = {each.name for each in dataclasses.fields(cls)}
-        wrong = next((name for name in data["fields"] if name not in known), None)
-        if wrong is not None:
-            raise KeyError(f"{cls.__name__} has no field '{str(wrong)[:40]}'")
-        return cls(**{name: from_plain(each, parts) for name, each in data["fields"].items()})
+        cls: Any = classes[data["part"]]
+        names = {field.name for field in dataclasses.fields(cls)}
+        unknown = next((name for name in data["fields"] if name not in names), None)
+        if unknown is not None:
+            raise KeyError(f"{cls.__name__} has no field '{str(unknown)[:40]}'")
+        return cls(**{name: from_plain(item, parts) for name, item in data["fields"].items()})
     raise ValueError(f"{str(data)[:80]} is no value of a model")
 
 

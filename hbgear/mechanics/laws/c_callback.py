@@ -52,8 +52,8 @@ def as_c(function: Any, count: int) -> Any:
     carray = _NUMBA.carray
 
     def force(d: float, v: float, tau: float, parameters: Any, out: Any) -> None:
-        result, given = carray(out, (3,)), carray(parameters, (count,))
-        result[0], result[1], result[2] = function(d, v, tau, given)
+        result, numbers = carray(out, (3,)), carray(parameters, (count,))
+        result[0], result[1], result[2] = function(d, v, tau, numbers)
 
     return _NUMBA.cfunc(_FORCE)(force)
 

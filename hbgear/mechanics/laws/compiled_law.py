@@ -94,8 +94,8 @@ class CompiledLaw(Law):  # numpydoc ignore=PR02
             return as_c(function, len(self.parameters))
         if hasattr(function, "address") or isinstance(function, _C_FUNCTION):
             return function
-        given = article(type(function).__name__)
-        raise TypeError(f"CompiledLaw(function) needs a compiled function: decorate it by @numba.njit; got {given}")
+        kind = article(type(function).__name__)
+        raise TypeError(f"CompiledLaw(function) needs a compiled function: decorate it by @numba.njit; got {kind}")
 
     @property
     def is_called_by_kernels(self) -> bool:

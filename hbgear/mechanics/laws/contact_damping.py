@@ -102,10 +102,10 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
         side = np.where(d < 0, -1.0, 1.0) if self.sides == 2 else np.ones_like(d)
         depth = np.maximum(side * d - self.gap, 0.0)
         push = np.maximum(1 + self.contact_damping * side * v, 0.0)
-        acts = (depth > 0) & (push > 0)
-        whole = np.where(acts, self.k * depth**self.exponent, 0.0)
-        slope = np.where(acts, self.k * self.exponent * depth ** (self.exponent - 1.0), 0.0)
-        return side * whole * push, slope * push, whole * self.contact_damping
+        closed = (depth > 0) & (push > 0)
+        elastic = np.where(closed, self.k * depth**self.exponent, 0.0)
+        slope = np.where(closed, self.k * self.exponent * depth ** (self.exponent - 1.0), 0.0)
+        return side * elastic * push, slope * push, elastic * self.contact_damping
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,10 @@ class _SpringAndDamper(Law):
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         p, stiffness, damping = np.zeros_like(d), np.zeros_like(d), np.zeros_like(d)
         for contact in self.damped:
-            acts = contact.pushes(d, v)
-            p += np.where(acts, contact.side * contact.state(d, v)[1], 0.0)
-            stiffness += self.k * acts
-            damping += self.c * acts
+            active = contact.pushes(d, v)
+            p += np.where(active, contact.side * contact.state(d, v)[1], 0.0)
+            stiffness += self.k * active
+            damping += self.c * active
         return p, stiffness, damping
 
 

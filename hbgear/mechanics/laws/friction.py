@@ -349,8 +349,8 @@ class Iwan(_Sliders):  # numpydoc ignore=PR02
         checked("Iwan.uniform", "limit", limit, POSITIVE)
         if number < 1:
             raise ValueError(f"Iwan.uniform: number = {number} sliders; give at least 1")
-        shares = (2 * np.arange(number) + 1) / number**2
-        return Iwan((k / number,) * number, tuple((limit * shares).tolist()))
+        fractions = (2 * np.arange(number) + 1) / number**2
+        return Iwan((k / number,) * number, tuple((limit * fractions).tolist()))
 
     @cached_property
     def sliders(self) -> tuple[Slider, ...]:

@@ -322,9 +322,9 @@ class PiecewiseLinear(Law):  # numpydoc ignore=PR02
         g0, changes, corners = self.ramps
         g, slope = g0 + self.slopes[0] * d, np.full_like(d, self.slopes[0])
         for change, level in zip(changes, corners, strict=True):
-            beyond = d > level
-            g += change * np.where(beyond, d - level, 0.0)
-            slope += change * beyond
+            above = d > level
+            g += change * np.where(above, d - level, 0.0)
+            slope += change * above
         return g, slope
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
@@ -514,8 +514,8 @@ class Parallel(Law):  # numpydoc ignore=PR02
         bound = [law.bind(tau) for law in self.laws]
 
         def forces(d: Array, v: Array) -> Forces:
-            parts = [law(d, v) for law in bound]
-            return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)  # type: ignore[return-value]
+            forces = [law(d, v) for law in bound]
+            return sum(p[0] for p in forces), sum(p[1] for p in forces), sum(p[2] for p in forces)  # type: ignore[return-value]
 
         return forces
 
@@ -542,10 +542,10 @@ def springs_of(law: Law) -> tuple[tuple[PiecewiseLinear, ...], float, float] | N
     springs: tuple[PiecewiseLinear, ...] = ()
     k1 = k3 = 0.0
     for part in law.laws:
-        split = springs_of(part)
-        if split is None:
+        part_springs = springs_of(part)
+        if part_springs is None:
             return None
-        springs, k1, k3 = springs + split[0], k1 + split[1], k3 + split[2]
+        springs, k1, k3 = springs + part_springs[0], k1 + part_springs[1], k3 + part_springs[2]
     return springs, k1, k3
 
 
@@ -553,10 +553,10 @@ def _merged(springs: Iterable[PiecewiseLinear]) -> tuple[PiecewiseLinear, ...]:
     """Return the same sum, with springs of proportional stiffness variations merged into one spring."""
     merged: list[PiecewiseLinear] = []
     for spring in springs:
-        for i, other in enumerate(merged):
-            ratio = _ratio(spring.stiffness, other.stiffness)
+        for i, sum_ in enumerate(merged):
+            ratio = _ratio(spring.stiffness, sum_.stiffness)
             if ratio is not None:
-                merged[i] = _sum_of_springs(other, spring, ratio)
+                merged[i] = _sum_of_springs(sum_, spring, ratio)
                 break
         else:
             merged.append(spring)
@@ -568,7 +568,7 @@ def _ratio(a: Phased, b: Phased) -> float | None:
     if isinstance(a, Periodic) and isinstance(b, Periodic):
         if a.phases != b.phases or [*map(len, a.coefficients)] != [*map(len, b.coefficients)]:
             return None
-        x, y = (np.concatenate(each.coefficients) for each in (a, b))
+        x, y = (np.concatenate(f.coefficients) for f in (a, b))
     elif isinstance(a, Series) and isinstance(b, Series):
         L = max(a.order, b.order)
         x, y = (np.pad(series.row(), (0, 2 * (L - series.order))) for series in (a, b))

@@ -95,8 +95,8 @@ class ToothContact(Law):  # numpydoc ignore=PR02
         k, level = (function(tau) if function.varies else function.mean for function in (self.stiffness, self.level))
 
         def forces(d: Array, v: Array) -> Forces:
-            beyond = self.side * (d - level) > 0.0
-            return k * np.where(beyond, d - level, 0.0), k * beyond, np.zeros_like(d)
+            closed = self.side * (d - level) > 0.0
+            return k * np.where(closed, d - level, 0.0), k * closed, np.zeros_like(d)
 
         return forces
 
@@ -150,7 +150,7 @@ class ToothSliding:  # numpydoc ignore=PR02
 
     def changed(self, stiffness: Callable[[Phased], Phased]) -> ToothSliding:
         """Return the friction with changed functions of the phase."""
-        across, slide, normal = (tuple(map(stiffness, some)) for some in (self.across, self.slide, self.normal))
+        across, slide, normal = (tuple(map(stiffness, row)) for row in (self.across, self.slide, self.normal))
         return replace(self, across=across, slide=slide, normal=normal)
 
 
@@ -226,40 +226,38 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def turned(self, change: Callable[[Phased], Phased], order: int = 1) -> MeshContacts:
         """Return the contacts with all functions of the phase changed, which ``order`` periods are a period of."""
-        found = self.changed(change, change)
+        contacts = self.changed(change, change)
         if order == 1:
-            return found
-        sliding = None if found.sliding is None else replace(found.sliding, speed=order * found.sliding.speed)
-        return replace(found, sliding=sliding, meshes=order * self.meshes)
+            return contacts
+        sliding = None if contacts.sliding is None else replace(contacts.sliding, speed=order * contacts.sliding.speed)
+        return replace(contacts, sliding=sliding, meshes=order * self.meshes)
 
     def _with_stiffness(self, values: Sequence[Phased], sliding: ToothSliding | None) -> MeshContacts:
         contacts = zip(values, self.contacts, strict=True)
-        return replace(
-            self, contacts=tuple(ToothContact(k, one.level, one.side) for k, one in contacts), sliding=sliding
-        )
+        return replace(self, contacts=tuple(ToothContact(k, c.level, c.side) for k, c in contacts), sliding=sliding)
 
     @property
     def normal(self) -> MeshContacts:
         """The contacts without friction: the forces along the line of action."""
         if self.sliding is None:
             return self
-        return self._with_stiffness(self.sliding.normal or [one.stiffness for one in self.contacts], None)
+        return self._with_stiffness(self.sliding.normal or [contact.stiffness for contact in self.contacts], None)
 
     @property
     def along(self) -> MeshContacts:
         """The contacts with the force on the relative rotation, p + lever across + lever_slope slide."""
-        own = self.sliding
-        if own is None or own.normal:
+        sliding = self.sliding
+        if sliding is None or sliding.normal:
             return self
         k = [
-            one.stiffness if not any(map(_is_set, (a, b))) else _joined(
-                pieces_of(one.stiffness)
-                .plus(pieces_of(a).scaled(one.side * own.lever))
-                .plus(pieces_of(b).scaled(one.side * own.lever_slope))
+            c.stiffness if not any(map(_is_set, (a, b))) else _joined(
+                pieces_of(c.stiffness)
+                .plus(pieces_of(a).scaled(c.side * sliding.lever))
+                .plus(pieces_of(b).scaled(c.side * sliding.lever_slope))
             )
-            for one, a, b in zip(self.contacts, own.across, own.slide, strict=True)
+            for c, a, b in zip(self.contacts, sliding.across, sliding.slide, strict=True)
         ]  # fmt: skip
-        return self._with_stiffness(k, replace(own, normal=tuple(one.stiffness for one in self.contacts)))
+        return self._with_stiffness(k, replace(sliding, normal=tuple(c.stiffness for c in self.contacts)))
 
     def sliding_forces(self, d: Array, tau: Array) -> SlidingForces:
         """Return the forces along and across the line of action and the torque about the pitch point.
@@ -276,10 +274,10 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         SlidingForces
             The forces; zero across without friction.
         """
-        at, rows, side = self._sliding_table
+        starts, rows, side = self._sliding_table
         phase = np.mod(tau, TURN)
-        piece = np.searchsorted(at, phase, side="right") - 1
-        x = (phase - at[piece])[..., None, None]
+        piece = np.searchsorted(starts, phase, side="right") - 1
+        x = (phase - starts[piece])[..., None, None]
         c = rows[piece]
         values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
         depth = side * (np.asarray(d)[..., None] - values[..., 0, :])
@@ -291,16 +289,16 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     @cached_property
     def _sliding_table(self) -> tuple[Array, Array, Array]:
         """Beginnings (T,) of common segments, cubics (T, 4, J, 4) of level, +-k, a and b, and sides (J,)."""
-        own, contacts = self.sliding, self.normal.contacts
-        nothing = (Series(),) * len(contacts)
-        across, slide = (nothing, nothing) if own is None else (own.across, own.slide)
+        sliding, contacts = self.sliding, self.normal.contacts
+        zeros = (Series(),) * len(contacts)
+        across, slide = (zeros, zeros) if sliding is None else (sliding.across, sliding.slide)
         functions = [
-            [pieces_of(one.level) for one in contacts],
-            [pieces_of(one.stiffness).scaled(float(one.side)) for one in contacts],
-            *([pieces_of(one) for one in some] for some in (across, slide)),
+            [pieces_of(contact.level) for contact in contacts],
+            [pieces_of(contact.stiffness).scaled(float(contact.side)) for contact in contacts],
+            *([pieces_of(f) for f in sequence] for sequence in (across, slide)),
         ]
-        at = _union([one.at for some in functions for one in some])
-        return at, _common_rows(functions, at), np.array([float(one.side) for one in contacts])
+        starts = _union([f.at for sequence in functions for f in sequence])
+        return starts, _common_rows(functions, starts), np.array([float(contact.side) for contact in contacts])
 
     @cached_property
     def reference(self) -> float:
@@ -324,10 +322,10 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         return self.bind(tau)(d, v)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
-        at, rows, side = self._table
+        starts, rows, side = self._table
         phase = np.mod(tau, TURN)
-        piece = np.searchsorted(at, phase, side="right") - 1
-        x = (phase - at[piece])[..., None, None]
+        piece = np.searchsorted(starts, phase, side="right") - 1
+        x = (phase - starts[piece])[..., None, None]
         c = rows[piece]
         values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
         k, level = values[..., 0, :], values[..., 1, :]
@@ -343,8 +341,8 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     def _table(self) -> tuple[Array, Array, Array]:
         """Beginnings (T,) of common segments, cubics (T, 2, J, 4) of stiffness and level, and sides (J,)."""
         functions = [[pieces_of(c.stiffness) for c in self.contacts], [pieces_of(c.level) for c in self.contacts]]
-        at = _union([one.at for both in functions for one in both])
-        return at, _common_rows(functions, at), np.array([float(c.side) for c in self.contacts])
+        starts = _union([f.at for sequence in functions for f in sequence])
+        return starts, _common_rows(functions, starts), np.array([float(c.side) for c in self.contacts])
 
 
 @lru_cache(maxsize=32)  # a drawn pair assembles its model for each value of a parameter
@@ -367,10 +365,10 @@ class MovingSpring(NamedTuple):
     level: Phased | None
 
 
-def _common_rows(functions: Sequence[Sequence[Pieced]], at: Array) -> Array:
+def _common_rows(functions: Sequence[Sequence[Pieced]], starts: Array) -> Array:
     """Return cubics (T, F, J, 4) of F functions of J contacts from given phases on."""
     rows = np.array([
-        [as_cubic(one.rows_at(at)) for one in some] for some in functions
+        [as_cubic(f.rows_at(starts)) for f in sequence] for sequence in functions
     ])  # fmt: skip
     return np.ascontiguousarray(np.moveaxis(rows, 2, 0))
 
@@ -419,8 +417,8 @@ def moving_springs_of(law: Law) -> tuple[tuple[MovingSpring, ...], float, float]
     if contacts:
         springs = (PiecewiseLinear((0.0,), _SLOPES[c.side], stiffness=c.stiffness) for c in contacts)
         return tuple(MovingSpring(spring, c.level) for spring, c in zip(springs, contacts, strict=True)), 0.0, 0.0
-    known = springs_of(law)
-    return None if known is None else (tuple(MovingSpring(spring, None) for spring in known[0]), *known[1:])
+    split = springs_of(law)
+    return None if split is None else (tuple(MovingSpring(spring, None) for spring in split[0]), *split[1:])
 
 
 class Envelope(NamedTuple):
@@ -436,34 +434,34 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
 
     It jumps where a contact begins or ends. Where no contact exists, it is larger than all levels by their range.
     """
-    some = [contact for contact in contacts if contact.side == side]
-    levels = [pieces_of(contact.level).scaled(float(side)) for contact in some]
-    exists = [pieces_of(contact.stiffness) for contact in some]
-    at = _union([x.at for x in (*levels, *exists)])
-    rows = np.array([as_cubic(x.rows_at(at)) for x in levels])
-    present = np.array([np.any(x.rows_at(at) != 0.0, axis=1) for x in exists])
-    width = np.diff(np.append(at, TURN))
+    side_contacts = [contact for contact in contacts if contact.side == side]
+    levels = [pieces_of(contact.level).scaled(float(side)) for contact in side_contacts]
+    stiffnesses = [pieces_of(contact.stiffness) for contact in side_contacts]
+    starts = _union([x.at for x in (*levels, *stiffnesses)])
+    rows = np.array([as_cubic(x.rows_at(starts)) for x in levels])
+    present = np.array([np.any(x.rows_at(starts) != 0.0, axis=1) for x in stiffnesses])
+    width = np.diff(np.append(starts, TURN))
     x = width[:, None] * np.linspace(0.0, 1.0, 5)
     values = np.polynomial.polynomial.polyval(x[None], np.moveaxis(rows, 2, 0)[..., None], tensor=False)
     bound = float(np.abs(values).max())
-    far = np.array([bound + max(float(np.ptp(values)), 1.0), 0.0, 0.0, 0.0])
+    no_contact = np.array([bound + max(float(np.ptp(values)), 1.0), 0.0, 0.0, 0.0])
     values[~present] = np.inf
     first = np.argmin(values, axis=0)
-    begin, out = [], []
-    for i in range(len(at)):
+    piece_starts, out = [], []
+    for i in range(len(starts)):
         if not present[:, i].any():
-            begin.append(at[i])
-            out.append(far)
+            piece_starts.append(starts[i])
+            out.append(no_contact)
             continue
         if (first[i] == first[i, 0]).all():
-            begin.append(at[i])
+            piece_starts.append(starts[i])
             out.append(rows[first[i, 0], i])
             continue
-        for start, which in _crossings(rows[:, i], np.flatnonzero(present[:, i]), float(width[i])):
-            begin.append(at[i] + start)
-            out.append(np.polynomial.polynomial.Polynomial(rows[which, i])(
+        for start, index in _crossings(rows[:, i], np.flatnonzero(present[:, i]), float(width[i])):
+            piece_starts.append(starts[i] + start)
+            out.append(np.polynomial.polynomial.Polynomial(rows[index, i])(
                 np.polynomial.polynomial.Polynomial([start, 1.0])).coef)  # fmt: skip
-    pieces = Pieced(np.array(begin), np.concatenate([as_cubic(row[None]) for row in out]))
+    pieces = Pieced(np.array(piece_starts), np.concatenate([as_cubic(row[None]) for row in out]))
     ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
     smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()
     return Envelope(pieces, float(smallest))
@@ -482,16 +480,16 @@ def _crossings(rows: Array, present: np.ndarray, width: float) -> list[tuple[flo
     out: list[tuple[float, int]] = []
     for a, b in pairwise(ordered):
         values = np.polynomial.polynomial.polyval(0.5 * (a + b), rows[present].T)
-        which = int(present[int(np.argmin(values))])
-        if not out or out[-1][1] != which:
-            out.append((a, which))
+        lowest = int(present[int(np.argmin(values))])
+        if not out or out[-1][1] != lowest:
+            out.append((a, lowest))
     return out
 
 
 def _union(beginnings: Sequence[Array]) -> Array:
     """Return all beginnings of segments, ascending, without those that are equal to rounding."""
-    both = np.unique(np.concatenate(beginnings))
-    return both[np.diff(both, prepend=-np.inf) > 1e-12]
+    starts = np.unique(np.concatenate(beginnings))
+    return starts[np.diff(starts, prepend=-np.inf) > 1e-12]
 
 
 _SLOPES = {1: (0.0, 1.0), -1: (1.0, 0.0)}

@@ -214,10 +214,10 @@ def _register(law: Any, name: str | None, required: tuple[str, ...] | None) -> A
     if not is_class and not inspect.isfunction(law):
         raise TypeError(f"register_law needs a class derived from hb.mechanics.Law, got {quoted(law)}")
     name = name or law.__name__
-    known = LAWS.get(name)
-    if known is not None and origin_of(known.build) != origin_of(law):
+    existing = LAWS.get(name)
+    if existing is not None and origin_of(existing.build) != origin_of(law):
         raise ValueError(
-            f"register_law: the name '{name}' belongs to {'.'.join(origin_of(known.build))}; "
+            f"register_law: the name '{name}' belongs to {'.'.join(origin_of(existing.build))}; "
             "give another one: register_law(name=...)"
         )
     LAWS[name] = _entry(law, name, required)
@@ -229,9 +229,7 @@ def _register(law: Any, name: str | None, required: tuple[str, ...] | None) -> A
 def _entry(law: Any, name: str, required: tuple[str, ...] | None) -> RegisteredLaw:
     """Derive the TOML keys from the fields of a class, or from the parameters of a function."""
     fields = kinds_of(law) if isinstance(law, type) else _parameter_kinds(law)
-    defaults = {
-        each.name for each in inspect.signature(law).parameters.values() if each.default is not inspect.Parameter.empty
-    }
+    defaults = {p.name for p in inspect.signature(law).parameters.values() if p.default is not inspect.Parameter.empty}
     kinds, no_toml = {}, ""
     for field, kind in fields.items():
         if field in ELEMENT_KEYS:
@@ -242,8 +240,8 @@ def _entry(law: Any, name: str, required: tuple[str, ...] | None) -> RegisteredL
             kinds[field] = _TOML_KINDS.get(kind, kind)
         else:
             no_toml = no_toml or f"its field {field} is no number, text or list of numbers"
-    needed = tuple(field for field in kinds if field not in defaults and field != "eps")
-    return RegisteredLaw(name, law, needed if required is None else required, kinds, no_toml)
+    without_default = tuple(field for field in kinds if field not in defaults and field != "eps")
+    return RegisteredLaw(name, law, without_default if required is None else required, kinds, no_toml)
 
 
 def _parameter_kinds(function: Callable[..., Law]) -> dict[str, Any]:
@@ -299,14 +297,14 @@ def law_named(name: str, source: str = "") -> RegisteredLaw:
     KeyError
         If no class is registered under the name.
     """
-    known = {entry.name: entry for entry in _BY_CLASS.values()}
-    if name not in known:
-        where = f" ({source[:100]})" if source else ""
+    entries = {entry.name: entry for entry in _BY_CLASS.values()}
+    if name not in entries:
+        origin = f" ({source[:100]})" if source else ""
         raise KeyError(
-            f"the law '{name[:40]}'{where} is not registered: import the module that defines it and registers it by "
-            f"@hb.mechanics.register_law{did_you_mean(name, known)}"
+            f"the law '{name[:40]}'{origin} is not registered: import the module that defines it and registers it by "
+            f"@hb.mechanics.register_law{did_you_mean(name, entries)}"
         )
-    return known[name]
+    return entries[name]
 
 
 register_law(name="cubic")(Cubic)

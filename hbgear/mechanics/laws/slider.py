@@ -75,9 +75,9 @@ class Slider:  # numpydoc ignore=PR02
         low = series.extremes()[0]
         if low < -_LIMIT_ROUNDING * self.limit:
             tau = np.linspace(0.0, 2 * np.pi, 721)
-            at = float(tau[np.argmin(series(tau))])
+            x = float(tau[np.argmin(series(tau))])
             raise ValueError(
-                f"the friction limit becomes negative in the period: {low:.4g} near tau = {at:.3g} rad; it must be at "
+                f"the friction limit becomes negative in the period: {low:.4g} near tau = {x:.3g} rad; it must be at "
                 "least 0 throughout: give a larger mean limit, or smaller harmonics cosine and sine"
             )
 
@@ -138,7 +138,7 @@ def friction_limits(elements: Sequence[Any]) -> list[tuple[int, Slider, Friction
         If a normal force belongs to an element that does not exist, or to one whose force is not one piecewise-linear
         spring of constant stiffness.
     """
-    return [(j, one, _limit_of(one, j, elements)) for j, element in enumerate(elements) for one in element.law.sliders]
+    return [(j, x, _limit_of(x, j, elements)) for j, element in enumerate(elements) for x in element.law.sliders]
 
 
 def _limit_of(slider: Slider, j: int, elements: Sequence[Any]) -> FrictionLimit:
@@ -147,16 +147,16 @@ def _limit_of(slider: Slider, j: int, elements: Sequence[Any]) -> FrictionLimit:
         wave = Series(0.0, tuple(slider.cosine), tuple(slider.sine))
         return FrictionLimit(-1, (), (0.0,), (slider.limit,), wave)
     names = [element.name for element in elements]
-    own = f"element '{names[j]}' has friction with the normal force of element '{slider.normal}'"
+    text = f"element '{names[j]}' has friction with the normal force of element '{slider.normal}'"
     if names.count(slider.normal) != 1:
         hint = did_you_mean(slider.normal, names) if slider.normal not in names else "; several elements have this name"
-        raise ValueError(f"{own}, which must be one element of the system{hint}")
+        raise ValueError(f"{text}, which must be one element of the system{hint}")
     normal = names.index(slider.normal)
     law, displacement = elements[normal].law, elements[normal].displacement
     springs: Sequence[Any] = law.piecewise or ()
     if len(springs) != 1 or springs[0].stiffness.varies or law.sliders or displacement.corners:
         raise ValueError(
-            f"{own}, whose force must be one piecewise-linear spring of constant stiffness without friction, with a "
+            f"{text}, whose force must be one piecewise-linear spring of constant stiffness without friction, with a "
             "displacement without breakpoints: use Unilateral, Backlash or PiecewiseLinear there"
         )
     g0, changes, corners = springs[0].ramps

@@ -120,9 +120,9 @@ class Component(Law):  # numpydoc ignore=PR02
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         """Return the force in the direction where all other displacements are zero."""
         d = np.asarray(d, dtype=float)
-        here = np.zeros((2, self.law.size, d.size))
-        here[0, self.index], here[1, self.index] = d.ravel(), np.broadcast_to(v, d.shape).ravel()
-        p, kd, kv = self.law.force(here[0], here[1], np.broadcast_to(tau, d.shape).ravel())
+        state = np.zeros((2, self.law.size, d.size))
+        state[0, self.index], state[1, self.index] = d.ravel(), np.broadcast_to(v, d.shape).ravel()
+        p, kd, kv = self.law.force(state[0], state[1], np.broadcast_to(tau, d.shape).ravel())
         i = self.index
         return p[i].reshape(d.shape), kd[i, i].reshape(d.shape), kv[i, i].reshape(d.shape)
 
@@ -231,15 +231,15 @@ class RadialClearance(VectorLaw):  # numpydoc ignore=PR02
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         r = np.hypot(*d)
-        acts = r > self.clearance
+        closed = r > self.clearance
         n = np.divide(d, r, out=np.zeros_like(d), where=r > 0)
-        share = np.where(acts, 1 - np.divide(self.clearance, r, out=np.zeros_like(r), where=acts & (r > 0)), 0.0)
+        fraction = np.where(closed, 1 - np.divide(self.clearance, r, out=np.zeros_like(r), where=closed & (r > 0)), 0.0)
         turn = np.array([[1.0, -self.friction], [self.friction, 1.0]])
-        slope = np.where(acts, 1 - share, 0.0) * n[:, None] * n[None, :] + share * np.eye(2)[:, :, None]
+        slope = np.where(closed, 1 - fraction, 0.0) * n[:, None] * n[None, :] + fraction * np.eye(2)[:, :, None]
         if not self.clearance:
-            slope, share = np.repeat(np.eye(2)[:, :, None], len(r), axis=2), np.ones_like(r)
+            slope, fraction = np.repeat(np.eye(2)[:, :, None], len(r), axis=2), np.ones_like(r)
         kd = self.k * np.einsum("ij,jkn->ikn", turn, slope)
-        return self.k * turn @ (share * d), kd, np.zeros_like(kd)
+        return self.k * turn @ (fraction * d), kd, np.zeros_like(kd)
 
 
 @dataclass(frozen=True)
@@ -372,9 +372,9 @@ class Directed(VectorLaw):  # numpydoc ignore=PR02
         return distances
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        found = self.law.force(d[0], v[0], tau)
+        forces = self.law.force(d[0], v[0], tau)
         p, kd, kv = np.zeros_like(d), np.zeros((2, *d.shape)), np.zeros((2, *d.shape))
-        p[1], kd[1, 0], kv[1, 0] = found
+        p[1], kd[1, 0], kv[1, 0] = forces
         return p, kd, kv
 
 
@@ -434,7 +434,7 @@ class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
     def phases(self) -> tuple[float, ...]:
         sliding = self.contacts.sliding
         assert sliding is not None
-        corners = {x for one in (*sliding.across, *sliding.slide) if isinstance(one, Periodic) for x in one.corners}
+        corners = {x for f in (*sliding.across, *sliding.slide) if isinstance(f, Periodic) for x in f.corners}
         return tuple(sorted({*self.contacts.phases, *corners}))
 
     def edges(self, d: Array) -> Array:
@@ -442,8 +442,8 @@ class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
         return distances
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        found = self.contacts.sliding_forces(d[0], tau)
+        forces = self.contacts.sliding_forces(d[0], tau)
         p, kd = np.zeros_like(d), np.zeros((3, *d.shape))
-        p[1:] = found.across, found.slide
-        kd[1:, 0] = found.slopes[1:]
+        p[1:] = forces.across, forces.slide
+        kd[1:, 0] = forces.slopes[1:]
         return p, kd, np.zeros_like(kd)

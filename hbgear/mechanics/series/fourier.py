@@ -36,9 +36,9 @@ def harmonics_of(X: Array) -> int:
 def to_complex(X: Array) -> ComplexArray:
     """Return one-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
     index, sign = _to_complex(X.shape[-1])
-    parts = X.take(index, axis=-1) * sign
-    parts[..., 1] = 0.0
-    return parts.view(complex)
+    components = X.take(index, axis=-1) * sign
+    components[..., 1] = 0.0
+    return components.view(complex)
 
 
 def to_real(c: ComplexArray) -> Array:
@@ -123,17 +123,17 @@ def resize(X: Array, H: int) -> Array:
 
 def places(orders: np.ndarray) -> np.ndarray:
     """Return the indices of the coefficients of some harmonics, ascending, in a row of all harmonics."""
-    both = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
-    return both[1:] if len(orders) and orders[0] == 0 else both
+    indices = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
+    return indices[1:] if len(orders) and orders[0] == 0 else indices
 
 
 def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
     """Return rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)) with K orders and 0."""
-    some = X.reshape(*X.shape[:-1], m, -1)
-    if some.shape[-1] == 2 * H + 1:
-        return some
-    out = np.zeros((*some.shape[:-1], 2 * H + 1), dtype=X.dtype)
-    out[..., places(orders)] = some
+    rows = X.reshape(*X.shape[:-1], m, -1)
+    if rows.shape[-1] == 2 * H + 1:
+        return rows
+    out = np.zeros((*rows.shape[:-1], 2 * H + 1), dtype=X.dtype)
+    out[..., places(orders)] = rows
     return out
 
 
@@ -179,16 +179,16 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     return tuple(part.reshape(X.shape[:-1])[()] for part in (low, at_low, high, at_high))  # type: ignore[return-value]
 
 
-def real_numbers(what: str, value: Any, need: str) -> Array:
+def real_numbers(name: str, value: Any, requirement: str) -> Array:
     """Return a copy of a value as an array of floats, or raise an error that states the required value.
 
     Parameters
     ----------
-    what : str
+    name : str
         Name of the value, for the message.
     value : object
         Value. Texts, complex numbers and ragged lists are refused.
-    need : str
+    requirement : str
         Description of the required value, for the message.
 
     Returns
@@ -202,12 +202,12 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
         If the value is not an array of real numbers.
     """
     try:
-        given = np.asarray(value)
+        array = np.asarray(value)
     except ValueError:  # lists of different lengths
-        given = np.asarray(None)
-    if given.dtype.kind not in "iufb":
-        raise ValueError(f"{what} = {quoted(value)} must be {need}")
-    return np.array(given, dtype=float)
+        array = np.asarray(None)
+    if array.dtype.kind not in "iufb":
+        raise ValueError(f"{name} = {quoted(value)} must be {requirement}")
+    return np.array(array, dtype=float)
 
 
 def is_listed(value: Any) -> bool:
@@ -254,12 +254,12 @@ class Series:  # numpydoc ignore=PR02
         if type(self.mean) is not float and real_numbers("Series: mean", self.mean, "a number").ndim:
             raise ValueError(f"Series: mean = {quoted(self.mean)} must be a number")
         for name in ("cosine", "sine"):
-            given = getattr(self, name)
-            if type(given) is tuple and len(given) <= MOST_HARMONICS and all(type(x) is float for x in given):
+            values = getattr(self, name)
+            if type(values) is tuple and len(values) <= MOST_HARMONICS and all(type(x) is float for x in values):
                 continue  # the usual case, which is fast
-            row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
+            row = real_numbers(f"Series: {name}", values, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
-                raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
+                raise ValueError(f"Series: {name} = {quoted(values)} must be a sequence of numbers such as (0.1, 0.05)")
             counted(f"Series: number of entries of {name}", row.size, MOST_HARMONICS, least=0)
             object.__setattr__(self, name, tuple(row.tolist()))
         if not all(map(math.isfinite, (self.mean, *self.cosine, *self.sine))):
@@ -338,9 +338,9 @@ def samples_of(c: ComplexArray, N: int) -> Array:
     return np.fft.irfft(spectrum, n=N, axis=-1)
 
 
-def fast_length(least: int) -> int:
-    """Return the smallest number >= ``least`` without a prime factor above 5, for fast Fourier transforms."""
-    n = least
+def fast_length(minimum: int) -> int:
+    """Return the smallest number >= ``minimum`` without a prime factor above 5, for fast Fourier transforms."""
+    n = minimum
     while True:
         rest = n
         for prime in (2, 3, 5):
@@ -417,11 +417,11 @@ class Transform:
 
         Coefficients that N samples cannot hold are zero.
         """
-        rows, kept, plans = len(samples), min(2 * self.H, self.N // 2) + 1, self._planned(len(samples))
+        rows, count, plans = len(samples), min(2 * self.H, self.N // 2) + 1, self._planned(len(samples))
         plans.samples[:rows] = samples
         plans.forward.execute()
         out = np.zeros((rows, 2 * self.H + 1), dtype=complex)
-        np.multiply(plans.spectrum[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
+        np.multiply(plans.spectrum[:rows, :count], 1.0 / self.N, out=out[:, :count])
         return out
 
 

@@ -44,8 +44,8 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
         p, q = (p * x + c[k].real) - q * y, (p * y + c[k].imag) + q * x
     z, f, g, h = complex(x, y), complex(p, q), complex(r, s), complex(t, u)
     # sum c_k z^k = z f;  its derivatives by i theta: z (f + z g),  z (f + 3 z g + 2 z^2 h)
-    once, twice = z * (f + z * g), z * (f + z * (3.0 * g + 2.0 * z * h))
-    return (z * f).real + (c[0].real - level), -once.imag, -twice.real
+    first, second = z * (f + z * g), z * (f + z * (3.0 * g + 2.0 * z * h))
+    return (z * f).real + (c[0].real - level), -first.imag, -second.real
 
 
 @kernel
@@ -78,33 +78,33 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     Newton's method starts at every sample that can be the nearest to the maximum.
     """
     N = samples.shape[0]
-    step, size, most = 2 * math.pi / N, 0.0, _largest(samples, side)
+    step, size, largest_sample = 2 * math.pi / N, 0.0, _largest(samples, side)
     for k in range(c.shape[0]):
         size += abs(c[k].real) + abs(c[k].imag)
-    miss = 0.125 * step * step * bend_of(c)
-    if not miss > 1e-14 * size:  # a constant has its extremum anywhere
+    margin = 0.125 * step * step * bend_of(c)
+    if not margin > 1e-14 * size:  # a constant has its extremum anywhere
         return side * samples[0], 0.0
-    top, place = most, 0.0
+    largest, theta_max = largest_sample, 0.0
     for n in range(N):
-        here = side * samples[n]
-        if here < most - miss:
+        value = side * samples[n]
+        if value < largest_sample - margin:
             continue  # lower than the maximum can be
         before, after = side * samples[n - 1], side * samples[n + 1 - N]
-        if here < before or here < after:
+        if value < before or value < after:
             continue  # a neighbouring sample is higher
-        bend = before - 2.0 * here + after
-        at = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
+        bend = before - 2.0 * value + after
+        theta = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
         for _ in range(16):
-            _, slope, curve = value_of(c, 0.0, at)
-            move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
-            move = min(0.5 * step, max(-0.5 * step, move))
-            at += move
-            if abs(move) <= 1e-6:  # the next correction is quadratically smaller
+            _, slope, curve = value_of(c, 0.0, theta)
+            correction = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
+            correction = min(0.5 * step, max(-0.5 * step, correction))
+            theta += correction
+            if abs(correction) <= 1e-6:  # the next correction is quadratically smaller
                 break
-        value = side * value_of(c, 0.0, at)[0]
-        if value > top or here == top:
-            top, place = max(value, top), at
-    return top, place
+        x_max = side * value_of(c, 0.0, theta)[0]
+        if x_max > largest or value == largest:
+            largest, theta_max = max(x_max, largest), theta
+    return largest, theta_max
 
 
 @kernel

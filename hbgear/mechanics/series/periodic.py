@@ -88,8 +88,8 @@ class Periodic:  # numpydoc ignore=PR02
     def __post_init__(self) -> None:
         phases = real_numbers("Periodic: phases", self.phases, "a sequence of numbers")
         rows = self.coefficients
-        listed = isinstance(rows, tuple | list) or (isinstance(rows, np.ndarray) and rows.ndim > 0)
-        if not listed or phases.ndim != 1 or len(rows) != len(phases):
+        is_sequence = isinstance(rows, tuple | list) or (isinstance(rows, np.ndarray) and rows.ndim > 0)
+        if not is_sequence or phases.ndim != 1 or len(rows) != len(phases):
             raise ValueError(f"Periodic: coefficients = {quoted(rows)} must be a row of numbers for each of the phases")
         counted("Periodic: number of pieces", len(phases), MOST_PIECES)
         table = tuple(_checked_coefficients(row) for row in rows)
@@ -186,10 +186,10 @@ class Periodic:  # numpydoc ignore=PR02
         if high == low:
             raise ValueError(f"trapezoidal: high = low = {high:g} is constant; give a number, or Series(mean=...)")
         slope = (high - low) / (TURN * ramp)
-        begin, rows = [0.0, ramp, ramp + share, 2 * ramp + share], [(low, slope), (high,), (high, -slope), (low,)]
-        ends = [*begin[1:], 1.0]
-        used = [i for i in range(4) if ends[i] - begin[i] > _EQUAL_VALUES_TOLERANCE]
-        return _from_start(start, TURN * np.array([begin[i] for i in used]), [rows[i] for i in used])
+        starts, rows = [0.0, ramp, ramp + share, 2 * ramp + share], [(low, slope), (high,), (high, -slope), (low,)]
+        ends = [*starts[1:], 1.0]
+        nonempty = [i for i in range(4) if ends[i] - starts[i] > _EQUAL_VALUES_TOLERANCE]
+        return _from_start(start, TURN * np.array([starts[i] for i in nonempty]), [rows[i] for i in nonempty])
 
     @staticmethod
     @checked_arguments()
@@ -244,7 +244,7 @@ class Periodic:  # numpydoc ignore=PR02
         jumps, rows = np.abs(self.jumps), np.abs(derivatives(self._rows, self._widths))
         size = np.maximum(rows.max(axis=0), np.abs(derivatives(self._rows, 0 * self._widths)).max(axis=0))
         is_breakpoint = (jumps > _MIN_DERIVATIVE_JUMP * size).any(axis=1)
-        return tuple(sorted(x % TURN for x, found in zip(self.phases, is_breakpoint.tolist(), strict=True) if found))
+        return tuple(sorted(x % TURN for x, jump in zip(self.phases, is_breakpoint.tolist(), strict=True) if jump))
 
     @cached_property
     def jumps(self) -> Array:
@@ -296,9 +296,9 @@ class Periodic:  # numpydoc ignore=PR02
     def row(self, H: int) -> Array:
         """Return the real row ``(2H + 1,)`` of its harmonics 0 to H, exact to rounding."""
         counted("H", H, 1_000_000, least=0)
-        each = moments(self._rows, self._widths, H + 1)
-        turned = np.exp(-1j * np.outer(self.phases, np.arange(H + 1)))
-        c = (each * turned).sum(axis=0) / math.pi
+        integrals = moments(self._rows, self._widths, H + 1)
+        factors = np.exp(-1j * np.outer(self.phases, np.arange(H + 1)))
+        c = (integrals * factors).sum(axis=0) / math.pi
         c[0] *= 0.5
         return to_real(c)
 
@@ -339,8 +339,8 @@ class Periodic:  # numpydoc ignore=PR02
     def _rows(self) -> Array:
         """Coefficients (P, D + 1), padded with zeros."""
         out = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
-        for mine, row in zip(out, self.coefficients, strict=True):
-            mine[: len(row)] = row
+        for padded, row in zip(out, self.coefficients, strict=True):
+            padded[: len(row)] = row
         return out
 
     @cached_property
@@ -384,19 +384,19 @@ def undescribed(data: Any) -> Any:
     if not isinstance(data, Mapping) or "function" not in data:
         return data
     kinds: dict[str, type[Phased]] = {"Series": Series, "Periodic": Periodic}
-    given = {name: value for name, value in data.items() if name != "function"}
+    fields = {name: value for name, value in data.items() if name != "function"}
     cls = kinds.get(str(data["function"]))
-    if cls is None or {field.name for field in dataclasses.fields(cls)} != set(given):
+    if cls is None or {field.name for field in dataclasses.fields(cls)} != set(fields):
         raise ValueError(f"a function is described as a {' or a '.join(kinds)} with its fields, got {str(data)[:80]}")
-    return cls(**given)
+    return cls(**fields)
 
 
-def _from_start(start: float, at: Array, rows: Sequence[Sequence[float]]) -> Periodic:
+def _from_start(start: float, offsets: Array, rows: Sequence[Sequence[float]]) -> Periodic:
     """Return the function with segments that begin at ``start + at``, ordered from the first in [0, 2 pi)."""
-    begin = (start + at) % TURN
-    begin[begin >= TURN] = 0.0
-    order = np.argsort(begin, kind="stable")
-    return Periodic(tuple(begin[order].tolist()), tuple(tuple(rows[i]) for i in order))
+    starts = (start + offsets) % TURN
+    starts[starts >= TURN] = 0.0
+    order = np.argsort(starts, kind="stable")
+    return Periodic(tuple(starts[order].tolist()), tuple(tuple(rows[i]) for i in order))
 
 
 def _interpolated(phase: Any, values: Any, period: float, kind: str) -> tuple[Array, list[list[float]]]:
@@ -418,9 +418,9 @@ def _interpolated(phase: Any, values: Any, period: float, kind: str) -> tuple[Ar
             )
         x, y = x[:-1], y[:-1]
     _check_phases("table", x, float(period))
-    least = 2 if kind == "linear" else 3
-    if x.size < least:
-        raise ValueError(f"table: {x.size} values in a period; {kind} interpolation needs at least {least}")
+    minimum = 2 if kind == "linear" else 3
+    if x.size < minimum:
+        raise ValueError(f"table: {x.size} values in a period; {kind} interpolation needs at least {minimum}")
     counted("table: number of values", x.size, MOST_PIECES)
     if not np.ptp(y):
         raise ValueError(f"table: all values are {y[0]:g}, a constant; give a number, or Series(mean=...)")
@@ -447,9 +447,9 @@ def _check_phases(owner: str, phases: Array, period: float) -> None:
     """Raise ValueError for phases that do not ascend within one period."""
     if phases.ndim != 1 or not phases.size or not np.isfinite(phases).all():
         raise ValueError(f"{owner}: phases {quoted(phases.tolist())} must be one or more finite numbers")
-    late = np.flatnonzero(np.diff(phases) <= 1e-12 * period)
-    if late.size:
-        i = int(late[0])
+    descending = np.flatnonzero(np.diff(phases) <= 1e-12 * period)
+    if descending.size:
+        i = int(descending[0])
         raise ValueError(
             f"{owner}: phases must ascend, but after {phases[i]:g} comes {phases[i + 1]:g}; sort the table and keep "
             "one value for each phase"

@@ -60,43 +60,43 @@ class Pieced:
     def over_periods(cls, phases: Array, rows: Array, nu: int) -> Pieced:
         """Return a function with segments (P,) of its phase tau over nu periods of it, of the phase tau / nu."""
         n, first = len(phases), float(phases[0])
-        whole = math.floor(first / TURN)
-        at = np.concatenate([phases - (whole + 1) * TURN, phases - whole * TURN])  # phases from at or below 0
-        start = int(np.searchsorted(at, 0.0, side="right")) - 1
-        at, rows = at[start : start + n + 1], np.concatenate([rows, rows])[start : start + n + 1]
-        at[0], rows[0] = 0.0, shift_origin(rows[:1], -at[:1])[0]
-        inside = at < TURN
-        return cls(at[inside], rows[inside]).repeated(nu)
+        turns = math.floor(first / TURN)
+        starts = np.concatenate([phases - (turns + 1) * TURN, phases - turns * TURN])  # phases from at or below 0
+        start = int(np.searchsorted(starts, 0.0, side="right")) - 1
+        starts, rows = starts[start : start + n + 1], np.concatenate([rows, rows])[start : start + n + 1]
+        starts[0], rows[0] = 0.0, shift_origin(rows[:1], -starts[:1])[0]
+        inside = starts < TURN
+        return cls(starts[inside], rows[inside]).repeated(nu)
 
     def times(self, other: Pieced) -> Pieced:
         """Return the product with another function, on the segments of both."""
-        both = np.unique(np.concatenate([self.at, other.at]))
-        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(at), other.rows_at(at)
-        rows = np.zeros((len(at), a.shape[1] + b.shape[1] - 1))
+        merged = np.unique(np.concatenate([self.at, other.at]))
+        starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
+        a, b = self.rows_at(starts), other.rows_at(starts)
+        rows = np.zeros((len(starts), a.shape[1] + b.shape[1] - 1))
         for q in range(a.shape[1]):
             rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
-        return Pieced(at, rows)
+        return Pieced(starts, rows)
 
-    def rows_at(self, at: Array) -> Array:
+    def rows_at(self, starts: Array) -> Array:
         """Return the polynomials from given phases on.
 
         Each is the polynomial at the middle up to the next phase, because beginnings are equal only to rounding.
         """
-        middle = at + 0.5 * np.diff(np.append(at, TURN))
+        middle = starts + 0.5 * np.diff(np.append(starts, TURN))
         piece = np.searchsorted(self.at, middle, side="right") - 1
-        rows: Array = shift_origin(self.rows[piece], at - self.at[piece])
+        rows: Array = shift_origin(self.rows[piece], starts - self.at[piece])
         return rows
 
     def plus(self, other: Pieced) -> Pieced:
         """Return the sum with another function, on the segments of both."""
-        both = np.unique(np.concatenate([self.at, other.at]))
-        at = both[np.diff(both, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(at), other.rows_at(at)
-        rows = np.zeros((len(at), max(a.shape[1], b.shape[1])))
+        merged = np.unique(np.concatenate([self.at, other.at]))
+        starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
+        a, b = self.rows_at(starts), other.rows_at(starts)
+        rows = np.zeros((len(starts), max(a.shape[1], b.shape[1])))
         rows[:, : a.shape[1]] += a
         rows[:, : b.shape[1]] += b
-        return Pieced(at, rows)
+        return Pieced(starts, rows)
 
     def repeated(self, nu: int) -> Pieced:
         """Return the function over nu of its periods, of the phase theta = tau / nu."""
@@ -107,21 +107,21 @@ class Pieced:
         """Return the function times a factor."""
         return Pieced(self.at, factor * self.rows)
 
-    def on(self, at: Array) -> Pieced:
+    def on(self, starts: Array) -> Pieced:
         """Return the same function with additional beginnings of segments.
 
         Beginnings that equal others to rounding are merged.
         """
-        new = at[np.abs(at[:, None] - self.at).min(axis=1) > _PHASE_ROUNDING]
-        both = np.sort(np.concatenate([self.at, new]))
-        piece = np.searchsorted(self.at, both, side="right") - 1
-        return Pieced(both, shift_origin(self.rows[piece], both - self.at[piece]))
+        new = starts[np.abs(starts[:, None] - self.at).min(axis=1) > _PHASE_ROUNDING]
+        merged = np.sort(np.concatenate([self.at, new]))
+        piece = np.searchsorted(self.at, merged, side="right") - 1
+        return Pieced(merged, shift_origin(self.rows[piece], merged - self.at[piece]))
 
     def integrals(self, count: int) -> ComplexArray:
         """Return int_0^theta f exp(-i n x) dx (T + 1, count) at the beginnings and at 2 pi, n = 0 .. count - 1."""
-        turned = np.exp(-1j * np.outer(self.at, np.arange(count)))
+        factors = np.exp(-1j * np.outer(self.at, np.arange(count)))
         out = np.zeros((len(self.at) + 1, count), dtype=complex)
-        np.cumsum(moments(self.rows, self.widths, count) * turned, axis=0, out=out[1:])
+        np.cumsum(moments(self.rows, self.widths, count) * factors, axis=0, out=out[1:])
         return out
 
 
@@ -133,19 +133,19 @@ def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
     """Return int_0^w p(x) exp(-i n x) dx (P, count), n = 0 .. count - 1, of polynomials (P, D + 1) of widths w (P,)."""
     n, (x, weight) = np.arange(count), rule()
     out = np.empty((len(rows), count), dtype=complex)
-    for row, w, own in zip(rows, widths, out, strict=True):
-        few = min(count, int(MIN_PHASE_BY_PARTS / w) + 1) if w * (count - 1) > MIN_PHASE_BY_PARTS else count
+    for row, w, result in zip(rows, widths, out, strict=True):
+        direct = min(count, int(MIN_PHASE_BY_PARTS / w) + 1) if w * (count - 1) > MIN_PHASE_BY_PARTS else count
         p = np.polynomial.polynomial.polyval(w * x, row) * (w * weight)
-        own[:few] = np.exp(-1j * np.outer(n[:few], w * x)) @ p
-        if few < count:
+        result[:direct] = np.exp(-1j * np.outer(n[:direct], w * x)) @ p
+        if direct < count:
             start, end = derivatives(np.array([row, row]), np.array([0.0, w]))
-            total, power, many = np.zeros(count - few, dtype=complex), 1.0 / (1j * n[few:]), n[few:]
+            total, power, orders = np.zeros(count - direct, dtype=complex), 1.0 / (1j * n[direct:]), n[direct:]
             factor = power.copy()
-            turned = np.exp(-1j * w * many)
+            end_factors = np.exp(-1j * w * orders)
             for q in range(len(row)):
-                total += factor * (start[q] - turned * end[q])
+                total += factor * (start[q] - end_factors * end[q])
                 factor = factor * power
-            own[few:] = total
+            result[direct:] = total
     return out
 
 

@@ -60,10 +60,10 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
     [[0.1366, -0.0366], [-0.0366, 0.1366]]
     """
     M, K = (_symmetric(name, square(name, A)) for name, A in (("M", M), ("K", K)))
-    given = np.atleast_1d(np.asarray(ratios, dtype=float))
-    if given.ndim != 1 or not given.size:
+    values = np.atleast_1d(np.asarray(ratios, dtype=float))
+    if values.ndim != 1 or not values.size:
         raise ValueError("modal_damping: ratios must be a number, or a list of numbers for the lowest modes")
-    for value in given.tolist():
+    for value in values.tolist():
         checked("modal_damping", "ratios", value, NOT_NEGATIVE)
     try:
         squares, modes = scipy.linalg.eigh(K, M)
@@ -76,9 +76,9 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
         raise ValueError(f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
                          "not stable without its elements; give C")  # fmt: skip
     frequencies = np.sqrt(np.where(squares > rounding, squares, 0.0))
-    zeta = np.concatenate([given, np.full(max(len(squares) - given.size, 0), given[-1])])[: len(squares)]
-    half = M @ modes
-    C: Array = (half * (2 * zeta * frequencies)) @ half.T
+    zeta = np.concatenate([values, np.full(max(len(squares) - values.size, 0), values[-1])])[: len(squares)]
+    M_modes = M @ modes
+    C: Array = (M_modes * (2 * zeta * frequencies)) @ M_modes.T
     return C
 
 
@@ -87,8 +87,8 @@ def _symmetric(name: str, A: Any) -> Array:
     if A.shape[0] > MAX_MODAL_COORDINATES:
         raise ValueError(f"modal_damping: {A.shape[0]} coordinates, at most {MAX_MODAL_COORDINATES}; reduce the "
                          "structure first (hb.mechanics.reduce), or give C")  # fmt: skip
-    full = A if isinstance(A, np.ndarray) else A.toarray()
-    if np.abs(full - full.T).max() > ASYMMETRY * np.abs(full).max():
+    matrix = A if isinstance(A, np.ndarray) else A.toarray()
+    if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
         raise ValueError(f"modal_damping: {name} is not symmetric, so it has no real modes; give C")
-    out: Array = 0.5 * (full + full.T)
+    out: Array = 0.5 * (matrix + matrix.T)
     return out

@@ -152,11 +152,11 @@ class Receptances:  # numpydoc ignore=PR02
         set_(self, "static", static)
         moving = H[w > 0]
         s = np.linalg.svd(np.concatenate([static[None], moving]), compute_uv=False)
-        worst = int(np.argmin(s[:, -1] / np.where(s[:, 0] > 0, s[:, 0], 1.0)))
-        if s[worst, -1] <= _MIN_SINGULAR_VALUE_RATIO * s[worst, 0]:
-            where = "at rest" if worst == 0 else f"at omega = {w[w > 0][worst - 1]:g}"
+        weakest = int(np.argmin(s[:, -1] / np.where(s[:, 0] > 0, s[:, 0], 1.0)))
+        if s[weakest, -1] <= _MIN_SINGULAR_VALUE_RATIO * s[weakest, 0]:
+            state = "at rest" if weakest == 0 else f"at omega = {w[w > 0][weakest - 1]:g}"
             raise ValueError(
-                f"Receptances: {where} different forces give the same displacements, so that the displacements do not "
+                f"Receptances: {state} different forces give the same displacements, so that the displacements do not "
                 "determine the forces; leave out coordinates that move with others"
             )
         curve = scipy.interpolate.CubicSpline(w, H)
@@ -167,9 +167,9 @@ class Receptances:  # numpydoc ignore=PR02
     def coarseness(self) -> float:
         """Error between the lines over the highest peak, estimated from a spline through every second line."""
         w, H = self.omega, self.values
-        between = scipy.interpolate.CubicSpline(w[::2], H[::2])(w[1::2][: len(w[::2]) - 1])
-        missed = np.abs(between - H[1::2][: len(between)]).max() / np.abs(H).max()
-        return float(missed) / 16  # the error of a spline is of fourth order
+        interpolated = scipy.interpolate.CubicSpline(w[::2], H[::2])(w[1::2][: len(w[::2]) - 1])
+        error = np.abs(interpolated - H[1::2][: len(interpolated)]).max() / np.abs(H).max()
+        return float(error) / 16  # the error of a spline is of fourth order
 
     def __repr__(self) -> str:
         return (
@@ -242,9 +242,9 @@ class Receptances:  # numpydoc ignore=PR02
                 f"a motion has the frequency {w:g}, and the receptances go from {low:g} to {high:g}: use fewer "
                 "harmonics or another Omega, or measure more lines"
             )
-        at = min(max(w, low), high)
-        slope = self._slope(at)  # type: ignore[attr-defined]
-        Z = np.linalg.inv(self._curve(at) + (w - at) * slope)  # type: ignore[attr-defined]
+        nearest = min(max(w, low), high)
+        slope = self._slope(nearest)  # type: ignore[attr-defined]
+        Z = np.linalg.inv(self._curve(nearest) + (w - nearest) * slope)  # type: ignore[attr-defined]
         return Z, -Z @ slope @ Z
 
     def along(self, coordinates: Mapping[str | int, float]) -> Array:

@@ -174,9 +174,9 @@ class SpeedTerms:  # numpydoc ignore=PR02
                 )
             object.__setattr__(self, "gyroscopic", G)
         for name in ("damping", "stiffness"):
-            given = getattr(self, name)
-            if given is not None and not callable(given):
-                raise TypeError(f"SpeedTerms: {name} = {quoted(given)} must be a MatrixTable or a function of Omega")
+            term = getattr(self, name)
+            if term is not None and not callable(term):
+                raise TypeError(f"SpeedTerms: {name} = {quoted(term)} must be a MatrixTable or a function of Omega")
         if self.gyroscopic is None and self.damping is None and self.stiffness is None:
             raise ValueError("SpeedTerms: give gyroscopic, damping or stiffness; a constant structure needs none")
 
@@ -203,11 +203,11 @@ class SpeedTerms:  # numpydoc ignore=PR02
     @property
     def range(self) -> Range:
         """Frequencies Omega at which all terms are defined."""
-        ranges = [each.range for each in (self.damping, self.stiffness) if isinstance(each, MatrixTable)]
-        low = max((each.low for each in ranges), default=0.0)
+        ranges = [table.range for table in (self.damping, self.stiffness) if isinstance(table, MatrixTable)]
+        low = max((table.low for table in ranges), default=0.0)
         if not ranges:
             return POSITIVE
-        high = min(each.high for each in ranges)
+        high = min(table.high for table in ranges)
         if high <= max(low, 0.0):
             raise ValueError(
                 f"SpeedTerms: the tables have no Omega in common; one begins at {low:g}, one ends at {high:g}"
@@ -228,16 +228,16 @@ class SpeedTerms:  # numpydoc ignore=PR02
             Projected terms.
         """
 
-        def onto(A: Any) -> Array:
+        def project(A: Any) -> Array:
             matrix: Array = basis.T @ (A @ basis)
             return matrix
 
-        def term(given: OverSpeed | None) -> OverSpeed | None:
-            if isinstance(given, MatrixTable):
-                return MatrixTable(given.Omega, [onto(A) for A in given.matrices])
-            return None if given is None else lambda Omega: onto(given(Omega))
+        def term(table: OverSpeed | None) -> OverSpeed | None:
+            if isinstance(table, MatrixTable):
+                return MatrixTable(table.Omega, [project(A) for A in table.matrices])
+            return None if table is None else lambda Omega: project(table(Omega))
 
-        G = None if self.gyroscopic is None else onto(self.gyroscopic)
+        G = None if self.gyroscopic is None else project(self.gyroscopic)
         G = G if G is None else 0.5 * (G - G.T)  # exactly skew-symmetric in spite of rounding
         return SpeedTerms(G, self.ratio, term(self.damping), term(self.stiffness))
 
@@ -271,5 +271,5 @@ def _slope(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
     if isinstance(term, MatrixTable):
         return term.slope(Omega)
     h = _SPEED_STEP * Omega
-    near, far = ((_value(name, term, Omega + d, n) - _value(name, term, Omega - d, n)) / (2 * d) for d in (h, 2 * h))
-    return (4 * near - far) / 3
+    fine, coarse = ((_value(name, term, Omega + d, n) - _value(name, term, Omega - d, n)) / (2 * d) for d in (h, 2 * h))
+    return (4 * fine - coarse) / 3
